@@ -1,0 +1,108 @@
+"""Checks of arguments: one line that names the argument, the value and what is allowed."""
+
+import math
+from collections.abc import Iterable
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def reject(name: str, value: Any, allowed: str) -> ValueError:
+    """The error for a value that is not allowed, to be raised by the caller."""
+    shown = repr(value)
+    if len(shown) > 80:
+        shown = shown[:77] + "..."
+    return ValueError(f"{name}={shown} is not allowed: expected {allowed}")
+
+
+def check_number(name: str, value: Any, allowed: str = "a finite number") -> float:
+    """A finite float; bools, strings, NaN and infinities are refused."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not math.isfinite(value):
+        raise reject(name, value, allowed)
+    return float(value)
+
+
+def check_positive(name: str, value: Any, allow_zero: bool = False) -> float:
+    """A finite float above 0, or from 0 on."""
+    allowed = "a finite number >= 0" if allow_zero else "a finite number > 0"
+    number = check_number(name, value, allowed)
+    if number < 0.0 or (number == 0.0 and not allow_zero):
+        raise reject(name, value, allowed)
+    return number
+
+
+def check_between(name: str, value: Any, low: float, high: float) -> float:
+    """A float strictly between two bounds."""
+    allowed = f"a number strictly between {low:g} and {high:g}"
+    number = check_number(name, value, allowed)
+    if not low < number < high:
+        raise reject(name, value, allowed)
+    return number
+
+
+def check_integer(name: str, value: Any, minimum: int = 1) -> int:
+    """An integer from a minimum on."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < minimum:
+        raise reject(name, value, f"an integer >= {minimum}")
+    return int(value)
+
+
+def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """One of a few words."""
+    choices = tuple(choices)
+    if not isinstance(value, str) or value not in choices:
+        raise reject(name, value, "one of " + ", ".join(map(repr, choices)))
+    return value
+
+
+def check_flag(name: str, value: Any) -> bool:
+    """True or False, nothing that merely counts as one of them."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise reject(name, value, "True or False")
+    return bool(value)
+
+
+def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """A finite float64 array of a given shape, None where any length from 1 on will do; always a copy."""
+    wanted = (
+        "("
+        + ", ".join("*" if size is None else str(size) for size in shape)
+        + ("," * (len(shape) == 1))
+        + ")"
+    )
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise reject(name, value, f"an array of finite numbers of shape {wanted}") from None
+    if array.ndim != len(shape) or any(
+        length == 0 or (size is not None and length != size)
+        for length, size in zip(array.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{name} has shape {array.shape}: expected {wanted}, no length 0")
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        index = tuple(int(i) for i in bad[0])
+        raise ValueError(
+            f"{name}[{', '.join(map(str, index))}]={array[index]} is not allowed: expected finite numbers"
+        )
+    return array
+
+
+def check_radii(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """(n,) distinct turn radii > 0 [m]."""
+    allowed = "one or more distinct finite radii > 0"
+    try:
+        radii = np.atleast_1d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise reject(name, value, allowed) from None
+    if (
+        radii.ndim != 1
+        or radii.size == 0
+        or not np.isfinite(radii).all()
+        or (radii <= 0).any()
+        or np.unique(radii).size != radii.size
+    ):
+        raise reject(name, value, allowed)
+    return radii

@@ -1,0 +1,386 @@
+"""The kernel: truth, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
+
+A track is one record of `TRACK`, so that its state has names both here and in Python, and one slice of
+the bank's arrays (see `bank`). Loops are serial: the work of a step is too small to be worth a fork.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hybrid_env.bank import (
+    LOG_LIKELIHOOD,
+    VX,
+    VY,
+    X,
+    Y,
+    anchor_bank,
+    radius_column,
+    step_bank,
+    step_chosen,
+)
+from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.noise import integer_below, standard_normal, uniform
+from hybrid_env.observation import write_observation
+
+TRACK = np.dtype(
+    [
+        ("random_state", np.uint64, (4,)),
+        ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
+        ("true_centre", np.float64, (2,)),  # [m]
+        ("true_motion", np.float64, (3,)),  # transition coefficients
+        ("measurement", np.float64, (2,)),  # [m]
+        ("anchor", np.float64, (4,)),  # the estimate at the switch
+        ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
+        ("speed", np.float64),  # of the anchor [m/s]
+        ("kept_covariance", np.float64, (2, 3)),  # of the estimate at the switch, per axis
+        ("estimate", np.float64, (4,)),  # of the active filter
+        ("squared_error", np.float64),  # of the estimated position, summed over the segment [m^2]
+        ("segment", np.int64),
+        ("tick", np.int64),  # since the switch, 1 at the first measurement
+        ("length", np.int64),  # of the segment in ticks
+        ("time", np.int64),  # ticks since the start of the episode
+        ("true_mode", np.int64),
+        ("active_mode", np.int64),  # the mode decided last, q_A of ATE
+        ("terminated", np.bool_),
+        ("traced", np.int64),  # rows written to the trace in this call
+        # the decision made in this step, if any
+        ("has_decision", np.bool_),
+        ("decided_mode", np.int64),
+        ("decided_true_mode", np.int64),
+        ("correct", np.bool_),
+        ("type_correct", np.bool_),
+        ("forced", np.bool_),
+        ("ticks", np.int64),
+        ("decided_length", np.int64),
+        ("decided_squared_error", np.float64),
+    ]
+)
+"""State of one track. `correct` is the judgement that the reward follows, exact or by type."""
+
+PARAMETERS = np.dtype(
+    [
+        ("tau", np.float64),
+        ("process_variance", np.float64),
+        ("speed", np.float64),
+        ("heading", np.float64),  # [rad]; NaN draws it
+        ("initial_position", np.float64),  # variance of the first estimate over R
+        ("initial_velocity", np.float64),  # variance of the first estimate [m^2/s^2]
+        ("delay_cost", np.float64),
+        ("exact", np.bool_),  # the radius must be right too
+        ("declare_best", np.bool_),  # action 1 declares the likeliest hypothesis
+        ("keep_undecided", np.bool_),
+        ("reset_covariance", np.bool_),
+        ("random_scheme", np.bool_),
+        ("segments", np.int64),
+        ("shortest", np.int64),
+        ("longest", np.int64),
+    ]
+)
+"""The options of a world as the kernel reads them."""
+
+TRACE_COLUMNS = (
+    "x",
+    "vx",
+    "y",
+    "vy",
+    "measured_x",
+    "measured_y",
+    "estimate_x",
+    "estimate_y",
+    "active_mode",
+    "segment",
+)
+"""Columns of the trace: one row a tick, fast-forwarded ticks included."""
+
+
+@njit(cache=True)
+def mode_type(mode: int, radii_count: int) -> int:
+    """0 straight, 1 left, 2 right."""
+    return 0 if mode == 0 else (1 if mode <= radii_count else 2)
+
+
+@njit(cache=True)
+def likeliest(filters: NDArray[np.float64]) -> int:
+    """The hypothesis with the largest log-likelihood, the first of equals."""
+    best = 0
+    for h in range(1, filters.shape[1]):
+        if filters[LOG_LIKELIHOOD, h] > filters[LOG_LIKELIHOOD, best]:
+            best = h
+    return best
+
+
+@njit(cache=True)
+def _take_estimate(track: Any, filters: NDArray[np.float64], hypothesis: int) -> None:
+    track.estimate[0] = filters[X, hypothesis]
+    track.estimate[1] = filters[VX, hypothesis]
+    track.estimate[2] = filters[Y, hypothesis]
+    track.estimate[3] = filters[VY, hypothesis]
+
+
+@njit(cache=True)
+def _move(track: Any, parameters: Any, variances: NDArray[np.float64]) -> None:
+    """The object moves one tick, and its position is measured. Golubkov 2018, eq. (1)."""
+    cosine, sine_velocity, sine_position = track.true_motion[0], track.true_motion[1], track.true_motion[2]
+    deviation = math.sqrt(parameters.process_variance)
+    x, vx = propagate(
+        track.truth[0], track.truth[1], track.true_centre[0], cosine, sine_velocity, sine_position
+    )
+    y, vy = propagate(
+        track.truth[2], track.truth[3], track.true_centre[1], cosine, sine_velocity, sine_position
+    )
+    track.truth[0] = x
+    track.truth[1] = vx + deviation * standard_normal(track.random_state)
+    track.truth[2] = y
+    track.truth[3] = vy + deviation * standard_normal(track.random_state)
+    track.measurement[0] = x + math.sqrt(variances[0]) * standard_normal(track.random_state)
+    track.measurement[1] = y + math.sqrt(variances[variances.size - 1]) * standard_normal(track.random_state)
+    track.tick += 1
+    track.time += 1
+
+
+@njit(cache=True)
+def _account(track: Any, trace: NDArray[np.float64]) -> None:
+    """Add the tick's error to the segment, and the tick to the trace if there is room for one."""
+    error_x = track.estimate[0] - track.truth[0]
+    error_y = track.estimate[2] - track.truth[2]
+    track.squared_error += error_x * error_x + error_y * error_y
+    if track.traced < trace.shape[0]:
+        row = trace[track.traced]
+        for k in range(4):
+            row[k] = track.truth[k]
+        row[4], row[5] = track.measurement[0], track.measurement[1]
+        row[6], row[7] = track.estimate[0], track.estimate[2]
+        row[8] = track.active_mode
+        row[9] = track.segment
+        track.traced += 1
+
+
+@njit(cache=True)
+def _tick(
+    track: Any,
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: Any,
+    variances: NDArray[np.float64],
+    trace: NDArray[np.float64],
+) -> None:
+    """One tick with every hypothesis running; the estimate is the active filter's, as in ATE."""
+    _move(track, parameters, variances)
+    step_bank(
+        filters, motion, gains, track.measurement[0], track.measurement[1],
+        parameters.process_variance, variances,
+    )  # fmt: skip
+    _take_estimate(track, filters, track.active_mode)
+    _account(track, trace)
+
+
+@njit(cache=True)
+def _begin_segment(
+    track: Any,
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: Any,
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    table: NDArray[np.float64],
+    trace: NDArray[np.float64],
+) -> None:
+    """Anchor the object at its true state and the bank at the estimate, and take the first tick."""
+    if parameters.random_scheme:
+        row = integer_below(track.random_state, table.shape[0])
+        span = parameters.longest - parameters.shortest + 1
+        track.length = parameters.shortest + integer_below(track.random_state, span)
+    else:
+        row = track.segment
+        track.length = np.int64(table[row, 2])
+    signed_radius = table[row, 0]
+    track.true_mode = np.int64(table[row, 1])
+    speed, heading_x, heading_y = heading_vector(track.truth[1], track.truth[3])
+    turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
+    track.true_motion[0], track.true_motion[1], track.true_motion[2] = motion_coefficients(
+        turn_rate, parameters.tau
+    )
+    track.true_centre[0], track.true_centre[1] = turn_centre(
+        track.truth[0], track.truth[2], heading_x, heading_y, signed_radius
+    )
+    for k in range(4):
+        track.anchor[k] = track.estimate[k]
+    track.speed, track.heading[0], track.heading[1] = heading_vector(track.anchor[1], track.anchor[3])
+    start = np.empty((variances.size, 3))
+    for axis in range(variances.size):
+        if parameters.reset_covariance:
+            start[axis, 0], start[axis, 1], start[axis, 2] = 1.0, 0.0, 1.0
+        else:
+            for k in range(3):
+                start[axis, k] = track.kept_covariance[axis, k]
+    anchor_bank(filters, motion, gains, track.anchor, radii, parameters.tau, start)
+    track.tick = 0
+    track.squared_error = 0.0
+    _tick(track, filters, motion, gains, parameters, variances, trace)
+
+
+@njit(cache=True)
+def _begin_episode(
+    track: Any,
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: Any,
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    table: NDArray[np.float64],
+    trace: NDArray[np.float64],
+) -> None:
+    heading = parameters.heading
+    if math.isnan(heading):
+        heading = 2.0 * math.pi * uniform(track.random_state)
+    track.truth[0], track.truth[2] = 0.0, 0.0
+    track.truth[1] = parameters.speed * math.cos(heading)
+    track.truth[3] = parameters.speed * math.sin(heading)
+    for axis in range(2):
+        position_variance = parameters.initial_position * variances[min(axis, variances.size - 1)]
+        velocity_variance = parameters.initial_velocity
+        track.estimate[2 * axis] = track.truth[2 * axis] + math.sqrt(position_variance) * standard_normal(
+            track.random_state
+        )
+        track.estimate[2 * axis + 1] = track.truth[2 * axis + 1] + math.sqrt(
+            velocity_variance
+        ) * standard_normal(track.random_state)
+        track.kept_covariance[axis, 0] = position_variance
+        track.kept_covariance[axis, 1] = 0.0
+        track.kept_covariance[axis, 2] = velocity_variance
+    track.segment = 0
+    track.time = 0
+    track.active_mode = 0  # Golubkov 2018, algorithm 1, line 2
+    track.terminated = False
+    track.has_decision = False
+    _begin_segment(track, filters, motion, gains, parameters, radii, variances, table, trace)
+
+
+@njit(cache=True)
+def _decide(
+    track: Any,
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: Any,
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    trace: NDArray[np.float64],
+    chosen: int,
+    forced: bool,
+) -> None:
+    """Note the decision and run the chosen filter alone to the end of the segment."""
+    n = radii.size
+    exactly = chosen == track.true_mode
+    track.type_correct = mode_type(chosen, n) == mode_type(track.true_mode, n)
+    track.correct = exactly if parameters.exact else track.type_correct
+    track.has_decision = True
+    track.decided_mode = chosen
+    track.decided_true_mode = track.true_mode
+    track.forced = forced
+    track.ticks = track.tick
+    track.decided_length = track.length
+    track.active_mode = chosen
+    log_likelihood = filters[LOG_LIKELIHOOD, chosen]
+    while track.tick < track.length:
+        _move(track, parameters, variances)
+        step_chosen(
+            filters, motion, gains, chosen, track.measurement[0], track.measurement[1],
+            parameters.process_variance, variances,
+        )  # fmt: skip
+        _take_estimate(track, filters, chosen)
+        _account(track, trace)
+    filters[LOG_LIKELIHOOD, chosen] = log_likelihood  # of the ticks that the others saw too
+    _take_estimate(track, filters, chosen)
+    track.decided_squared_error = track.squared_error
+    column = radius_column(chosen, n)
+    for axis in range(2):
+        for k in range(3):
+            track.kept_covariance[axis, k] = gains[min(axis, variances.size - 1), k, column]
+
+
+@njit(cache=True)
+def reset_tracks(
+    mask: NDArray[np.bool_],
+    tracks: NDArray[Any],
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: NDArray[Any],
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    table: NDArray[np.float64],
+    trace: NDArray[np.float64],
+    observations: NDArray[np.float32],
+) -> None:
+    """Begin a new episode on every track of the mask and write its first observation."""
+    for i in range(tracks.size):
+        if mask[i]:
+            track = tracks[i]
+            track.traced = 0
+            _begin_episode(
+                track, filters[i], motion[i], gains[i], parameters[0], radii, variances, table, trace[i]
+            )
+            write_observation(observations[i], filters[i], gains[i], track, radii, variances)
+
+
+@njit(cache=True)
+def step_tracks(
+    actions: NDArray[np.int64],
+    tracks: NDArray[Any],
+    filters: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    parameters: NDArray[Any],
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    table: NDArray[np.float64],
+    trace: NDArray[np.float64],
+    observations: NDArray[np.float32],
+    rewards: NDArray[np.float64],
+) -> None:
+    """One step of every track; a track that has terminated begins its next episode instead.
+
+    actions: (N,) valid actions, 0 waits. observations: (N, 6 M + 10) and rewards: (N,) are written; a track
+    that terminates keeps its row, the one on which the last decision was made.
+    """
+    setting = parameters[0]
+    for i in range(tracks.size):
+        track = tracks[i]
+        track.traced = 0
+        if track.terminated:
+            _begin_episode(track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i])
+            rewards[i] = 0.0
+        elif actions[i] == 0 and track.tick < track.length:
+            track.has_decision = False
+            _tick(track, filters[i], motion[i], gains[i], setting, variances, trace[i])
+            rewards[i] = -setting.delay_cost
+        else:
+            forced = actions[i] == 0
+            if forced and setting.keep_undecided:
+                chosen = track.active_mode
+            elif forced or setting.declare_best:
+                chosen = likeliest(filters[i])
+            else:
+                chosen = actions[i] - 1
+            _decide(
+                track, filters[i], motion[i], gains[i], setting, radii, variances, trace[i], chosen, forced
+            )
+            rewards[i] = (1.0 if track.correct else -1.0) - setting.delay_cost
+            track.segment += 1
+            if track.segment == setting.segments:
+                track.terminated = True
+                track.segment -= 1  # the present tick is the last of the last segment
+            else:
+                _begin_segment(
+                    track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i]
+                )
+        if not track.terminated:
+            write_observation(observations[i], filters[i], gains[i], track, radii, variances)

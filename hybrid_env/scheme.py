@@ -1,0 +1,159 @@
+"""Schemes of segments: what the object does, for how long, and on which radius.
+
+A scheme is written as in the papers, one word a segment: "L50r3 R75r5 S50" turns left for 50 ticks on a
+radius of 3 m, right for 75 ticks on 5 m, and goes straight for 50 ticks.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_env.checks import check_integer, check_radii, reject
+
+MAX_LENGTH = 1_000_000  # ticks of a segment, and segments of a scheme
+GRAMMAR = (
+    "words like 'S50', 'L50r3' or 'R75r5' (mode, ticks >= 1, radius > 0 of a turn), "
+    "'random', 'random 6x50-100' (segments x ticks), or a name of hybrid_env.SCHEMES"
+)
+
+_SEGMENT = re.compile(r"([SLR])(\d+)(?:r(\d+(?:\.\d*)?|\.\d+))?")
+_RANDOM = re.compile(r"random(?:\s+(\d+)x(\d+)(?:-(\d+))?)?")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of a trajectory.
+
+    Attributes:
+        mode: "S" straight, "L" left turn, "R" right turn.
+        length: ticks, at least 1.
+        radius: of the turn [m]; None for a straight piece.
+    """
+
+    mode: str
+    length: int
+    radius: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.mode not in ("S", "L", "R"):
+            raise reject("mode", self.mode, "'S', 'L' or 'R'")
+        check_integer("length", self.length)
+        if self.length > MAX_LENGTH:
+            raise reject("length", self.length, f"at most {MAX_LENGTH} ticks")
+        if (self.mode == "S") != (self.radius is None):
+            raise reject("radius", self.radius, "None for a straight piece, a number > 0 for a turn")
+        if self.radius is not None:
+            check_radii("radius", self.radius)
+
+    @property
+    def signed_radius(self) -> float:
+        """Radius [m], positive to the left, negative to the right, 0 for straight."""
+        return 0.0 if self.radius is None else self.radius if self.mode == "L" else -self.radius
+
+    def __str__(self) -> str:
+        return f"{self.mode}{self.length}" + ("" if self.radius is None else f"r{self.radius:g}")
+
+
+@dataclass(frozen=True)
+class FixedScheme:
+    """The same segments in every episode."""
+
+    pieces: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        if not self.pieces:
+            raise reject("scheme", self.pieces, "at least one segment")
+
+    def __str__(self) -> str:
+        return " ".join(map(str, self.pieces))
+
+
+@dataclass(frozen=True)
+class RandomScheme:
+    """Segments drawn anew in every episode, every mode equally likely, whatever came before.
+
+    Attributes:
+        segments: number of segments.
+        lengths: (shortest, longest) in ticks, both included, equally likely.
+        radii: the object's turn radii [m]; None takes the radii of the bank.
+    """
+
+    segments: int = 6
+    lengths: tuple[int, int] = (50, 100)
+    radii: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_integer("segments", self.segments)
+        if len(self.lengths) != 2:
+            raise reject("lengths", self.lengths, "(shortest, longest)")
+        shortest, longest = self.lengths
+        check_integer("lengths", shortest)
+        check_integer("lengths", longest)
+        if shortest > longest or longest > MAX_LENGTH:
+            raise reject("lengths", self.lengths, f"1 <= shortest <= longest <= {MAX_LENGTH}")
+        if self.radii is not None:
+            check_radii("radii", self.radii)
+
+    def __str__(self) -> str:
+        return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
+
+
+Scheme: TypeAlias = FixedScheme | RandomScheme
+
+SCHEMES = {
+    "golubkov2018": "L50r3 R75r5 S50 L75r3 S50 L60r4",
+    "tsyganov2019": "S250 R314r5 S250 L314r5 S250 L314r5 S250 L314r5 S250",
+    "golubkov2020": "S20 R20r5",
+}
+"""The papers' schemes by name: Golubkov 2018, table 1; Tsyganov 2019, example 1; Golubkov 2020."""
+
+
+def parse_scheme(value: "str | Scheme") -> Scheme:
+    """The scheme that a string stands for; a scheme passes through."""
+    if isinstance(value, (FixedScheme, RandomScheme)):
+        return value
+    if not isinstance(value, str) or not value.strip():
+        raise reject("scheme", value, GRAMMAR)
+    text = SCHEMES.get(value.strip(), value.strip())
+    random = _RANDOM.fullmatch(text)
+    if random:
+        if random[1] is None:
+            return RandomScheme()
+        shortest = int(random[2])
+        return RandomScheme(int(random[1]), (shortest, int(random[3] or shortest)))
+    pieces = []
+    for word in re.split(r"[\s,;]+", text):
+        match = _SEGMENT.fullmatch(word)
+        if not match or (match[1] == "S") != (match[3] is None):
+            raise reject("scheme", value, GRAMMAR + f"; the word {word!r} is none of these")
+        try:
+            pieces.append(Segment(match[1], int(match[2]), float(match[3]) if match[3] else None))
+        except ValueError as error:
+            raise reject("scheme", value, f"{GRAMMAR}; in the word {word!r} {error}") from None
+    return FixedScheme(tuple(pieces))
+
+
+def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
+    """Index into the bank of the hypothesis closest in curvature on the same side; 0 is straight."""
+    if signed_radius == 0.0:
+        return 0
+    bank: NDArray[np.float64] = np.asarray(radii, dtype=np.float64)
+    nearest = int(np.abs(1.0 / bank - 1.0 / abs(signed_radius)).argmin())
+    return 1 + nearest + (bank.size if signed_radius < 0 else 0)
+
+
+def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
+    """Rows (signed radius [m], mode, length in ticks) of the segments in order, or to draw from.
+
+    A random scheme has one row for every mode, equally likely, with length 0.
+    """
+    bank = np.asarray(radii, dtype=np.float64)
+    if isinstance(scheme, FixedScheme):
+        rows = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
+    else:
+        own = bank if scheme.radii is None else np.asarray(scheme.radii)
+        rows = [(signed, 0) for signed in (0.0, *own, *-own)]
+    return np.array([(signed, nearest_mode(signed, bank), length) for signed, length in rows])

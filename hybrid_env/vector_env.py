@@ -1,0 +1,149 @@
+"""The environment of N tracks at once, on the same kernel."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from hybrid_env.checks import check_integer, reject
+from hybrid_env.options import WorldOptions
+from hybrid_env.world import DECISION_INFO, TICK_INFO, World
+
+
+class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
+    """N tracks of `HybridTrackEnv` in one kernel call.
+
+    Track i seeded with s equals the single environment seeded with s + i, bit for bit, through autoresets.
+    Spaces, rewards and info keys are those of `HybridTrackEnv`, batched; Gymnasium's `_key` masks say
+    which tracks a key of info holds for.
+
+    Args:
+        num_envs: N.
+        autoreset_mode: NEXT_STEP begins a terminated track's next episode at the next step, whose action is
+            ignored and whose reward is 0; SAME_STEP begins it at once and returns `final_obs` and
+            `final_info`; DISABLED leaves it to `reset(options={"reset_mask": ...})`.
+        trace_rows: ticks of each step kept in `world.trace`, 0 for none.
+        options: see `WorldOptions`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        trace_rows: int = 0,
+        **options: Any,
+    ):
+        if options.pop("render_mode", None) is not None:
+            raise ValueError(
+                "render_mode is not allowed in the vector environment: render one HybridTrackEnv"
+            )
+        self.num_envs = check_integer("num_envs", num_envs)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            raise reject(
+                "autoreset_mode", autoreset_mode, ", ".join(repr(mode.value) for mode in AutoresetMode)
+            ) from None
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.options = WorldOptions.of(**options)
+        self.world = World(self.options, num_envs, check_integer("trace_rows", trace_rows, minimum=0))
+        self.single_observation_space = self.world.observation_space()
+        self.single_action_space = self.world.action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._started = False
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
+
+        seed: s seeds track i with s + i; a sequence has one seed a track; None goes on with the streams.
+        """
+        mask = np.ones(self.num_envs, np.bool_)
+        if options is not None and "reset_mask" in options:
+            mask = np.array(options["reset_mask"])
+            if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
+                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},) with a True")
+        seeds: Sequence[int | None]
+        if seed is None or isinstance(seed, (int, np.integer)):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = seed
+            if len(seeds) != self.num_envs:
+                raise reject("seed", seed, f"an integer or {self.num_envs} of them")
+        for i in np.flatnonzero(mask):
+            if seeds[i] is not None or not self.world.seeded[i]:
+                self.world.seed(i, seeding.np_random(seeds[i])[0])
+        self.world.reset(mask)
+        self._started = True
+        return self.world.observations.copy(), self._tick_info(mask)
+
+    def step(
+        self, actions: NDArray[np.int64]
+    ) -> tuple[
+        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
+    ]:
+        """One step of every track. actions: (N,) integers, 0 waits."""
+        if not self._started:
+            raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
+        actions = np.asarray(actions)
+        if actions.shape != (self.num_envs,) or actions.dtype.kind not in "iu":
+            raise gym.error.InvalidAction(
+                f"actions have shape {actions.shape} and type {actions.dtype}: "
+                f"expected integers of shape ({self.num_envs},)"
+            )
+        if actions.min() < 0 or actions.max() >= self.options.action_count:
+            outside = (actions < 0) | (actions >= self.options.action_count)
+            raise self.world.invalid_action(int(actions[outside.argmax()]))
+        tracks = self.world.tracks
+        if self.autoreset_mode is AutoresetMode.DISABLED and tracks["terminated"].any():
+            raise gym.error.ResetNeeded(
+                "step() needs reset() with a reset_mask first: a track has terminated"
+            )
+        self.world.step(actions.astype(np.int64, copy=False))
+
+        terminated = tracks["terminated"].copy()
+        final: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and terminated.any():
+            final_obs = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(terminated):
+                final_obs[i] = self.world.observations[i].copy()
+            final_info = self._tick_info(terminated) | self._decision_info(terminated)
+            final = {"final_obs": final_obs, "final_info": final_info}
+            final |= {f"_{key}": terminated.copy() for key in final}
+            self.world.reset(terminated)
+        info = self._tick_info()
+        if tracks["has_decision"].any():
+            info |= self._decision_info(tracks["has_decision"])
+        info |= final
+        return (
+            self.world.observations.copy(), self.world.rewards.copy(), terminated,
+            np.zeros(self.num_envs, np.bool_), info,
+        )  # fmt: skip
+
+    def _tick_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        values = {key: self.world.tracks[key] for key in TICK_INFO}
+        return self._masked(values | {"log_likelihood": self.world.log_likelihood}, mask)
+
+    def _decision_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        return self._masked({key: self.world.tracks[key] for key in DECISION_INFO}, mask)
+
+    def _masked(self, values: dict[str, NDArray[Any]], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
+        """Copies under their keys, zero outside the mask, and the mask under each `_key`."""
+        info: dict[str, Any] = {}
+        for key, array in values.items():
+            held = array.copy()
+            if mask is not None:
+                held[~mask] = 0
+            info[key] = held
+            info[f"_{key}"] = np.ones(self.num_envs, np.bool_) if mask is None else mask.copy()
+        return info
