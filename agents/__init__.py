@@ -1,0 +1,1 @@
+"""Learned deciders: training, evaluation and the comparison with the classical ones."""

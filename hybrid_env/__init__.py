@@ -1,6 +1,6 @@
 """HybridTrack: decide soon and rightly which mode of motion an object has switched to.
 
-Importing this package registers the environments; `gym.make("hybrid_env:HybridTrack-v0")` imports it by itself.
+Importing this package registers the environments; `gym.make("hybrid_env:HybridTrack-v0")` imports it too.
 """
 
 from gymnasium.envs.registration import register, registry

@@ -1,0 +1,185 @@
+"""Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1.
+
+At every switch the bank starts at the current estimate with P := I; until the test decides, the output is
+the old mode's estimate; then the chosen filter runs alone to the end of the piece. The same test drives
+`sprt.SPRTDecider` in the environment.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.sprt import sprt_test, sprt_thresholds
+from hybrid_env import bank
+from hybrid_env.checks import check_array, check_choice, check_integer, check_positive, check_radii, reject
+from hybrid_env.kernel import likeliest
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """What ATE found, for n runs of T ticks in K pieces; a single run has no first axis.
+
+    Attributes:
+        estimates: (n, T, 4) [x, vx, y, vy] [m, m/s]; at the tick of a decision still the old mode's.
+        modes: (n, T) active mode of each tick, an index into the bank.
+        decided: (n, K) mode of each piece.
+        ticks: (n, K) decision tick within the piece, its length where none was made.
+        undecided: (n, K) True where the piece ended without a decision.
+    """
+
+    estimates: FloatArray
+    modes: NDArray[np.int64]
+    decided: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    undecided: NDArray[np.bool_]
+
+
+@njit(cache=True)
+def _track_run(
+    measurements: FloatArray,
+    lengths: NDArray[np.int64],
+    start: FloatArray,
+    filters: FloatArray,
+    motion: FloatArray,
+    gains: FloatArray,
+    radii: FloatArray,
+    tau: float,
+    process_variance: float,
+    variances: FloatArray,
+    upper: float,
+    lower: float,
+    keep: bool,
+    estimates: FloatArray,
+    modes: NDArray[np.int64],
+    decided: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    undecided: NDArray[np.bool_],
+) -> None:
+    estimate = start.copy()
+    identity = np.empty((variances.size, 3))
+    identity[:, 0], identity[:, 1], identity[:, 2] = 1.0, 0.0, 1.0
+    active = 0
+    k = 0
+    for piece in range(lengths.size):
+        bank.anchor_bank(filters, motion, gains, estimate, radii, tau, identity)
+        running = np.ones(filters.shape[1], np.bool_)
+        end = k + lengths[piece]
+        ticks[piece] = lengths[piece]
+        undecided[piece] = True
+        while k < end and undecided[piece]:
+            x, y = measurements[k]
+            bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
+            estimates[k] = filters[bank.X : bank.Y + 2, active]
+            modes[k] = active
+            winner = sprt_test(filters[bank.LOG_LIKELIHOOD], running, active, upper, lower)
+            k += 1
+            if winner >= 0:
+                active = winner
+                undecided[piece] = False
+                ticks[piece] = lengths[piece] - (end - k)
+        if undecided[piece] and not keep:
+            active = likeliest(filters)
+        for j in range(k, end):
+            x, y = measurements[j]
+            bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
+            estimates[j] = filters[bank.X : bank.Y + 2, active]
+            modes[j] = active
+        estimate[:] = filters[bank.X : bank.Y + 2, active]
+        decided[piece] = active
+        k = end
+
+
+def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> FloatArray:
+    """Where a recording starts: a straight line through its first ticks, one tick before the first.
+
+    Args:
+        measurements: (T, 2) or (n, T, 2) [m].
+        tau: tick [s].
+        ticks: how many measurements the least-squares line takes.
+
+    Returns:
+        (4,) or (n, 4) estimates [x, vx, y, vy] [m, m/s].
+    """
+    values = np.asarray(measurements, dtype=np.float64)
+    count = min(ticks, values.shape[-2])
+    times = tau * np.arange(1, count + 1)
+    if count < 2:
+        line = np.stack([values[..., 0, :], np.zeros_like(values[..., 0, :])])
+    else:
+        line = np.linalg.pinv(np.stack([np.ones(count), times], axis=1)) @ values[..., :count, :]
+        line = np.moveaxis(line, -2, 0)
+    return np.stack([line[0][..., 0], line[1][..., 0], line[0][..., 1], line[1][..., 1]], axis=-1)
+
+
+def track(
+    measurements: ArrayLike,
+    lengths: Sequence[int] | NDArray[np.int64],
+    start: ArrayLike | None = None,
+    *,
+    radii: ArrayLike = (5.0,),
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
+    alpha: float = 1e-3,
+    beta: float | None = None,
+    undecided: Literal["keep", "likeliest"] = "keep",
+) -> Tracks:
+    """Follow recorded coordinates through pieces whose modes are unknown.
+
+    Args:
+        measurements: (T, 2) coordinates [m], or (n, T, 2) of n runs.
+        lengths: (K,) ticks of the pieces; they add up to T.
+        start: (4,) or (n, 4) estimate one tick before the first measurement, [x, vx, y, vy] [m, m/s];
+            None takes `first_estimate`.
+        radii: turn radii of the bank [m].
+        tau: tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+        alpha, beta: errors of the first and second kind; beta None takes alpha.
+        undecided: a piece without a decision keeps the old mode, as published, or takes the likeliest.
+
+    Returns:
+        Estimates, modes and decisions; without the first axis for a single run.
+
+    Raises:
+        ValueError: names the argument, its value and what is allowed.
+    """
+    single = np.ndim(measurements) == 2
+    values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
+    values = values[None] if single else values
+    runs, total = values.shape[:2]
+    pieces = np.array([check_integer("lengths", length) for length in lengths], dtype=np.int64)
+    if pieces.sum() != total:
+        raise reject("lengths", list(lengths), f"lengths that add up to the {total} ticks of measurements")
+    tau = check_positive("tau", tau)
+    if start is None:
+        starts = first_estimate(values, tau)
+    else:
+        starts = check_array("start", start, (4,) if np.ndim(start) == 1 else (runs, 4))
+        starts = np.broadcast_to(starts, (runs, 4))
+    bank_radii = check_radii("radii", radii)
+    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
+    variances = bank.noise_axes(measurement_variance)
+    upper, lower = sprt_thresholds(alpha, beta)
+    keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
+
+    filters, motion, gains = (array[0] for array in bank.bank_arrays(1, bank_radii.size, variances.size))
+    found: dict[str, Any] = {
+        "estimates": np.empty((runs, total, 4)),
+        "modes": np.empty((runs, total), np.int64),
+        "decided": np.empty((runs, pieces.size), np.int64),
+        "ticks": np.empty((runs, pieces.size), np.int64),
+        "undecided": np.empty((runs, pieces.size), np.bool_),
+    }
+    for run in range(runs):
+        _track_run(
+            values[run], pieces, starts[run], filters, motion, gains, bank_radii, tau, process_variance,
+            variances, upper, lower, keep, *(array[run] for array in found.values()),
+        )  # fmt: skip
+    return Tracks(**{name: array[0] if single else array for name, array in found.items()})
