@@ -9,12 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def reject(name: str, value: Any, allowed: str) -> ValueError:
+class ArgumentError(ValueError):
+    """A value that is not allowed; the message is one line for the person who gave it."""
+
+
+def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """The error for a value that is not allowed, to be raised by the caller."""
-    shown = repr(value)
+    shown = repr(value.item() if isinstance(value, np.generic) else value)
     if len(shown) > 80:
         shown = shown[:77] + "..."
-    return ValueError(f"{name}={shown} is not allowed: expected {allowed}")
+    return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
 
 
 def check_number(name: str, value: Any, allowed: str = "a finite number") -> float:
@@ -80,11 +84,11 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> N
         length == 0 or (size is not None and length != size)
         for length, size in zip(array.shape, shape, strict=True)
     ):
-        raise ValueError(f"{name} has shape {array.shape}: expected {wanted}, no length 0")
+        raise ArgumentError(f"{name} has shape {array.shape}: expected {wanted}, no length 0")
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         index = tuple(int(i) for i in bad[0])
-        raise ValueError(
+        raise ArgumentError(
             f"{name}[{', '.join(map(str, index))}]={array[index]} is not allowed: expected finite numbers"
         )
     return array

@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hybrid_env import bank
+from hybrid_env.checks import reject
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
 
@@ -57,7 +58,7 @@ class Layout:
 
     def __init__(self, hypotheses: int):
         if hypotheses < 3 or hypotheses % 2 == 0:
-            raise ValueError(f"hypotheses={hypotheses!r} is not allowed: expected an odd number >= 3")
+            raise reject("hypotheses", hypotheses, "an odd number >= 3")
         self.hypotheses = hypotheses
         self.slices: dict[str, slice] = {}
         self.scales = HYPOTHESIS_FEATURES | TRACK_FEATURES
@@ -73,9 +74,7 @@ class Layout:
         """The layout of observations of a given width."""
         hypotheses, rest = divmod(width - len(TRACK_FEATURES), len(HYPOTHESIS_FEATURES))
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
-            raise ValueError(
-                f"observation width={width} is not allowed: expected 6 M + 10 for M = 3, 5, 7, ... hypotheses"
-            )
+            raise reject("width", width, "6 M + 10 for M = 3, 5, 7, ... hypotheses")
         return cls(hypotheses)
 
     def read(self, observation: NDArray[Any], name: str) -> NDArray[np.float64]:
@@ -86,7 +85,7 @@ class Layout:
             name: a key of `HYPOTHESIS_FEATURES` or `TRACK_FEATURES`.
         """
         if name not in self.slices:
-            raise KeyError(f"name={name!r} is not allowed: expected one of {', '.join(self.slices)}")
+            raise reject("name", name, "one of " + ", ".join(self.slices))
         values = np.asarray(observation)[..., self.slices[name]].astype(np.float64) / self.scales[name]
         return values if name in HYPOTHESIS_FEATURES else values[..., 0]
 

@@ -1,0 +1,59 @@
+"""The command `hybridtrack compare`: train PPO, sweep every decider, compare all on the same episodes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.world_arguments import WorldArguments
+from hybrid_env.checks import check_integer, reject
+
+
+@dataclass(kw_only=True)
+class Compare(WorldArguments):
+    """Train PPO for about half a minute and compare it with the classical rules on the same episodes."""
+
+    deciders: tuple[str, ...] = ("ate", "fixed", "ppo")
+    """What to compare, the first as the reference: 'ate', 'fixed', 'ppo' (trained now), or run folders."""
+    episodes: int = 1500
+    """Episodes that every decider is measured on."""
+    seed: int = 0
+    """First seed of those episodes; training and the choice of thresholds use others."""
+    steps: int = 1_500_000
+    """Environment steps of PPO's training."""
+    training_seeds: int = 1
+    """PPO policies to train, each with its own seed."""
+    out: Path = Path("results")
+    """Folder for compare.png and compare.json."""
+
+    def run(self) -> None:
+        """Train, sweep, print the table, write figure and data."""
+        for name in ("episodes", "steps", "training_seeds"):
+            check_integer(name.replace("_", "-"), getattr(self, name))
+        check_integer("seed", self.seed, minimum=0)
+        if not self.deciders or len(set(self.deciders)) != len(self.deciders):
+            raise reject("deciders", self.deciders, "one or more different names")
+        from rich.console import Console
+
+        from agents.comparison import Plan, compare
+        from agents.figures import draw_operating_curves
+        from agents.progress import progress_display
+        from agents.writing import output_folder, write_json
+
+        plan = Plan(
+            self.env,
+            self.world_options(),
+            self.deciders,
+            self.episodes,
+            self.seed,
+            self.steps,
+            self.training_seeds,
+        )
+        folder = output_folder("out", self.out)
+        console = Console()
+        with progress_display(console) as progress:
+            result = compare(plan, progress)
+        console.print(result.table())
+        for line in result.headlines():
+            console.print(line, highlight=False)
+        draw_operating_curves(result, folder / "compare.png")
+        write_json(folder / "compare.json", result.as_json())
+        console.print(f"Figure {folder / 'compare.png'}, data {folder / 'compare.json'}", highlight=False)

@@ -1,0 +1,257 @@
+"""Deciders side by side: trained where asked, swept over their thresholds, measured on the same episodes."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+from rich.table import Table
+
+from agents.deciders import DeciderFamily, check_width, decider_family, policy_family
+from agents.evaluation import make_vector_env
+from agents.operating_curve import (
+    ACCURACY,
+    REWARD,
+    TICKS,
+    Figure,
+    OperatingCurve,
+    at_threshold,
+    error_at_ticks,
+    sweep,
+    ticks_at_accuracy,
+)
+from agents.training import PPOSettings, TrainingRun
+from agents.training import Progress as TrainingProgress
+from hybrid_env.options import WorldOptions
+
+SELECTION_SEED = 1_000_000_000  # thresholds are chosen on episodes from this seed on, others are reported
+SELECTION_EPISODES = 500
+TRAINING_SEED = 2_000_000_000
+LEVELS = (0.95, 0.98)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is compared, on what.
+
+    Attributes:
+        env_id, options: the world.
+        deciders: classical names, 'ppo', or run folders; the first is the reference.
+        episodes, seed: that the figures are reported on.
+        steps, training_seeds: of PPO.
+    """
+
+    env_id: str
+    options: dict[str, Any]
+    deciders: tuple[str, ...]
+    episodes: int
+    seed: int
+    steps: int
+    training_seeds: int
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One decider's figures.
+
+    Attributes:
+        curve: on the reported episodes.
+        chosen: index of the threshold with the best reward on the selection episodes.
+        accuracy, ticks, reward, rmse: at that threshold.
+        equal_time_error: share of wrong decisions at the reference's mean time.
+        time_at: mean ticks at each accuracy of `LEVELS`.
+    """
+
+    curve: OperatingCurve
+    chosen: int
+    accuracy: Figure
+    ticks: Figure
+    reward: Figure
+    rmse: Figure
+    equal_time_error: Figure
+    time_at: dict[float, Figure]
+
+    @property
+    def name(self) -> str:
+        """As tables show it."""
+        return self.curve.family.name
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The result: one entry a decider, the first of them the reference."""
+
+    plan: Plan
+    world: WorldOptions
+    equal_time: float
+    entries: tuple[Entry, ...]
+
+    def table(self) -> Table:
+        """For the terminal: each figure above the half width of its 95 % interval."""
+        first = self.entries[0]
+        segments = first.curve.decisions[0].correct.size
+        table = Table(
+            title=f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all",
+            caption=(
+                "each decider at its best threshold, chosen on other episodes; in grey the 95 % interval\n"
+                f"error at {self.equal_time:.1f} ticks, {first.name}'s own mean time at its default threshold"
+            ),
+        )
+        heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
+        heads += [f"error at\n{self.equal_time:.1f} t, %"]
+        heads += [f"ticks at\n{level:.0%}" for level in LEVELS]
+        for head in heads:
+            table.add_column(head, justify="left" if head == "decider" else "right")
+        for entry in self.entries:
+            family = entry.curve.family
+            table.add_row(
+                f"{entry.name}\n[bright_black]{family.symbol} {family.thresholds[entry.chosen]:g}[/]",
+                _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
+                _cell(entry.rmse, 1, 3), _cell(entry.equal_time_error, 100, 2),
+                *(_cell(entry.time_at[level], 1, 1) for level in LEVELS), end_section=True,
+            )  # fmt: skip
+        return table
+
+    def headlines(self) -> list[str]:
+        """Every decider against the reference, paired on the same episodes."""
+        reference = self.entries[0]
+        lines = []
+        for entry in self.entries[1:]:
+            parts = []
+            gain = self.gains(entry)
+            parts.append(f"reward {_signed(gain['reward'], 3)} a segment")
+            sooner = gain["ticks_at_98"]
+            if np.isfinite(sooner.value):
+                parts.append(f"{_signed(sooner, 1)} ticks at 98 % accuracy")
+            lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
+        return lines
+
+    def gains(self, entry: Entry) -> dict[str, Figure]:
+        """Paired differences of an entry to the reference."""
+        reference = self.entries[0]
+        return {
+            "reward": entry.curve.difference(
+                reference.curve, at_threshold(REWARD, entry.chosen), at_threshold(REWARD, reference.chosen)
+            ),
+            "ticks_at_98": entry.curve.difference(reference.curve, ticks_at_accuracy(0.98)),
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything that table and figure show, and every point of the curves."""
+        return {
+            "plan": asdict(self.plan),
+            "selection": {"seed": SELECTION_SEED, "episodes": SELECTION_EPISODES},
+            "equal_time": self.equal_time,
+            "segments": int(self.entries[0].curve.decisions[0].correct.size),
+            "deciders": [self._entry_json(entry) for entry in self.entries],
+        }
+
+    def _entry_json(self, entry: Entry) -> dict[str, Any]:
+        family = entry.curve.family
+        means = entry.curve.means
+        names = ("accuracy", "ticks", "reward", "rmse", "equal_time_error")
+        return {
+            "name": entry.name,
+            "threshold": {"symbol": family.symbol, "chosen": family.thresholds[entry.chosen]},
+            **{name: getattr(entry, name).as_json() for name in names},
+            "ticks_at_accuracy": {f"{level:g}": entry.time_at[level].as_json() for level in LEVELS},
+            "against_reference": {
+                name: figure.as_json()
+                for name, figure in self.gains(entry).items()
+                if entry is not self.entries[0]
+            },
+            "curve": {
+                "thresholds": list(family.thresholds),
+                "accuracy": means[ACCURACY].tolist(),
+                "ticks": means[TICKS].tolist(),
+                "reward": means[REWARD].tolist(),
+                "rmse": [decisions.rmse for decisions in entry.curve.decisions],
+            },
+        }
+
+
+def _cell(figure: Figure, scale: float, digits: int) -> str:
+    if not np.isfinite(figure.value):
+        return "not\nreached"
+    value = f"{scale * figure.value:.{digits}f}"
+    if not np.isfinite(figure.high):
+        return f"{value}\n[bright_black]> {scale * figure.low:.{digits}f}[/]"
+    low, high = scale * figure.low, scale * figure.high
+    return f"{value}\n[bright_black]{low:.{digits}f}-{high:.{digits}f}[/]"
+
+
+def _signed(figure: Figure, digits: int) -> str:
+    return f"{figure.value:+.{digits}f} [{figure.low:+.{digits}f}, {figure.high:+.{digits}f}]"
+
+
+def compare(plan: Plan, progress: Progress) -> Comparison:
+    """Carry out a plan, showing how it goes on.
+
+    Raises:
+        ValueError: an unknown decider or option, or a policy for another bank.
+    """
+    families = _classical_and_saved(plan)
+    world = make_vector_env(plan.env_id, 1, **plan.options).options
+    trained = [index for index, name in enumerate(plan.deciders) if name == "ppo"]
+    for index in trained:
+        families[index : index + 1] = [
+            _train(plan, number, progress) for number in range(plan.training_seeds)
+        ]
+    total = sum(2 * len(family.thresholds) for family in families)
+    task = progress.add_task("Evaluating", total=total, note="")
+    curves, chosen = [], []
+    for family in families:
+        progress.update(task, note=family.name)
+        arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
+        selection = sweep(family, plan.env_id, SELECTION_EPISODES, SELECTION_SEED, **arguments)
+        chosen.append(selection.best_index())
+        curves.append(sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments))
+    progress.update(task, note="")
+    reference = curves[0].family
+    default = reference.thresholds.index(reference.default)
+    equal_time = float(curves[0].means[TICKS, default])
+    task = progress.add_task("Intervals", total=len(curves), note="")
+    entries = []
+    for curve, index in zip(curves, chosen, strict=True):
+        entries.append(_entry(curve, index, equal_time))
+        progress.advance(task)
+    return Comparison(plan, world, equal_time, tuple(entries))
+
+
+def _classical_and_saved(plan: Plan) -> list[DeciderFamily]:
+    """The families that need no training, with a place kept for 'ppo'; all names are checked first."""
+    world = make_vector_env(plan.env_id, 1, **plan.options).options
+    families = []
+    for name in plan.deciders:
+        family = decider_family("ate" if name == "ppo" else name)
+        check_width(family.make(family.default), name, world)
+        families.append(family)
+    return families
+
+
+def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
+    name = "PPO" if plan.training_seeds == 1 else f"PPO {number + 1}"
+    settings = replace(PPOSettings(), steps=plan.steps)
+    task = progress.add_task(f"Training {name}", total=plan.steps, note="")
+
+    def show(now: TrainingProgress) -> None:
+        note = f"reward {now.reward:+.3f} a segment, {now.ticks:.1f} ticks"
+        progress.update(task, completed=min(now.steps, now.total), note=note)
+
+    run = TrainingRun(plan.env_id, plan.options, settings, TRAINING_SEED + 100_000 * number)
+    return policy_family(name, run.train(show))
+
+
+def _entry(curve: OperatingCurve, chosen: int, equal_time: float) -> Entry:
+    decisions = curve.decisions[chosen]
+    summary = decisions.summary()["rmse"]
+    return Entry(
+        curve,
+        chosen,
+        curve.figure(at_threshold(ACCURACY, chosen)),
+        curve.figure(at_threshold(TICKS, chosen)),
+        curve.figure(at_threshold(REWARD, chosen)),
+        Figure(summary["mean"], *summary["interval"]),
+        curve.figure(error_at_ticks(equal_time)),
+        {level: curve.figure(ticks_at_accuracy(level)) for level in LEVELS},
+    )

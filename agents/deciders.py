@@ -1,0 +1,109 @@
+"""Deciders by name: the classical rules with the thresholds that they are swept over, and run folders."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from baselines import FixedTimeDecider, SPRTDecider
+from baselines.decider import Decider
+from hybrid_env.checks import reject
+from hybrid_env.options import WorldOptions
+
+
+@dataclass(frozen=True)
+class DeciderFamily:
+    """A decider with one threshold that trades time for accuracy.
+
+    Attributes:
+        name: as tables show it.
+        symbol: of the threshold.
+        thresholds: swept over, in the order of growing decision time.
+        default: threshold of the decider when nothing is said.
+        make: decider at a threshold.
+    """
+
+    name: str
+    symbol: str
+    thresholds: tuple[float, ...]
+    default: float
+    make: Callable[[float], Decider]
+
+
+ATE = DeciderFamily(
+    "ATE (SPRT)",
+    "alpha",
+    (0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+    1e-3,
+    SPRTDecider,
+)
+FIXED_TIME = DeciderFamily(
+    "fixed time",
+    "ticks",
+    (5, 10, 15, 18, 20, 22, 24, 26, 28, 30, 32, 34, 36, 40, 45, 50),
+    25,
+    lambda ticks: FixedTimeDecider(int(ticks)),
+)
+CLASSICAL = {"ate": ATE, "fixed": FIXED_TIME}
+LOG_ODDS = tuple(float(odds) for odds in (-10, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6))
+
+
+def policy_family(name: str, folder_or_decider: "Path | Decider") -> DeciderFamily:
+    """The family of a trained policy, its threshold the log-odds of declaring."""
+    from agents.policy import PolicyDecider, load_policy
+
+    if isinstance(folder_or_decider, Path):
+        decider = PolicyDecider(load_policy(folder_or_decider)[0])
+    else:
+        assert isinstance(folder_or_decider, PolicyDecider)
+        decider = folder_or_decider
+    return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold)
+
+
+def decider_family(name: str) -> DeciderFamily:
+    """The family of a classical name or of a run folder."""
+    if name in CLASSICAL:
+        return CLASSICAL[name]
+    folder = Path(name)
+    if folder.is_dir():
+        return policy_family(folder.name, folder)
+    known = ", ".join(map(repr, CLASSICAL))
+    raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
+
+
+def load_decider(name: str, options: WorldOptions) -> Decider:
+    """The decider of "ate", "ate:1e-6", "fixed:25", "runs/ppo" or "runs/ppo:-2".
+
+    Args:
+        name: classical name or run folder, with an optional threshold after a colon.
+        options: of the world it is to decide in.
+
+    Raises:
+        ValueError: unknown name, bad threshold, or a policy trained for another bank.
+    """
+    base, colon, text = name.rpartition(":")
+    try:
+        threshold = float(text) if colon and not Path(name).is_dir() else None
+    except ValueError:
+        raise reject("decider", name, "a number after the colon") from None
+    family = decider_family(base if threshold is not None else name)
+    if threshold is not None and (not np.isfinite(threshold) or (family is FIXED_TIME and threshold % 1)):
+        raise reject("decider", name, f"a finite {family.symbol} after the colon")
+    if options.actions != "all":
+        raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")
+    decider = family.make(family.default if threshold is None else threshold)
+    check_width(decider, name, options)
+    return decider
+
+
+def check_width(decider: Decider, name: str, options: WorldOptions) -> None:
+    """Refuse a policy that was trained for another number of hypotheses."""
+    from agents.policy import PolicyDecider
+    from hybrid_env.observation import Layout
+
+    if isinstance(decider, PolicyDecider):
+        shape = decider.policy.observation_space.shape
+        trained = Layout.of_width(shape[0]).hypotheses if shape else 0
+        if trained != options.hypotheses:
+            raise reject("decider", name, f"a policy for {options.hypotheses} hypotheses; it has {trained}")

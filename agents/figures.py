@@ -1,0 +1,83 @@
+"""Figures of comparisons."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+
+from agents.evaluation import interval
+from agents.operating_curve import ACCURACY, REWARD, TICKS
+from agents.writing import whole_file
+
+if TYPE_CHECKING:
+    from agents.comparison import Comparison
+
+COLOURS = ("#4477AA", "#BBBBBB", "#EE6677", "#228833", "#CCBB44", "#66CCEE", "#AA3377")  # Tol's bright scheme
+MARKERS = ("o", "s", "D", "^", "v", "P", "X")
+ERROR_TICKS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+
+
+def draw_operating_curves(result: "Comparison", path: Path) -> None:
+    """Accuracy and reward against mean decision ticks, one curve a decider, as PNG.
+
+    Accuracy is drawn as the logarithm of the error, so that 98 % and 99 % stand apart. Bands are 95 %
+    bootstrap intervals over episodes, filled markers the thresholds chosen on other episodes.
+    """
+    canvas = Canvas(figsize=(11, 4.8), layout="constrained")
+    FigureCanvasAgg(canvas)
+    left, right = canvas.subplots(1, 2)
+    ends = []
+    for index, entry in enumerate(result.entries):
+        colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
+        ticks, accuracy, reward = (entry.curve.means[row] for row in (TICKS, ACCURACY, REWARD))
+        segments = entry.curve.decisions[0].correct.size
+        # no error in n segments is drawn at half an error
+        error = np.maximum(1.0 - accuracy, 0.5 / segments)
+        bounds = np.array([interval(entry.curve.episodes[:, ACCURACY, k]) for k in range(len(ticks))])
+        low, high = (
+            np.maximum(1.0 - bounds[:, 1], 0.5 / segments),
+            np.maximum(1.0 - bounds[:, 0], 0.5 / segments),
+        )
+        left.fill_between(ticks, low, high, color=colour, alpha=0.2, linewidth=0)
+        for axes, values in ((left, error), (right, reward)):
+            axes.plot(
+                ticks,
+                values,
+                color=colour,
+                marker=marker,
+                markersize=4.5,
+                markerfacecolor="white",
+                label=entry.name,
+            )
+            axes.plot(
+                ticks[entry.chosen], values[entry.chosen], color=colour, marker=marker, markersize=8, zorder=5
+            )
+        ends.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
+
+    latest = 1.05 * max(30.0, max(ends))
+    left.set_yscale("log")
+    left.set_ylim(0.6, 0.8e-3)
+    left.set_yticks(ERROR_TICKS, [f"{100 * (1 - error):g}" for error in ERROR_TICKS], minor=False)
+    left.set_yticks([], minor=True)
+    for level in (0.95, 0.98):
+        left.axhline(1.0 - level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
+    left.set_ylabel("accuracy, % of segments")
+    left.set_title("Sooner is left, righter is up")
+    right.set_ylabel("mean reward a segment")
+    right.set_title(f"Delay costs {result.world.delay_cost:g} a tick")
+    best = max(entry.reward.value for entry in result.entries)
+    right.set_ylim(min(-0.4 * abs(best), best - 0.5), best + 0.08)
+    for axes in (left, right):
+        axes.set_xlim(0, latest)
+        axes.set_xlabel("mean decision time, ticks")
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    left.legend(frameon=False, loc="upper left")
+    canvas.suptitle(
+        f"{result.plan.env_id.removeprefix('hybrid_env:')}: {result.world.hypotheses} hypotheses, "
+        f"R = {result.world.measurement_variance} m²; filled: threshold chosen on other episodes"
+    )
+    with whole_file(path) as part:
+        canvas.savefig(part, dpi=120)

@@ -1,0 +1,63 @@
+"""The command `hybridtrack train`: PPO into a run folder."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from agents.training import PPOSettings, TrainingRun
+from agents.training import Progress as TrainingProgress
+from agents.world_arguments import WorldArguments
+from hybrid_env.checks import check_integer, check_positive, reject
+
+
+@dataclass(kw_only=True)
+class Train(WorldArguments):
+    """Train PPO into a run folder: weights, card, metrics and TensorBoard events."""
+
+    out: Path | None = None
+    """Run folder, new or empty; default runs/<environment>-ppo-seed<seed>."""
+    resume: Path | None = None
+    """Go on with this run folder, with its own world and settings; only --steps may be given with it."""
+    seed: int = 0
+    """Of weights, tracks and mini-batches; the same seed gives the same weights."""
+    save_every: float = 10.0
+    """Seconds between checkpoints; a killed run loses no more than that and one rollout."""
+    ppo: tyro.conf.OmitArgPrefixes[PPOSettings] = field(default_factory=PPOSettings)
+    """Hyper-parameters."""
+
+    def run(self) -> None:
+        """Train with a live display and say where the run is."""
+        check_integer("seed", self.seed, minimum=0)
+        check_positive("save-every", self.save_every)
+        if self.resume is not None:
+            training = self._resumed(self.resume)
+        else:
+            name = self.env.rpartition(":")[2]
+            folder = self.out or Path("runs") / f"{name}-ppo-seed{self.seed}"
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                raise reject("out", str(folder), "a new or empty folder, or --resume to go on with a run")
+            training = TrainingRun(self.env, self.world_options(), self.ppo, self.seed, folder)
+        from rich.console import Console
+
+        from agents.progress import progress_display
+
+        console = Console()
+        settings = training.settings
+        with progress_display(console) as display:
+            task = display.add_task("Training PPO", total=settings.steps, note="")
+
+            def show(now: TrainingProgress) -> None:
+                note = f"reward {now.reward:+.3f} a segment, {now.ticks:.1f} ticks"
+                display.update(task, completed=min(now.steps, now.total), note=note)
+
+            training.train(show, self.save_every)
+        console.print(f"Run {training.folder}: {training.model.num_timesteps:,} steps", highlight=False)
+        console.print(f"Next: hybridtrack evaluate {training.folder}", highlight=False)
+
+    def _resumed(self, folder: Path) -> TrainingRun:
+        fresh = Train(resume=self.resume, save_every=self.save_every, ppo=PPOSettings(steps=self.ppo.steps))
+        if self != fresh:
+            raise reject("resume", str(folder), "no other flag than --steps and --save-every beside it")
+        steps = None if self.ppo.steps == PPOSettings().steps else self.ppo.steps
+        return TrainingRun.resume(folder, steps)

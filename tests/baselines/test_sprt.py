@@ -1,0 +1,100 @@
+"""The test itself: thresholds, the rules of several hypotheses, Wald's bounds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from baselines import FixedTimeDecider, SPRTDecider, sprt_test, sprt_thresholds
+from hybrid_env.checks import ArgumentError
+from hybrid_env.observation import LOG_SCALE, TICK_SCALE, Layout
+
+A, B = sprt_thresholds(0.01, 0.02)
+
+
+def test_thresholds_are_walds():
+    assert pytest.approx(math.log(0.98 / 0.01)) == A
+    assert pytest.approx(math.log(0.02 / 0.99)) == B
+
+
+def decide(ratios, reference=0, running=None):
+    running = np.ones(len(ratios), bool) if running is None else running
+    return sprt_test(np.array(ratios, float), running, reference, A, B), running.tolist()
+
+
+def test_the_largest_of_several_ratios_above_the_bound_wins():
+    assert decide([0.0, A + 1.0, A + 2.0, A + 1.5])[0] == 2
+
+
+def test_hypotheses_at_the_lower_bound_are_dropped_and_stay_dropped():
+    winner, running = decide([0.0, B - 0.1, 0.5])
+    assert winner == -1
+    assert running == [True, False, True]
+    winner, _ = decide([0.0, A + 5.0, 0.5], running=np.array(running))
+    assert winner == -1
+
+
+def test_the_reference_is_decided_when_no_other_hypothesis_is_left():
+    assert decide([B - 1.0, B - 2.0, 0.0], reference=2)[0] == 2
+
+
+def test_ratios_are_taken_to_the_reference_and_not_to_the_best():
+    assert decide([5.0, 9.0, 0.0], reference=1)[0] == 1  # both others lie below B of hypothesis 1
+    assert decide([5.0, 5.0 + A - 0.01, 5.0], reference=0)[0] == -1
+
+
+def test_error_rate_and_time_of_two_gaussian_hypotheses_obey_walds_bounds():
+    # N(d, 1) against N(0, 1), d = .5, truth the reference: errors at most alpha / (1 - beta), and mean
+    # time at least ((1 - a) B + a A) / E[step], a the realised error; 4,000 runs, a bound of 4 standard errors
+    generator, shift, runs = np.random.default_rng(1), 0.5, 4000
+    errors, times = 0, []
+    for _ in range(runs):
+        ratio, running, winner, k = np.zeros(2), np.ones(2, bool), -1, 0
+        while winner < 0:
+            ratio[1] += shift * generator.standard_normal() - shift * shift / 2
+            winner = sprt_test(ratio, running, 0, A, B)
+            k += 1
+        errors += winner
+        times.append(k)
+    rate = errors / runs
+    bound = 0.01 / 0.98
+    assert rate <= bound + 4 * math.sqrt(bound / runs)
+    expected = ((1 - rate) * B + rate * A) / (-shift * shift / 2)
+    assert np.mean(times) >= expected - 4 * np.std(times) / math.sqrt(runs)
+    assert np.mean(times) <= 1.25 * expected  # overshoot of one step, of about 4 nats to go
+
+
+def row(ratios, tick, previous):
+    layout = Layout(3)
+    observation = np.zeros((1, layout.width), np.float32)
+    observation[0, layout.slices["log_ratio"]] = LOG_SCALE * (np.array(ratios) - max(ratios))
+    observation[0, layout.slices["previous"]][previous] = 1.0
+    observation[0, layout.slices["ticks"]] = TICK_SCALE * tick
+    return observation
+
+
+def test_the_decider_forgets_dropped_hypotheses_at_a_switch():
+    decider = SPRTDecider(0.01, 0.02)
+    actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
+    assert actions.tolist() == [0]
+    assert state.tolist() == [[True, False, True]]
+    actions, state = decider.predict(row([0.0, 0.0, 0.0], 1, 0), state)
+    assert state.tolist() == [[True, True, True]]
+
+
+def test_fixed_time_declares_the_likeliest_when_it_is_due():
+    decider = FixedTimeDecider(10)
+    assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
+    assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]
+
+
+@pytest.mark.parametrize("arguments", [(0.0,), (1.0,), (-0.1,), (0.5, 0.5), (1e-14,), ("x",), (0.1, None, 3)])
+def test_nonsense_is_refused(arguments):
+    with pytest.raises((ArgumentError, TypeError)):
+        SPRTDecider(*arguments)
+
+
+@pytest.mark.parametrize("ticks", [0, -3, 2.5, True, "soon"])
+def test_fixed_time_refuses_nonsense(ticks):
+    with pytest.raises(ArgumentError, match=r"ticks=.*expected an integer >= 1"):
+        FixedTimeDecider(ticks)

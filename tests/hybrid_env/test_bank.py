@@ -1,0 +1,149 @@
+"""The bank against the literal 4x4 Kalman filters of Golubkov 2018."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hybrid_env import KalmanBank
+from hybrid_env.checks import ArgumentError
+
+
+class LiteralFilter:
+    """One filter of the bank written out in 4x4 matrices: Golubkov 2018, eq. (1), (2), with Sigma = H P H' + R."""
+
+    def __init__(self, state, P, mode, radius, tau, Q, R):
+        xs, vx, ys, vy = state
+        self.x, self.P, self.R = np.array(state), P.copy(), R
+        self.log_likelihood = 0.0
+        if mode == "S":
+            block = np.array([[1.0, tau], [0.0, 1.0]])
+            self.B = np.zeros(4)
+        else:
+            w = math.hypot(vx, vy) / radius
+            c, s = math.cos(w * tau), math.sin(w * tau)
+            block = np.array([[c, s / w], [-w * s, c]])
+            sign = 1.0 if mode == "L" else -1.0
+            self.B = np.array(
+                [
+                    (xs - sign * vy / w) * (1 - c),
+                    (w * xs - sign * vy) * s,
+                    (ys + sign * vx / w) * (1 - c),
+                    (w * ys + sign * vx) * s,
+                ]
+            )
+        self.Phi = np.kron(np.eye(2), block)
+        G = np.array([[0, 0], [1, 0], [0, 0], [0, 1.0]])
+        self.GQG = G @ (Q * np.eye(2)) @ G.T
+        self.H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
+
+    def step(self, z):
+        x = self.Phi @ self.x + self.B
+        P = self.Phi @ self.P @ self.Phi.T + self.GQG
+        self.innovation = z - self.H @ x
+        self.Sigma = self.H @ P @ self.H.T + self.R
+        K = P @ self.H.T @ np.linalg.inv(self.Sigma)
+        self.x = x + K @ self.innovation
+        self.P = P - K @ self.H @ P
+        quadratic = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
+        self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * self.Sigma)))
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_the_bank_equals_literal_filters_on_random_tracks(isotropic):
+    generator = np.random.default_rng(20180 + isotropic)
+    radii = [2.0, 5.0, 9.0]
+    modes = [("S", 0.0)] + [("L", r) for r in radii] + [("R", r) for r in radii]
+    for _ in range(1000 if isotropic else 200):
+        tau = generator.uniform(0.05, 0.2)
+        Q = 10.0 ** generator.uniform(-5, -1)
+        R = 10.0 ** generator.uniform(-2, 0, 1 if isotropic else 2)
+        start = generator.normal(0, [3, 2, 3, 2])
+        covariance = (generator.uniform(0.5, 2), generator.uniform(-0.4, 0.4), generator.uniform(0.5, 2))
+        bank = KalmanBank(radii, tau, Q, R)
+        bank.anchor(start, covariance)
+        P = np.kron(np.eye(2), [[covariance[0], covariance[1]], [covariance[1], covariance[2]]])
+        matrix = np.diag(np.broadcast_to(R, 2))
+        literal = [LiteralFilter(start, P, mode, radius, tau, Q, matrix) for mode, radius in modes]
+        position = start[[0, 2]].copy()
+        for _ in range(20):
+            position += tau * start[[1, 3]] + generator.normal(0, 0.2, 2)
+            z = position + generator.normal(0, np.sqrt(np.broadcast_to(R, 2)))
+            log_likelihood = bank.step(z)
+            for one in literal:
+                one.step(z)
+        tolerance = {"rtol": 1e-12, "atol": 1e-12}
+        np.testing.assert_allclose(log_likelihood, [one.log_likelihood for one in literal], **tolerance)
+        np.testing.assert_allclose(bank.estimates, [one.x for one in literal], **tolerance)
+        np.testing.assert_allclose(bank.innovations, [one.innovation for one in literal], **tolerance)
+        np.testing.assert_allclose(
+            bank.innovation_variances, [np.diag(one.Sigma) for one in literal], **tolerance
+        )
+        blocks = [[(one.P[k, k], one.P[k, k + 1], one.P[k + 1, k + 1]) for k in (0, 2)] for one in literal]
+        np.testing.assert_allclose(bank.covariances, blocks, **tolerance)
+
+
+def test_log_likelihood_is_that_of_the_joint_gaussian_of_all_measurements():
+    # without recursion: z_1 .. z_n of a straight track are jointly normal
+    tau, Q, R, n = 0.1, 0.01, 0.2, 12
+    start = np.array([0.3, 1.0, -0.2, 0.4])
+    F, H = np.array([[1, tau], [0, 1.0]]), np.array([1.0, 0.0])
+    means = np.array([np.linalg.matrix_power(F, k + 1) for k in range(n)])
+    joint = R * np.eye(n)
+    for i in range(n):
+        for j in range(n):
+            joint[i, j] += H @ means[i] @ means[j].T @ H
+            for k in range(min(i, j) + 1):
+                A, B = np.linalg.matrix_power(F, i - k), np.linalg.matrix_power(F, j - k)
+                joint[i, j] += Q * (A[0, 1] * B[0, 1])
+    z = np.random.default_rng(3).normal(0, 1, (n, 2))
+    bank = KalmanBank([5.0], tau, Q, R)
+    bank.anchor(start)
+    for row in z:
+        found = bank.step(row)
+    expected = 0.0
+    for axis in (0, 1):
+        error = z[:, axis] - means[:, 0] @ start[2 * axis : 2 * axis + 2]
+        expected -= 0.5 * (
+            error @ np.linalg.solve(joint, error) + np.linalg.slogdet(joint)[1] + n * math.log(2 * math.pi)
+        )
+    assert found[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_an_estimate_that_stands_still_yields_finite_filters():
+    bank = KalmanBank([1.0, 5.0])
+    bank.anchor([0.0, 0.0, 0.0, 0.0])
+    for _ in range(50):
+        assert np.isfinite(bank.step([0.1, -0.1])).all()
+
+
+def test_a_step_before_the_anchor_is_refused():
+    with pytest.raises(RuntimeError, match="anchor"):
+        KalmanBank().step([0.0, 0.0])
+
+
+BAD = [
+    ({"radii": []}, "radii=[]"),
+    ({"radii": [0.0]}, "radii=[0.0]"),
+    ({"radii": [-1.0]}, "radii=[-1.0]"),
+    ({"radii": [1.0, 1.0]}, "radii=[1.0, 1.0]"),
+    ({"radii": [float("nan")]}, "radii=[nan]"),
+    ({"radii": "five"}, "radii='five'"),
+    ({"tau": 0}, "tau=0"),
+    ({"tau": True}, "tau=True"),
+    ({"process_variance": -1e-9}, "process_variance=-1e-09"),
+    ({"process_variance": float("inf")}, "process_variance=inf"),
+    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
+    ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
+    ({"measurement_variance": (0.1, 0.1, 0.1)}, "measurement_variance has shape (3,)"),
+    ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
+    with pytest.raises(ArgumentError) as caught:
+        KalmanBank(**arguments)
+    assert message in str(caught.value)
+    assert "expected" in str(caught.value)
+    assert "\n" not in str(caught.value)

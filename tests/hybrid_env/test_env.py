@@ -1,0 +1,283 @@
+"""The single environment: reward, fast-forward, observation and info, each against its definition."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from hybrid_env import HybridTrackEnv, KalmanBank, Layout
+from hybrid_env.kernel import TRACE_COLUMNS
+
+
+def play(env, policy, seed):
+    """One episode; policy(tick, segment, info) -> action. Returns rewards, infos and observations."""
+    observation, info = env.reset(seed=seed)
+    rewards, infos, observations = [], [info], [observation]
+    terminated = False
+    while not terminated:
+        observation, reward, terminated, truncated, info = env.step(policy(info))
+        assert truncated is False
+        rewards.append(reward)
+        infos.append(info)
+        observations.append(observation)
+    return rewards, infos, observations
+
+
+@pytest.mark.parametrize("tick", [1, 7, 50])
+def test_a_segment_decided_at_its_kth_tick_earns_one_or_minus_one_less_k_times_the_delay_cost(tick):
+    env = HybridTrackEnv()
+    rewards, infos, _ = play(env, lambda info: 2 if info["tick"] == tick else 0, seed=4)
+    decided = [info for info in infos if "decided_mode" in info]
+    assert len(decided) == 6
+    for info in decided:
+        assert info["ticks"] == tick
+        assert info["decided_mode"] == 1
+        assert info["correct"] == (info["decided_true_mode"] == 1)
+        assert info["forced"] is False
+    earned = sum((1.0 if info["correct"] else -1.0) - tick * 0.02 for info in decided)
+    assert sum(rewards) == pytest.approx(earned)
+    assert len(rewards) == 6 * tick
+
+
+def test_waiting_on_the_last_tick_forces_the_likeliest_hypothesis_in_that_step():
+    env = HybridTrackEnv(scheme="L30r5 S40")
+    rewards, infos, _ = play(env, lambda info: 0, seed=1)
+    assert len(rewards) == 70
+    decided = [(k, info) for k, info in enumerate(infos) if "decided_mode" in info]
+    assert [k for k, _ in decided] == [30, 70]
+    for k, info in decided:
+        assert info["forced"] is True
+        assert info["ticks"] == info["decided_length"]
+        assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
+
+
+def test_undecided_keep_keeps_the_mode_decided_last():
+    env = HybridTrackEnv(scheme="L30r5 S40 R30r5", undecided="keep")
+    _, infos, _ = play(env, lambda info: 2 if (info["segment"], info["tick"]) == (1, 3) else 0, seed=1)
+    assert [info["decided_mode"] for info in infos if "decided_mode" in info] == [0, 1, 1]
+
+
+def test_declaring_at_once_and_never_earn_what_chance_and_the_clock_say():
+    # at once: right in one of three, 1/3 - 2/3 - .02 = -.353; standard error 2 sqrt(2)/3 / sqrt(n) = .019
+    env = HybridTrackEnv()
+    rewards = [sum(play(env, lambda info: 1, seed)[0]) / 6 for seed in range(400)]
+    assert np.mean(rewards) == pytest.approx(-0.353, abs=4 * 0.94 / math.sqrt(2400))
+    # never: about 1 - 75 ticks of .02 = -.50, nearly always right in the end; lengths are uniform on 50 .. 100
+    rewards = [sum(play(env, lambda info: 0, seed)[0]) / 6 for seed in range(100)]
+    assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
+
+
+def test_truth_and_measurements_do_not_depend_on_the_actions():
+    first, second = (HybridTrackEnv(render_mode="rgb_array") for _ in range(2))
+    traces = []
+    for env, policy in ((first, lambda info: 0), (second, lambda info: 3 if info["tick"] == 9 else 0)):
+        env.reset(seed=11)
+        rows, terminated, info = [env.world.traced(0)], False, {"tick": 1}
+        while not terminated:
+            _, _, terminated, _, info = env.step(policy(info))
+            rows.append(env.world.traced(0))
+        traces.append(np.concatenate(rows))
+    np.testing.assert_array_equal(traces[0][:, :6], traces[1][:, :6])
+    assert (traces[0][:, 6:] != traces[1][:, 6:]).any()
+
+
+def test_the_object_moves_on_its_scheme_and_is_measured_with_the_stated_variance():
+    env = HybridTrackEnv(
+        render_mode="rgb_array", scheme="S50 L100r5 R100r5", process_variance=0.0, measurement_variance=(0.1, 0.4),
+        heading=0.5, speed=1.5,
+    )  # fmt: skip
+    env.reset(seed=0)
+    rows, terminated = [env.world.traced(0)], False
+    while not terminated:
+        _, _, terminated, _, _ = env.step(0)
+        rows.append(env.world.traced(0))
+    trace = dict(zip(TRACE_COLUMNS, np.concatenate(rows).T, strict=True))
+    assert len(trace["x"]) == 250
+    np.testing.assert_allclose(trace["x"][49], 50 * 0.1 * 1.5 * math.cos(0.5))
+    np.testing.assert_allclose(np.hypot(trace["vx"], trace["vy"]), 1.5)
+    heading = np.unwrap(np.arctan2(trace["vy"], trace["vx"]))
+    np.testing.assert_allclose(heading[149] - heading[49], 100 * 0.1 * 1.5 / 5)
+    np.testing.assert_allclose(heading[249] - heading[149], -100 * 0.1 * 1.5 / 5)
+    for axis, variance in (("x", 0.1), ("y", 0.4)):
+        errors = trace[f"measured_{axis}"] - trace[axis]
+        # variance of 250 normals: relative standard error sqrt(2 / 250)
+        assert errors.var() == pytest.approx(variance, rel=4 * math.sqrt(2 / 250))
+
+
+def test_process_noise_enters_the_velocities_with_its_variance():
+    env = HybridTrackEnv(scheme="S5000", process_variance=0.04, render_mode="rgb_array")
+    env.reset(seed=3)
+    env.step(1)
+    velocity = env.world.traced(0)[:, [TRACE_COLUMNS.index("vx"), TRACE_COLUMNS.index("vy")]]
+    steps = np.diff(velocity, axis=0)
+    assert steps.var() == pytest.approx(0.04, rel=4 * math.sqrt(2 / steps.size))
+    assert abs(np.corrcoef(steps.T)[0, 1]) < 4 / math.sqrt(len(steps))
+
+
+def test_the_first_estimate_is_off_by_the_initial_error():
+    env = HybridTrackEnv(initial_error=(0.5, 0.03), heading=0.0, measurement_variance=0.2)
+    anchors = np.array([env.reset(seed=seed)[1]["anchor"] for seed in range(2000)])
+    errors = anchors - [0.0, 2.0, 0.0, 0.0]
+    expected = [0.1, 0.03, 0.1, 0.03]
+    np.testing.assert_allclose(errors.var(0), expected, rtol=4 * math.sqrt(2 / 2000))
+    exact = HybridTrackEnv(initial_error=0, heading=0.0)
+    np.testing.assert_array_equal(exact.reset(seed=0)[1]["anchor"], [0.0, 2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0, 9.0)}, {"measurement_variance": (0.1, 0.5)}])
+def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
+    env = HybridTrackEnv(**options)
+    radii = env.options.radii
+    layout = Layout(env.options.hypotheses)
+    R = np.broadcast_to(env.options.variances, 2)
+    observation, info = env.reset(seed=8)
+    bank = KalmanBank(radii, measurement_variance=env.options.measurement_variance)
+    previous = 0
+    for step in range(150):
+        if info["tick"] == 1:
+            anchor = info["anchor"]
+            heading = np.array([anchor[1], anchor[3]]) / np.hypot(anchor[1], anchor[3])
+            bank.anchor(anchor)
+            previous = info.get("decided_mode", 0)
+        log_likelihood = bank.step(info["measurement"])
+        np.testing.assert_allclose(info["log_likelihood"], log_likelihood, rtol=1e-12)
+        np.testing.assert_allclose(info["estimate"], bank.estimates[previous], rtol=1e-12)
+        white = bank.innovations / np.sqrt(bank.innovation_variances)
+        shift = (info["measurement"] - anchor[[0, 2]]) / np.sqrt(np.sqrt(R.prod()))
+        posterior = np.exp(log_likelihood - log_likelihood.max())
+        posterior /= posterior.sum()
+        doubt = np.log(np.delete(posterior, posterior.argmax()).sum())
+        curvature = np.concatenate([[0.0], 1 / np.array(radii), -1 / np.array(radii)])
+        expected = {
+            "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),
+            "innovation_along": white @ heading,
+            "innovation_across": white @ [-heading[1], heading[0]],
+            "log_variance": np.log(bank.innovation_variances / R).mean(1),
+            "previous": np.eye(len(curvature))[previous],
+            "curvature": curvature,
+            "ticks": info["tick"],
+            "log_doubt": max(doubt, -30),
+            "speed": np.hypot(anchor[1], anchor[3]),
+            "displacement_along": shift @ heading,
+            "displacement_across": shift @ [-heading[1], heading[0]],
+            "log_noise": np.log(R).mean(),
+        }
+        for name, value in expected.items():
+            np.testing.assert_allclose(
+                layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name
+            )
+        assert env.observation_space.contains(observation)
+        action = 0
+        if step % 40 == 39:
+            action = 1 + int(log_likelihood.argmax())
+        observation, _, _, _, info = env.step(action)
+
+
+def test_a_declared_filter_runs_alone_to_the_segments_end_and_anchors_the_next():
+    env = HybridTrackEnv(scheme="L40r5 S60", render_mode="rgb_array", initial_error=0, reset_covariance=False)
+    _, info = env.reset(seed=2)
+    bank = KalmanBank()
+    bank.anchor(info["anchor"], (0.0, 0.0, 0.0))
+    bank.step(info["measurement"])
+    for _ in range(9):
+        _, _, _, _, info = env.step(0)
+        bank.step(info["measurement"])
+    observation, _, _, _, info = env.step(2)
+    trace = dict(zip(TRACE_COLUMNS, env.world.traced(0).T, strict=True))
+    assert trace["segment"].tolist() == [0] * 30 + [1]
+    for x, y in zip(trace["measured_x"][:30], trace["measured_y"][:30], strict=True):
+        bank.step([x, y])
+    np.testing.assert_allclose(info["anchor"], bank.estimates[1], rtol=1e-11)
+    kept = bank.covariances[1, 0] / 0.1
+    names = ("anchor_xx", "anchor_xv", "anchor_vv")
+    np.testing.assert_allclose([Layout(3).read(observation, name) for name in names], kept, rtol=1e-6)
+    # without the reset the next segment starts with that covariance
+    bank.anchor(info["anchor"], bank.covariances[1, 0])
+    np.testing.assert_allclose(info["log_likelihood"], bank.step(info["measurement"]), rtol=1e-11)
+    assert (info["segment"], info["tick"]) == (1, 1)
+
+
+def test_squared_error_of_a_segment_is_that_of_its_trace():
+    env = HybridTrackEnv(render_mode="rgb_array")
+    _, info = env.reset(seed=5)
+    rows = [env.world.traced(0)]
+    while "decided_mode" not in info:
+        _, _, _, _, info = env.step(1 if info["tick"] == 20 else 0)
+        rows.append(env.world.traced(0))
+    trace = np.concatenate(rows)[: info["decided_length"]]
+    expected = ((trace[:, [0, 2]] - trace[:, [6, 7]]) ** 2).sum()
+    assert info["decided_squared_error"] == pytest.approx(expected)
+
+
+def test_type_correctness_forgives_a_wrong_radius_and_exactness_does_not():
+    for correctness, right in (("type", True), ("exact", False)):
+        env = HybridTrackEnv(scheme="L50r2", radii=(2.0, 5.0), correctness=correctness)
+        env.reset(seed=0)
+        _, reward, terminated, _, info = env.step(3)
+        assert terminated
+        assert (info["correct"], info["type_correct"]) == (right, True)
+        assert reward == (0.98 if right else -1.02)
+
+
+def test_actions_best_declares_the_likeliest_hypothesis():
+    env = HybridTrackEnv(actions="best")
+    assert env.action_space.n == 2
+    _, info = env.reset(seed=3)
+    for _ in range(15):
+        _, _, _, _, info = env.step(0)
+    likeliest = info["log_likelihood"].argmax()
+    assert env.step(1)[4]["decided_mode"] == likeliest
+
+
+@pytest.mark.parametrize("action", [-1, 4, 0.0, "wait", None, np.array([0, 1]), math.nan])
+def test_an_invalid_action_is_refused_by_name(action):
+    env = HybridTrackEnv()
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match=r"^action=.*expected an integer from 0 \(wait\) to 3$"):
+        env.step(action)
+
+
+def test_a_step_needs_a_running_episode():
+    env = HybridTrackEnv(scheme="S1")
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(0)
+    env.reset(seed=0)
+    assert env.step(0)[2]
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(0)
+
+
+def test_every_call_returns_fresh_arrays_of_plain_types():
+    env = HybridTrackEnv()
+    observation, info = env.reset(seed=0)
+    kept = {key: np.copy(value) for key, value in info.items()}
+    first = observation.copy()
+    _, reward, terminated, truncated, later = env.step(0)
+    env.step(1)
+    np.testing.assert_array_equal(observation, first)
+    for key, value in info.items():
+        np.testing.assert_array_equal(value, kept[key])
+    assert [type(value) for value in (reward, terminated, truncated)] == [float, bool, bool]
+    assert type(later["segment"]) is int
+
+
+def test_the_same_seed_repeats_an_episode_and_no_seed_goes_on():
+    env = HybridTrackEnv()
+    first = env.reset(seed=9)[0]
+    second = env.reset()[0]
+    np.testing.assert_array_equal(first, env.reset(seed=9)[0])
+    np.testing.assert_array_equal(second, env.reset()[0])
+    assert (first != second).any()
+
+
+def test_modes_of_a_random_scheme_are_equally_likely():
+    env = HybridTrackEnv(radii=(2.0, 5.0), scheme="random 2000x1")
+    env.reset(seed=0)
+    modes = []
+    terminated = False
+    while not terminated:
+        _, _, terminated, _, info = env.step(0)
+        modes.append(info["decided_true_mode"])
+    counts = np.bincount(modes, minlength=5)
+    assert np.abs(counts - 400).max() < 4 * math.sqrt(2000 * 0.2 * 0.8)

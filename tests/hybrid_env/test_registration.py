@@ -1,0 +1,58 @@
+"""The ids through other people's checkers, vectorisers and processes."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env as gymnasium_check
+from stable_baselines3.common.env_checker import check_env as sb3_check
+from stable_baselines3.common.vec_env import SubprocVecEnv
+
+import hybrid_env
+
+IDS = tuple(hybrid_env.ENVIRONMENTS)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_gymnasiums_checker_has_nothing_to_say(env_id):
+    gymnasium_check(gym.make(env_id, render_mode="rgb_array").unwrapped)
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_stable_baselines_checker_has_nothing_to_say(env_id):
+    sb3_check(gym.make(env_id))
+
+
+@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("mode", ["sync", "async", "vector_entry_point"])
+def test_every_vectorisation_mode_gives_the_same_episodes(env_id, mode):
+    env = gym.make_vec(f"hybrid_env:{env_id}", num_envs=2, vectorization_mode=mode)
+    expected = gym.make_vec(env_id, num_envs=2)
+    try:
+        np.testing.assert_array_equal(env.reset(seed=3)[0], expected.reset(seed=3)[0])
+        for _ in range(5):
+            np.testing.assert_array_equal(env.step(np.zeros(2, int))[0], expected.step(np.zeros(2, int))[0])
+    finally:
+        env.close()
+
+
+def make_by_module():
+    return gym.make("hybrid_env:HybridTrack-v0")
+
+
+def test_forkserver_processes_make_the_environment_by_its_module():
+    env = SubprocVecEnv([make_by_module, make_by_module], start_method="forkserver")
+    try:
+        env.seed(6)
+        rows = env.reset()
+        assert rows.shape == (2, 28)
+        np.testing.assert_array_equal(rows[1], gym.make("HybridTrack-v0").reset(seed=7)[0])
+        assert env.step(np.array([0, 1]))[0].shape == (2, 28)
+    finally:
+        env.close()
+
+
+def test_keywords_of_make_override_those_of_the_id():
+    env = gym.make("HybridTrackBank-v0", correctness="exact", delay_cost=0.5).unwrapped
+    assert env.options.correctness == "exact"
+    assert env.options.delay_cost == 0.5
+    assert env.options.hypotheses == 21

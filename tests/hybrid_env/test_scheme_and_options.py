@@ -1,0 +1,149 @@
+"""Schemes as people write them, and every option's bad values."""
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import hybrid_env
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackEnv,
+    HybridTrackVectorEnv,
+    Layout,
+    RandomScheme,
+    Segment,
+    WorldOptions,
+    parse_scheme,
+)
+from hybrid_env.checks import ArgumentError
+from hybrid_env.scheme import SCHEMES, segment_table
+
+
+def test_a_scheme_is_read_word_by_word():
+    scheme = parse_scheme("L50r3 R75r5.5 S50")
+    assert scheme == FixedScheme((Segment("L", 50, 3.0), Segment("R", 75, 5.5), Segment("S", 50)))
+    assert str(scheme) == "L50r3 R75r5.5 S50"
+    assert parse_scheme("S1, L2r.5") == FixedScheme((Segment("S", 1), Segment("L", 2, 0.5)))
+
+
+def test_random_schemes_are_read():
+    assert parse_scheme("random") == RandomScheme()
+    assert parse_scheme("random 4x20-60") == RandomScheme(4, (20, 60))
+    assert parse_scheme("random 2x30") == RandomScheme(2, (30, 30))
+
+
+@pytest.mark.parametrize(
+    ("name", "pieces", "ticks"),
+    [("golubkov2018", 6, 360), ("tsyganov2019", 9, 2506), ("golubkov2020", 2, 40)],
+)
+def test_the_papers_schemes_have_their_published_lengths(name, pieces, ticks):
+    scheme = parse_scheme(name)
+    assert len(scheme.pieces) == pieces
+    assert sum(piece.length for piece in scheme.pieces) == ticks
+    assert set(SCHEMES) == {"golubkov2018", "tsyganov2019", "golubkov2020"}
+
+
+def test_modes_are_straight_then_left_then_right_and_unknown_radii_take_the_nearest_curvature():
+    table = segment_table(parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100"), [1.0, 3.0, 10.0])
+    assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
+    assert segment_table(RandomScheme(), [1.0, 3.0])[:, 1].tolist() == [0, 1, 2, 3, 4]
+
+
+BAD_SCHEMES = [
+    "", "   ", "X50", "S", "S0", "S50r3", "L50", "L50r0", "L50r-1", "Lr5", "S50 L50", "L50rx", "S5.5", "random 0x5",
+    "random 3x9-5", "random x", "S99999999", "nonsense", None, 5, [], ("S50",), b"S50",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", BAD_SCHEMES)
+def test_bad_schemes_are_refused_in_one_line(scheme):
+    with pytest.raises(ArgumentError) as caught:
+        WorldOptions(scheme=scheme)
+    message = str(caught.value)
+    assert "expected" in message
+    assert "\n" not in message
+    assert repr(scheme) in message or "lengths" in message or "segments" in message
+
+
+NAN = float("nan")
+BAD_OPTIONS = [
+    ("radii", ()), ("radii", (0.0,)), ("radii", (-5.0,)), ("radii", (NAN,)), ("radii", (5.0, 5.0)), ("radii", "x"),
+    ("radii", ((5.0,),)), ("radii", None), ("radii", (math.inf,)),
+    ("speed", 0.0), ("speed", -1.0), ("speed", NAN), ("speed", "fast"), ("speed", None), ("speed", True),
+    ("heading", NAN), ("heading", math.inf), ("heading", "north"),
+    ("tau", 0.0), ("tau", -0.1), ("tau", NAN), ("tau", [0.1]),
+    ("process_variance", -1e-9), ("process_variance", NAN), ("process_variance", "small"),
+    ("measurement_variance", 0.0), ("measurement_variance", -0.1), ("measurement_variance", NAN),
+    ("measurement_variance", (0.1, 0.0)), ("measurement_variance", "loud"), ("measurement_variance", (1.0, 1.0, 1.0)),
+    ("measurement_variance", None), ("measurement_variance", ()),
+    ("initial_error", 0.5), ("initial_error", (0.3,)), ("initial_error", (-0.3, 0.0)), ("initial_error", (NAN, 0.0)),
+    ("initial_error", "none"), ("initial_error", None), ("initial_error", False),
+    ("reset_covariance", 1), ("reset_covariance", "yes"),
+    ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
+    ("correctness", "approximate"), ("correctness", None),
+    ("actions", "some"), ("actions", 2),
+    ("undecided", "forget"), ("undecided", None),
+    ("render_mode", "ascii"), ("render_mode", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), BAD_OPTIONS)
+def test_bad_options_are_refused_in_one_line_that_names_argument_value_and_what_is_allowed(name, value):
+    with pytest.raises(ArgumentError) as caught:
+        HybridTrackEnv(**{name: value})
+    message = str(caught.value)
+    assert message.startswith(f"{name}")
+    assert "expected" in message
+    assert "\n" not in message
+
+
+def test_every_option_has_a_bad_value_in_the_list():
+    from dataclasses import fields
+
+    listed = {name for name, _ in BAD_OPTIONS} | {"scheme"}
+    assert {field.name for field in fields(WorldOptions)} <= listed
+
+
+def test_an_unknown_option_is_answered_with_the_one_that_was_meant():
+    with pytest.raises(
+        TypeError, match=r"mesurement_variance=0.1 is unknown: did you mean 'measurement_variance'"
+    ):
+        HybridTrackVectorEnv(2, mesurement_variance=0.1)
+
+
+def test_exact_correctness_needs_the_schemes_radii_in_the_bank():
+    with pytest.raises(ArgumentError, match=r"radii=\(5.0,\).*3.0"):
+        WorldOptions(scheme="L50r3")
+    assert WorldOptions(scheme="L50r3", correctness="type").hypotheses == 3
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"num_envs": 0}, {"num_envs": 2.0}, {"autoreset_mode": "soon"}, {"trace_rows": -1}]
+)
+def test_the_vector_environment_refuses_nonsense(arguments):
+    with pytest.raises(ArgumentError, match=next(iter(arguments))):
+        HybridTrackVectorEnv(**({"num_envs": 1} | arguments))
+
+
+@pytest.mark.parametrize("hypotheses", [0, 1, 2, 4])
+def test_a_layout_needs_an_odd_number_of_hypotheses(hypotheses):
+    with pytest.raises(ArgumentError, match="hypotheses="):
+        Layout(hypotheses)
+
+
+def test_a_layout_is_found_from_its_width_and_refuses_others():
+    assert Layout.of_width(136).hypotheses == 21
+    for width in (0, 10, 16, 29):
+        with pytest.raises(ArgumentError, match="width="):
+            Layout.of_width(width)
+    with pytest.raises(ArgumentError, match="log_odds"):
+        Layout(3).read(np.zeros(28), "log_odds")
+
+
+def test_ids_are_registered_once_and_again_without_complaint():
+    import importlib
+
+    importlib.reload(hybrid_env)
+    assert {"HybridTrack-v0", "HybridTrackBank-v0"} <= set(gym.registry)

@@ -1,0 +1,138 @@
+"""The vector environment against single ones, in each autoreset mode."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
+
+IDS = ("HybridTrack-v0", "HybridTrackBank-v0")
+
+
+def random_actions(generator, shape, count):
+    """Mostly waiting, so that episodes are long and decisions varied."""
+    return np.where(generator.random(shape) < 0.93, 0, generator.integers(0, count, shape))
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_vector_track_equals_single_env_bit_for_bit_through_autoresets(env_id):
+    tracks, steps, seed = 5, 2000, 42
+    vector = gym.make_vec(env_id, tracks)
+    singles = [gym.make(env_id).unwrapped for _ in range(tracks)]
+    rows, vector_info = vector.reset(seed=seed)
+    restart = []
+    for i, single in enumerate(singles):
+        row, info = single.reset(seed=seed + i)
+        assert row.tobytes() == rows[i].tobytes()
+        restart.append(False)
+    generator = np.random.default_rng(0)
+    episodes = 0
+    for _ in range(steps):
+        actions = random_actions(generator, tracks, vector.single_action_space.n)
+        rows, rewards, terminated, truncated, vector_info = vector.step(actions)
+        assert not truncated.any()
+        for i, single in enumerate(singles):
+            if restart[i]:
+                row, info = single.reset()
+                reward, done = 0.0, False
+                episodes += 1
+            else:
+                row, reward, done, _, info = single.step(actions[i])
+            restart[i] = done
+            assert row.tobytes() == rows[i].tobytes()
+            assert (reward, done) == (rewards[i], terminated[i])
+            for key, value in info.items():
+                assert vector_info[f"_{key}"][i]
+                assert (
+                    np.asarray(value).tobytes()
+                    == np.asarray(vector_info[key][i]).astype(np.asarray(value).dtype).tobytes()
+                )
+            present = {key for key in vector_info if not key.startswith("_") and vector_info[f"_{key}"][i]}
+            assert present == set(info)
+    assert episodes >= 4 * tracks
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_vector_env_equals_gymnasiums_own_vectorisation_of_the_single_one(mode):
+    options = {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}
+    ours = HybridTrackVectorEnv(3, autoreset_mode=mode, **options)
+    theirs = SyncVectorEnv([lambda: HybridTrackEnv(**options)] * 3, autoreset_mode=mode)
+    first, expected = ours.reset(seed=7), theirs.reset(seed=7)
+    np.testing.assert_array_equal(first[0], expected[0])
+    generator = np.random.default_rng(1)
+    resets = 0
+    for _ in range(200):
+        actions = random_actions(generator, 3, 6)
+        mine, other = ours.step(actions), theirs.step(actions)
+        for k in range(4):
+            np.testing.assert_array_equal(mine[k], other[k])
+        resets += mine[2].sum()
+        compare_infos(mine[4], other[4])
+    assert resets > 20
+
+
+def compare_infos(mine, other):
+    assert set(mine) == set(other)
+    for key, value in other.items():
+        if key == "final_info":
+            compare_infos(mine[key], value)
+        elif key == "final_obs":
+            for row, expected in zip(mine[key], value, strict=True):
+                assert (row is None) == (expected is None)
+                if row is not None:
+                    np.testing.assert_array_equal(row, expected)
+        else:
+            mask = other["_" + key] if not key.startswith("_") else slice(None)
+            np.testing.assert_array_equal(np.asarray(mine[key])[mask], np.asarray(value)[mask], err_msg=key)
+
+
+def test_disabled_autoreset_resets_the_masked_tracks_only():
+    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", scheme="S4 S4")
+    env.reset(seed=0)
+    for _ in range(7):
+        env.step(np.zeros(3, int))
+    _, _, terminated, _, _ = env.step(np.array([0, 0, 0]))
+    assert terminated.all()
+    with pytest.raises(gym.error.ResetNeeded, match="reset_mask"):
+        env.step(np.zeros(3, int))
+    mask = np.array([True, False, True])
+    _, info = env.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(info["_tick"], mask)
+    assert info["tick"].tolist() == [1, 0, 1]
+    for bad in (np.array([True]), np.array([1, 0, 1]), np.zeros(3, bool)):
+        with pytest.raises(ValueError, match="reset_mask"):
+            env.reset(options={"reset_mask": bad})
+
+
+def test_returned_arrays_are_fresh():
+    env = HybridTrackVectorEnv(4)
+    rows, info = env.reset(seed=0)
+    kept = rows.copy(), {key: value.copy() for key, value in info.items()}
+    _, rewards, terminated, _, _ = env.step(np.ones(4, int))
+    earned = rewards.copy()
+    env.step(np.zeros(4, int))
+    np.testing.assert_array_equal(rows, kept[0])
+    np.testing.assert_array_equal(rewards, earned)
+    for key, value in info.items():
+        np.testing.assert_array_equal(value, kept[1][key])
+
+
+@pytest.mark.parametrize(
+    "actions", [np.zeros(2, int), np.zeros(3), np.array([0, 4, 0]), np.array([0, -1, 0]), 0, [0, 0, "0"]]
+)
+def test_invalid_actions_are_refused(actions):
+    env = HybridTrackVectorEnv(3)
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match="expected"):
+        env.step(actions)
+
+
+def test_a_step_needs_a_reset_and_seeds_must_match_the_tracks():
+    env = HybridTrackVectorEnv(2)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros(2, int))
+    with pytest.raises(ValueError, match="seed"):
+        env.reset(seed=[1, 2, 3])
+    rows, _ = env.reset(seed=[5, 5])
+    np.testing.assert_array_equal(rows[0], rows[1])
