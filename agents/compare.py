@@ -47,6 +47,7 @@ class Compare(WorldArguments):
             self.steps,
             self.training_seeds,
         )
+        plan.families()  # refuses what cannot be compared, before anything is made
         folder = output_folder("out", self.out)
         console = Console()
         with progress_display(console) as progress:

@@ -4,10 +4,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from rich import box
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.deciders import DeciderFamily, check_width, decider_family, policy_family
+from agents.deciders import DeciderFamily, check_family, decider_family, policy_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
     ACCURACY,
@@ -25,7 +26,7 @@ from agents.training import Progress as TrainingProgress
 from hybrid_env.options import WorldOptions
 
 SELECTION_SEED = 1_000_000_000  # thresholds are chosen on episodes from this seed on, others are reported
-SELECTION_EPISODES = 500
+SELECTION_EPISODES = 1000
 TRAINING_SEED = 2_000_000_000
 LEVELS = (0.95, 0.98)
 
@@ -48,6 +49,23 @@ class Plan:
     seed: int
     steps: int
     training_seeds: int
+
+    def world(self) -> WorldOptions:
+        """The options of the world, the id's own included."""
+        return make_vector_env(self.env_id, 1, **self.options).options
+
+    def families(self) -> list[DeciderFamily | None]:
+        """The families of the deciders, None where one is to be trained.
+
+        Raises:
+            ArgumentError: an unknown decider or option, or a policy for another bank.
+        """
+        world = self.world()
+        families = [None if name == "ppo" else decider_family(name) for name in self.deciders]
+        for name, family in zip(self.deciders, families, strict=True):
+            if family is not None:
+                check_family(family, name, world)
+        return families
 
 
 @dataclass(frozen=True)
@@ -93,22 +111,24 @@ class Comparison:
         table = Table(
             title=f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all",
             caption=(
-                "each decider at its best threshold, chosen on other episodes; in grey the 95 % interval\n"
-                f"error at {self.equal_time:.1f} ticks, {first.name}'s own mean time at its default threshold"
+                "Best-reward thresholds from other episodes; ± half of the 95 % interval.\n"
+                f"{self.equal_time:.1f} ticks: {first.name} at its default threshold."
             ),
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
         )
         heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
         heads += [f"error at\n{self.equal_time:.1f} t, %"]
         heads += [f"ticks at\n{level:.0%}" for level in LEVELS]
         for head in heads:
-            table.add_column(head, justify="left" if head == "decider" else "right")
+            table.add_column(head, justify="left" if head == "decider" else "right", no_wrap=True)
         for entry in self.entries:
             family = entry.curve.family
             table.add_row(
                 f"{entry.name}\n[bright_black]{family.symbol} {family.thresholds[entry.chosen]:g}[/]",
                 _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
                 _cell(entry.rmse, 1, 3), _cell(entry.equal_time_error, 100, 2),
-                *(_cell(entry.time_at[level], 1, 1) for level in LEVELS), end_section=True,
+                *(_cell(entry.time_at[level], 1, 1) for level in LEVELS),
             )  # fmt: skip
         return table
 
@@ -176,8 +196,7 @@ def _cell(figure: Figure, scale: float, digits: int) -> str:
     value = f"{scale * figure.value:.{digits}f}"
     if not np.isfinite(figure.high):
         return f"{value}\n[bright_black]> {scale * figure.low:.{digits}f}[/]"
-    low, high = scale * figure.low, scale * figure.high
-    return f"{value}\n[bright_black]{low:.{digits}f}-{high:.{digits}f}[/]"
+    return f"{value}\n[bright_black]±{scale * (figure.high - figure.low) / 2:.{digits}f}[/]"
 
 
 def _signed(figure: Figure, digits: int) -> str:
@@ -185,18 +204,13 @@ def _signed(figure: Figure, digits: int) -> str:
 
 
 def compare(plan: Plan, progress: Progress) -> Comparison:
-    """Carry out a plan, showing how it goes on.
-
-    Raises:
-        ValueError: an unknown decider or option, or a policy for another bank.
-    """
-    families = _classical_and_saved(plan)
-    world = make_vector_env(plan.env_id, 1, **plan.options).options
-    trained = [index for index, name in enumerate(plan.deciders) if name == "ppo"]
-    for index in trained:
-        families[index : index + 1] = [
-            _train(plan, number, progress) for number in range(plan.training_seeds)
-        ]
+    """Carry out a plan, showing how it goes on."""
+    families: list[DeciderFamily] = []
+    for family in plan.families():
+        if family is None:
+            families += [_train(plan, number, progress) for number in range(plan.training_seeds)]
+        else:
+            families.append(family)
     total = sum(2 * len(family.thresholds) for family in families)
     task = progress.add_task("Evaluating", total=total, note="")
     curves, chosen = [], []
@@ -215,18 +229,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     for curve, index in zip(curves, chosen, strict=True):
         entries.append(_entry(curve, index, equal_time))
         progress.advance(task)
-    return Comparison(plan, world, equal_time, tuple(entries))
-
-
-def _classical_and_saved(plan: Plan) -> list[DeciderFamily]:
-    """The families that need no training, with a place kept for 'ppo'; all names are checked first."""
-    world = make_vector_env(plan.env_id, 1, **plan.options).options
-    families = []
-    for name in plan.deciders:
-        family = decider_family("ate" if name == "ppo" else name)
-        check_width(family.make(family.default), name, world)
-        families.append(family)
-    return families
+    return Comparison(plan, plan.world(), equal_time, tuple(entries))
 
 
 def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
@@ -235,8 +238,7 @@ def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
     task = progress.add_task(f"Training {name}", total=plan.steps, note="")
 
     def show(now: TrainingProgress) -> None:
-        note = f"reward {now.reward:+.3f} a segment, {now.ticks:.1f} ticks"
-        progress.update(task, completed=min(now.steps, now.total), note=note)
+        progress.update(task, completed=min(now.steps, now.total), note=now.note)
 
     run = TrainingRun(plan.env_id, plan.options, settings, TRAINING_SEED + 100_000 * number)
     return policy_family(name, run.train(show))

@@ -22,6 +22,7 @@ class DeciderFamily:
         thresholds: swept over, in the order of growing decision time.
         default: threshold of the decider when nothing is said.
         make: decider at a threshold.
+        hypotheses: M of the only bank that it can read; None reads any.
     """
 
     name: str
@@ -29,6 +30,7 @@ class DeciderFamily:
     thresholds: tuple[float, ...]
     default: float
     make: Callable[[float], Decider]
+    hypotheses: int | None = None
 
 
 ATE = DeciderFamily(
@@ -58,7 +60,7 @@ def policy_family(name: str, folder_or_decider: "Path | Decider") -> DeciderFami
     else:
         assert isinstance(folder_or_decider, PolicyDecider)
         decider = folder_or_decider
-    return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold)
+    return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
 def decider_family(name: str) -> DeciderFamily:
@@ -92,18 +94,13 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         raise reject("decider", name, f"a finite {family.symbol} after the colon")
     if options.actions != "all":
         raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")
-    decider = family.make(family.default if threshold is None else threshold)
-    check_width(decider, name, options)
-    return decider
+    check_family(family, name, options)
+    return family.make(family.default if threshold is None else threshold)
 
 
-def check_width(decider: Decider, name: str, options: WorldOptions) -> None:
+def check_family(family: DeciderFamily, name: str, options: WorldOptions) -> None:
     """Refuse a policy that was trained for another number of hypotheses."""
-    from agents.policy import PolicyDecider
-    from hybrid_env.observation import Layout
-
-    if isinstance(decider, PolicyDecider):
-        shape = decider.policy.observation_space.shape
-        trained = Layout.of_width(shape[0]).hypotheses if shape else 0
-        if trained != options.hypotheses:
-            raise reject("decider", name, f"a policy for {options.hypotheses} hypotheses; it has {trained}")
+    if family.hypotheses not in (None, options.hypotheses):
+        raise reject(
+            "decider", name, f"a policy for {options.hypotheses} hypotheses; it has {family.hypotheses}"
+        )

@@ -15,7 +15,7 @@ class Evaluate(WorldArguments):
     """Measure one decider: accuracy, decision time, reward and tracking error, and what it confuses."""
 
     decider: tyro.conf.Positional[str] = "ate"
-    """'ate', 'fixed', or a run folder, each with an optional threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    """'ate', 'fixed' or a run folder, also with a threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
     episodes: int = 1000
     """Episodes to measure on."""
     seed: int = 0
@@ -55,8 +55,9 @@ class Evaluate(WorldArguments):
         for head in ("figure", "mean", "95 % interval"):
             table.add_column(head, justify="left" if head == "figure" else "right")
         names = {
-            "accuracy": "right decisions", "type_accuracy": "right type (S, L or R)", "ticks": "decision time, ticks",
-            "reward": "reward a segment", "forced": "undecided at the end", "rmse": "position RMSE, m",
+            "accuracy": "right decisions", "type_accuracy": "right type (S, L or R)",
+            "ticks": "decision time, ticks", "reward": "reward a segment", "forced": "undecided at the end",
+            "rmse": "position RMSE, m",
         }  # fmt: skip
         for key, name in names.items():
             low, high = summary[key]["interval"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from baselines.decider import Decider
+from hybrid_env.checks import reject
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
@@ -104,10 +105,21 @@ def interval(
 
 def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVectorEnv:
     """The vector environment of a registered id, with the id's own options and those given."""
+    check_env_id(env_id)
     env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
-    if not isinstance(env, HybridTrackVectorEnv):
-        raise ValueError(f"env={env_id!r} is not allowed: expected the id of a HybridTrack environment")
+    assert isinstance(env, HybridTrackVectorEnv)
     return env
+
+
+def check_env_id(env_id: str) -> None:
+    """Refuse ids that are not registered for this package's environments."""
+    ours = [
+        name
+        for name, spec in gym.registry.items()
+        if isinstance(spec.vector_entry_point, str) and spec.vector_entry_point.startswith("hybrid_env.")
+    ]
+    if env_id.removeprefix("hybrid_env:") not in ours:
+        raise reject("env", env_id, "one of " + ", ".join(ours))
 
 
 def evaluate(

@@ -48,6 +48,13 @@ class PolicyDecider:
         """The same policy at another threshold."""
         return PolicyDecider(self.policy, threshold)
 
+    @property
+    def hypotheses(self) -> int:
+        """M of the bank that it was trained on."""
+        shape = self.policy.observation_space.shape
+        assert shape is not None
+        return Layout.of_width(shape[0]).hypotheses
+
     @torch.no_grad()
     def logits(self, observation: Observations) -> NDArray[np.float64]:
         """(N, actions) log-probabilities up to a constant."""
@@ -64,10 +71,7 @@ class PolicyDecider:
         """See `baselines.Decider.predict`; there is no state. Sampling ignores the threshold."""
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
-            raise ValueError(
-                f"observation has width {observation.shape[-1]}: the policy was trained on width "
-                f"{expected[0] if expected else None}, a bank of another size"
-            )
+            raise reject("observation shape", observation.shape, f"(N, *{expected}), of the bank trained on")
         logits = self.logits(observation)
         declare = logits[:, 1:].argmax(1)
         odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]

@@ -7,8 +7,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 def progress_display(console: Console) -> Progress:
     """A live display; tasks are added with a `note` field that says how things stand."""
     return Progress(
-        TextColumn("{task.description:<20}"),
-        BarColumn(bar_width=24),
+        TextColumn("{task.description:<12}"),
+        BarColumn(bar_width=16),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),

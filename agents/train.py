@@ -48,8 +48,7 @@ class Train(WorldArguments):
             task = display.add_task("Training PPO", total=settings.steps, note="")
 
             def show(now: TrainingProgress) -> None:
-                note = f"reward {now.reward:+.3f} a segment, {now.ticks:.1f} ticks"
-                display.update(task, completed=min(now.steps, now.total), note=note)
+                display.update(task, completed=min(now.steps, now.total), note=now.note)
 
             training.train(show, self.save_every)
         console.print(f"Run {training.folder}: {training.model.num_timesteps:,} steps", highlight=False)

@@ -5,6 +5,7 @@ a killed run never mixes two of them), policy.safetensors with its card, metrics
 """
 
 import json
+import math
 import os
 import platform
 import time
@@ -33,15 +34,15 @@ METRICS = "metrics.jsonl"
 
 @dataclass(kw_only=True)
 class PPOSettings:
-    """Hyper-parameters of PPO; gamma is 1, because segments are fast-forwarded and haste is priced already."""
+    """Hyper-parameters of PPO; gamma is 1, because haste is priced by the delay cost already."""
 
     steps: int = 1_500_000
     """Environment steps, summed over tracks; about half a minute."""
-    num_envs: int = 128
+    num_envs: int = 64
     """Tracks trained on at once."""
     rollout: int = 128
     """Steps of each track between updates."""
-    batch: int = 4096
+    batch: int = 2048
     """Samples of a gradient step."""
     epochs: int = 4
     """Passes over each rollout."""
@@ -80,8 +81,8 @@ class Progress:
     Attributes:
         steps, total: environment steps, done and wanted.
         seconds: since the start or the resumption.
-        reward: mean of a segment in the last 100 episodes.
-        ticks: mean decision time of a segment in the last 100 episodes.
+        reward: mean of a segment in the last 100 episodes; NaN before the first has ended.
+        ticks: mean decision time of a segment in the last 100 episodes, likewise.
     """
 
     steps: int
@@ -89,6 +90,11 @@ class Progress:
     seconds: float
     reward: float
     ticks: float
+
+    @property
+    def note(self) -> str:
+        """For a progress display."""
+        return "" if math.isnan(self.reward) else f"reward {self.reward:+.3f}, {self.ticks:.1f} ticks"
 
 
 class _MetricsFile(KVWriter):
@@ -127,13 +133,13 @@ class _Watch(BaseCallback):
             self.saved = time.monotonic()
 
     def _on_rollout_end(self) -> None:
+        reward = ticks = math.nan
         episodes = self.model.ep_info_buffer
-        if not episodes:
-            return
-        reward = float(np.mean([episode["r"] for episode in episodes])) / self.run.segments
-        ticks = float(np.mean([episode["l"] for episode in episodes])) / self.run.segments
-        self.logger.record("segment/reward", reward)
-        self.logger.record("segment/ticks", ticks)
+        if episodes:
+            reward = float(np.mean([episode["r"] for episode in episodes])) / self.run.segments
+            ticks = float(np.mean([episode["l"] for episode in episodes])) / self.run.segments
+            self.logger.record("segment/reward", reward)
+            self.logger.record("segment/ticks", ticks)
         if self.on_progress is not None:
             seconds = time.monotonic() - self.started
             self.on_progress(
@@ -174,7 +180,7 @@ class TrainingRun:
             policy_kwargs={"net_arch": list(settings.hidden)},
         )  # fmt: skip
         with torch.no_grad():
-            self.model.policy.action_net.bias[0] = settings.wait_bias
+            self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             self._write_config()
@@ -209,10 +215,15 @@ class TrainingRun:
         if self.folder is not None:
             writers = [_MetricsFile(self.folder / METRICS), TensorBoardOutputFormat(str(self.folder))]
         self.model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
+        # torch's stream is global: set it here, not only where the weights were drawn. A resumed run goes on
+        # with other streams than those used up, the same at every resumption.
+        self.model.set_random_seed(self.seed + self.model.num_timesteps)
         left = self.settings.steps - self.model.num_timesteps
-        if left > 0:
-            self.model.learn(left, _Watch(self, on_progress, save_every), reset_num_timesteps=False)
-        self.model.logger.close()
+        try:
+            if left > 0:
+                self.model.learn(left, _Watch(self, on_progress, save_every), reset_num_timesteps=False)
+        finally:
+            self.model.logger.close()
         if self.folder is not None:
             self.save()
         return self.decider
@@ -267,8 +278,6 @@ class TrainingRun:
                 "resume", str(self.folder), f"a run folder with a whole {CHECKPOINT} ({reason})"
             ) from None
         self.model.num_timesteps = steps
-        # the streams of the first part are used up: go on with others, the same at every resumption
-        self.model.set_random_seed(self.seed + steps)
 
     def _write_config(self) -> None:
         assert self.folder is not None

@@ -12,7 +12,7 @@ class WorldArguments:
     env: str = "hybrid_env:HybridTrack-v0"
     """Registered id of the environment."""
     scheme: str | None = None
-    """Segments: 'random', 'random 6x50-100', 'L50r3 R75r5 S50', or golubkov2018, tsyganov2019, golubkov2020."""
+    """'random', 'random 6x50-100', 'L50r3 R75r5 S50', or golubkov2018, tsyganov2019, golubkov2020."""
     radii: tuple[float, ...] | None = None
     """Turn radii of the bank [m]."""
     speed: float | None = None

@@ -27,7 +27,9 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
         beta: error of the second kind, in (0, 1), alpha + beta < 1; None takes alpha.
     """
     alpha = check_between("alpha", alpha, 0.0, 1.0)
-    beta = alpha if beta is None else check_between("beta", beta, 0.0, 1.0)
+    if beta is None:
+        beta = check_between("alpha", alpha, 0.0, 0.5)
+    beta = check_between("beta", beta, 0.0, 1.0)
     if alpha + beta >= 1.0:
         raise reject("alpha + beta", alpha + beta, "a sum below 1")
     return math.log((1.0 - beta) / alpha), math.log(beta / (1.0 - alpha))

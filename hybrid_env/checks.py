@@ -16,8 +16,8 @@ class ArgumentError(ValueError):
 def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """The error for a value that is not allowed, to be raised by the caller."""
     shown = repr(value.item() if isinstance(value, np.generic) else value)
-    if len(shown) > 80:
-        shown = shown[:77] + "..."
+    if len(shown) > 120:
+        shown = f"{shown[:58]}...{shown[-58:]}"
     return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
 
 

@@ -80,7 +80,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             seeds = seed
             if len(seeds) != self.num_envs:
                 raise reject("seed", seed, f"an integer or {self.num_envs} of them")
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None or not self.world.seeded[i]:
                 self.world.seed(i, seeding.np_random(seeds[i])[0])
         self.world.reset(mask)

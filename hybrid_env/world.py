@@ -46,12 +46,16 @@ class World:
         self.trace = np.zeros((tracks, trace_rows, len(kernel.TRACE_COLUMNS)))
         self.observations = np.zeros((tracks, self.layout.width), np.float32)
         self.rewards = np.zeros(tracks)
-        self.log_likelihood = self.filters[:, bank.LOG_LIKELIHOOD]
         self.seeded = np.zeros(tracks, np.bool_)
         self._arrays = (
             self.tracks, self.filters, motion, gains, options.parameters(), radii, variances,
             options.table, self.trace, self.observations,
         )  # fmt: skip
+
+    @property
+    def log_likelihood(self) -> NDArray[np.float64]:
+        """(N, M) cumulative since the switch, a view."""
+        return self.filters[:, bank.LOG_LIKELIHOOD]
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
         """Start the random stream of one track from a generator."""
@@ -72,7 +76,7 @@ class World:
 
     def observation_space(self) -> spaces.Box:
         """The space of one row; finite bounds wherever the quantity has one."""
-        unbounded = np.finfo(np.float32).max
+        unbounded = float(np.finfo(np.float32).max)
         low = np.full(self.layout.width, -unbounded, np.float32)
         high = np.full(self.layout.width, unbounded, np.float32)
         bounds: dict[str, tuple[float, float]] = {

@@ -1,4 +1,4 @@
-"""ATE on recordings against ATE in the environment, and against the figures of an independent implementation."""
+"""ATE on recordings against ATE in the environment, and against independent figures."""
 
 import numpy as np
 import pytest

@@ -45,7 +45,7 @@ def test_ratios_are_taken_to_the_reference_and_not_to_the_best():
 
 def test_error_rate_and_time_of_two_gaussian_hypotheses_obey_walds_bounds():
     # N(d, 1) against N(0, 1), d = .5, truth the reference: errors at most alpha / (1 - beta), and mean
-    # time at least ((1 - a) B + a A) / E[step], a the realised error; 4,000 runs, a bound of 4 standard errors
+    # time at least ((1 - a) B + a A) / E[step], a the realised error; bounds of 4 standard errors
     generator, shift, runs = np.random.default_rng(1), 0.5, 4000
     errors, times = 0, []
     for _ in range(runs):

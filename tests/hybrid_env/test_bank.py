@@ -10,7 +10,7 @@ from hybrid_env.checks import ArgumentError
 
 
 class LiteralFilter:
-    """One filter of the bank written out in 4x4 matrices: Golubkov 2018, eq. (1), (2), with Sigma = H P H' + R."""
+    """One filter in 4x4 matrices: Golubkov 2018, eq. (1), (2), with Sigma = H P H' + R."""
 
     def __init__(self, state, P, mode, radius, tau, Q, R):
         xs, vx, ys, vy = state

@@ -1,6 +1,8 @@
 """The single environment: reward, fast-forward, observation and info, each against its definition."""
 
+import copy
 import math
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -63,7 +65,7 @@ def test_declaring_at_once_and_never_earn_what_chance_and_the_clock_say():
     env = HybridTrackEnv()
     rewards = [sum(play(env, lambda info: 1, seed)[0]) / 6 for seed in range(400)]
     assert np.mean(rewards) == pytest.approx(-0.353, abs=4 * 0.94 / math.sqrt(2400))
-    # never: about 1 - 75 ticks of .02 = -.50, nearly always right in the end; lengths are uniform on 50 .. 100
+    # never: about 1 - 75 ticks of .02 = -.50, nearly always right; lengths are uniform on 50 .. 100
     rewards = [sum(play(env, lambda info: 0, seed)[0]) / 6 for seed in range(100)]
     assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
 
@@ -84,8 +86,8 @@ def test_truth_and_measurements_do_not_depend_on_the_actions():
 
 def test_the_object_moves_on_its_scheme_and_is_measured_with_the_stated_variance():
     env = HybridTrackEnv(
-        render_mode="rgb_array", scheme="S50 L100r5 R100r5", process_variance=0.0, measurement_variance=(0.1, 0.4),
-        heading=0.5, speed=1.5,
+        render_mode="rgb_array", scheme="S50 L100r5 R100r5", process_variance=0.0,
+        measurement_variance=(0.1, 0.4), heading=0.5, speed=1.5,
     )  # fmt: skip
     env.reset(seed=0)
     rows, terminated = [env.world.traced(0)], False
@@ -269,6 +271,20 @@ def test_the_same_seed_repeats_an_episode_and_no_seed_goes_on():
     np.testing.assert_array_equal(first, env.reset(seed=9)[0])
     np.testing.assert_array_equal(second, env.reset()[0])
     assert (first != second).any()
+
+
+@pytest.mark.parametrize("clone", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_alone_and_alike(clone):
+    env = HybridTrackEnv()
+    env.reset(seed=1)
+    env.step(0)
+    other = clone(env)
+    steps = [other.step(0) for _ in range(10)] + [other.step(2)]
+    for observation, reward, _, _, info in steps:
+        mine = env.step(0 if "ticks" not in info else 2)
+        np.testing.assert_array_equal(mine[0], observation)
+        assert mine[1] == reward
+        assert mine[4]["tick"] == info["tick"]
 
 
 def test_modes_of_a_random_scheme_are_equally_likely():

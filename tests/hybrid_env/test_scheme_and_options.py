@@ -52,8 +52,8 @@ def test_modes_are_straight_then_left_then_right_and_unknown_radii_take_the_near
 
 
 BAD_SCHEMES = [
-    "", "   ", "X50", "S", "S0", "S50r3", "L50", "L50r0", "L50r-1", "Lr5", "S50 L50", "L50rx", "S5.5", "random 0x5",
-    "random 3x9-5", "random x", "S99999999", "nonsense", None, 5, [], ("S50",), b"S50",
+    "", "   ", "X50", "S", "S0", "S50r3", "L50", "L50r0", "L50r-1", "Lr5", "S50 L50", "L50rx", "S5.5",
+    "random 0x5", "random 3x9-5", "random x", "S99999999", "nonsense", None, 5, [], ("S50",), b"S50",
 ]  # fmt: skip
 
 
@@ -69,17 +69,18 @@ def test_bad_schemes_are_refused_in_one_line(scheme):
 
 NAN = float("nan")
 BAD_OPTIONS = [
-    ("radii", ()), ("radii", (0.0,)), ("radii", (-5.0,)), ("radii", (NAN,)), ("radii", (5.0, 5.0)), ("radii", "x"),
-    ("radii", ((5.0,),)), ("radii", None), ("radii", (math.inf,)),
+    ("radii", ()), ("radii", (0.0,)), ("radii", (-5.0,)), ("radii", (NAN,)), ("radii", (5.0, 5.0)),
+    ("radii", "x"), ("radii", ((5.0,),)), ("radii", None), ("radii", (math.inf,)),
     ("speed", 0.0), ("speed", -1.0), ("speed", NAN), ("speed", "fast"), ("speed", None), ("speed", True),
     ("heading", NAN), ("heading", math.inf), ("heading", "north"),
     ("tau", 0.0), ("tau", -0.1), ("tau", NAN), ("tau", [0.1]),
     ("process_variance", -1e-9), ("process_variance", NAN), ("process_variance", "small"),
     ("measurement_variance", 0.0), ("measurement_variance", -0.1), ("measurement_variance", NAN),
-    ("measurement_variance", (0.1, 0.0)), ("measurement_variance", "loud"), ("measurement_variance", (1.0, 1.0, 1.0)),
-    ("measurement_variance", None), ("measurement_variance", ()),
-    ("initial_error", 0.5), ("initial_error", (0.3,)), ("initial_error", (-0.3, 0.0)), ("initial_error", (NAN, 0.0)),
-    ("initial_error", "none"), ("initial_error", None), ("initial_error", False),
+    ("measurement_variance", (0.1, 0.0)), ("measurement_variance", "loud"),
+    ("measurement_variance", (1.0, 1.0, 1.0)), ("measurement_variance", None), ("measurement_variance", ()),
+    ("initial_error", 0.5), ("initial_error", (0.3,)), ("initial_error", (-0.3, 0.0)),
+    ("initial_error", (NAN, 0.0)), ("initial_error", "none"), ("initial_error", None),
+    ("initial_error", False),
     ("reset_covariance", 1), ("reset_covariance", "yes"),
     ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
     ("correctness", "approximate"), ("correctness", None),

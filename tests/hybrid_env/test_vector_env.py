@@ -109,7 +109,7 @@ def test_returned_arrays_are_fresh():
     env = HybridTrackVectorEnv(4)
     rows, info = env.reset(seed=0)
     kept = rows.copy(), {key: value.copy() for key, value in info.items()}
-    _, rewards, terminated, _, _ = env.step(np.ones(4, int))
+    _, rewards, _, _, _ = env.step(np.ones(4, int))
     earned = rewards.copy()
     env.step(np.zeros(4, int))
     np.testing.assert_array_equal(rows, kept[0])

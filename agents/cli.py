@@ -1,0 +1,62 @@
+"""The console script `hybridtrack`: one subcommand a file, errors in one line."""
+
+import contextlib
+import io
+import re
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import gymnasium as gym
+import tyro
+
+from agents.compare import Compare
+from agents.evaluate import Evaluate
+from agents.play import Play
+from agents.track import Track
+from agents.train import Train
+from hybrid_env.checks import ArgumentError
+
+Command = (
+    Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Track, tyro.conf.subcommand("track")]
+    | Annotated[Play, tyro.conf.subcommand("play")]
+)
+
+
+def one_line(message: str) -> str:
+    """A message without line breaks, and without the frame and pointers to help that tyro adds to its own."""
+    body = [line for line in message.splitlines() if not line.startswith(("╭", "╰"))]
+    words = " ".join(re.sub("[\u2500-\u257f]", " ", " ".join(body)).split())
+    return re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command. Returns 0, 2 where an argument is refused, 130 where the user interrupts."""
+    refusal = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(refusal):
+            command = tyro.cli(
+                Command, prog="hybridtrack", args=arguments,
+                description="Decide soon and rightly which mode of motion an object has switched to.",
+                config=(tyro.conf.FlagConversionOff,),
+            )  # fmt: skip
+    except SystemExit as stop:
+        if stop.code:
+            print("hybridtrack: " + one_line(refusal.getvalue()), file=sys.stderr)
+        return int(stop.code or 0)
+    try:
+        command.run()
+    except (ArgumentError, gym.error.Error) as error:
+        print("hybridtrack: " + one_line(str(error)), file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("hybridtrack: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

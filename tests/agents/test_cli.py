@@ -1,0 +1,180 @@
+"""The commands as typed: what they refuse, and that they run."""
+
+import json
+
+import pytest
+
+from agents.cli import main
+
+WORLD_NONSENSE = [
+    ("--env NoSuch-v0", "env='NoSuch-v0'"),
+    ("--env CartPole-v1", "env='CartPole-v1'"),
+    ("--scheme Q9", "scheme='Q9'"),
+    ("--scheme ''", "scheme=''"),
+    ("--scheme L50r0", "scheme='L50r0'"),
+    ("--scheme S0", "scheme='S0'"),
+    ("--radii 0", "radii=(0.0,)"),
+    ("--radii 5 nan", "radii=(5.0, nan)"),
+    ("--radii", "radii=()"),
+    ("--speed 0", "speed=0.0"),
+    ("--heading inf", "heading=inf"),
+    ("--tau -1", "tau=-1.0"),
+    ("--process-variance -1", "process_variance=-1.0"),
+    ("--measurement-variance 0", "measurement_variance=0.0"),
+    ("--measurement-variance nan", "measurement_variance=nan"),
+    ("--measurement-variance loud", "--measurement-variance"),
+    ("--delay-cost -1", "delay_cost=-1.0"),
+    ("--correctness rough", "correctness"),
+    ("--undecided shrug", "undecided"),
+    ("--reset-covariance 2", "reset-covariance"),
+    ("--seed -1", "seed=-1"),
+    ("--seed half", "half"),
+    ("--tua 3", "--tua"),
+]
+NONSENSE = [
+    (f"{command} {flags}", message)
+    for command in ("compare", "train", "evaluate", "play --out x.gif")
+    for flags, message in WORLD_NONSENSE
+] + [
+    ("", "Expected one of"),
+    ("divine", "divine"),
+    ("compare --episodes 0", "episodes=0"),
+    ("compare --episodes many", "many"),
+    ("compare --steps 0", "steps=0"),
+    ("compare --training-seeds 0", "training-seeds=0"),
+    ("compare --deciders", "deciders=()"),
+    ("compare --deciders ate ate", "deciders=('ate', 'ate')"),
+    ("compare --deciders ate oracle", "decider='oracle'"),
+    ("compare --out bad.txt", "out="),
+    ("train --steps 0", "steps=0"),
+    ("train --num-envs 0", "num-envs=0"),
+    ("train --rollout 0", "rollout=0"),
+    ("train --batch 100000000", "batch=100000000"),
+    ("train --epochs -1", "epochs=-1"),
+    ("train --learning-rate nan", "learning-rate=nan"),
+    ("train --gae-lambda 2", "gae-lambda=2.0"),
+    ("train --entropy -1", "entropy=-1.0"),
+    ("train --hidden 0", "hidden=0"),
+    ("train --wait-bias inf", "wait-bias=inf"),
+    ("train --save-every 0", "save-every=0.0"),
+    ("train --resume nowhere", "resume='nowhere'"),
+    ("train --resume nowhere --seed 3", "resume='nowhere'"),
+    ("train --out .", "out='.'"),
+    ("evaluate oracle", "decider='oracle'"),
+    ("evaluate ate:2", "alpha=2.0"),
+    ("evaluate fixed:2.5", "decider='fixed:2.5'"),
+    ("evaluate --episodes 0", "episodes=0"),
+    ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
+    ("play --out x.mp4", "out='x.mp4'"),
+    ("play --out x.gif --episodes 0", "episodes=0"),
+    ("play --out x.gif --decider oracle", "decider='oracle'"),
+    ("play --out x.gif --record x.txt", "record='x.txt'"),
+    ("track", "PATH"),
+    ("track nofile.csv", "file='nofile.csv'"),
+    ("track bad.txt", "bad.txt"),
+    ("track good.csv --lengths 1", "lengths="),
+    ("track good.csv --lengths 2 0", "lengths"),
+    ("track good.csv --piece 0", "piece=0"),
+    ("track good.csv --lengths 2 --piece 2", "piece"),
+    ("track good.csv --radii 0", "radii=(0.0,)"),
+    ("track good.csv --tau 0", "tau=0.0"),
+    ("track good.csv --process-variance -1", "process_variance=-1.0"),
+    ("track good.csv --measurement-variance 0", "measurement_variance=0.0"),
+    ("track good.csv --alpha 0", "alpha=0.0"),
+    ("track good.csv --beta 1", "beta=1.0"),
+    ("track good.csv --undecided shrug", "undecided"),
+    ("track good.csv --start 0 0 0", "start"),
+    ("track good.csv --out bad.txt", "bad.txt"),
+]
+
+
+@pytest.mark.parametrize(("line", "message"), NONSENSE)
+def test_nonsense_is_answered_with_one_line_and_exit_code_2(line, message, capsys, tmp_path, monkeypatch):
+    import shlex
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.txt").write_bytes(b"\x00\x01not a table")
+    (tmp_path / "good.csv").write_text("x,y\n0,0\n1,1\n")
+    before = sorted(tmp_path.rglob("*"))
+    assert main(shlex.split(line)) == 2
+    captured = capsys.readouterr()
+    said = captured.err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("hybridtrack: ")
+    assert message in said[0] or message.replace("_", "-") in said[0]
+    assert captured.out == ""
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_every_flag_of_every_command_is_in_the_list():
+    from dataclasses import fields
+
+    from agents.compare import Compare
+    from agents.evaluate import Evaluate
+    from agents.play import Play
+    from agents.track import Track
+    from agents.train import Train
+    from agents.training import PPOSettings
+
+    for command, kinds in {
+        "compare": (Compare,), "train": (Train, PPOSettings), "evaluate": (Evaluate,), "play": (Play,),
+        "track": (Track,),
+    }.items():  # fmt: skip
+        lines = " ".join(line for line, _ in NONSENSE if line.startswith(command))
+        for kind in kinds:
+            for field in fields(kind):
+                positional = (kind, field.name) in {(Track, "file"), (Evaluate, "decider"), (Train, "ppo")}
+                assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
+
+
+def test_help_is_printed_with_exit_code_0(capsys):
+    assert main(["--help"]) == 0
+    assert "compare" in capsys.readouterr().out
+
+
+def test_evaluate_prints_the_figures_and_writes_them(capsys, tmp_path):
+    out = tmp_path / "ate.json"
+    assert main(["evaluate", "ate:0.01", "--episodes", "20", "--scheme", "S20 L30r5", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "right decisions" in printed
+    figures = json.loads(out.read_text())
+    assert figures["segments"] == 40
+    assert f"{figures['accuracy']['mean']:.4f}" in printed
+    low, high = figures["accuracy"]["interval"]
+    assert low <= figures["accuracy"]["mean"] <= high
+
+
+def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
+    run = str(tmp_path / "run")
+    small = ["--num-envs", "8", "--rollout", "32", "--batch", "64", "--hidden", "8"]
+    assert main(["train", "--out", run, "--steps", "256", *small]) == 0
+    assert main(["train", "--resume", run, "--steps", "512"]) == 0
+    assert "512 steps" in capsys.readouterr().out
+    assert main(["evaluate", run, "--episodes", "3", "--scheme", "S10 S10"]) == 0
+    assert main(["train", "--out", run]) == 2
+    assert main(["train", "--resume", run, "--hidden", "8"]) == 2
+    assert main(["evaluate", run, "--radii", "1", "2"]) == 2
+
+
+def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
+    out = tmp_path / "results"
+    arguments = [
+        "compare",
+        "--episodes",
+        "20",
+        "--steps",
+        "2048",
+        "--scheme",
+        "random 2x30-40",
+        "--out",
+        str(out),
+    ]
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    for name in ("ATE", "fixed time", "PPO", "PPO against ATE"):
+        assert name in printed
+    data = json.loads((out / "compare.json").read_text())
+    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "PPO"]
+    assert data["segments"] == 40
+    assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png"]
