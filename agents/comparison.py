@@ -119,7 +119,7 @@ class Comparison:
         )
         heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
         heads += [f"error at\n{self.equal_time:.1f} t, %"]
-        heads += [f"ticks at\n{level:.0%}" for level in LEVELS]
+        heads += [f"{level:.0%}\nat tick" for level in LEVELS]
         for head in heads:
             table.add_column(head, justify="left" if head == "decider" else "right", no_wrap=True)
         for entry in self.entries:
@@ -144,6 +144,16 @@ class Comparison:
             if np.isfinite(sooner.value):
                 parts.append(f"{_signed(sooner, 1)} ticks at 98 % accuracy")
             lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
+        trained = [entry for entry in self.entries if entry.name.startswith("PPO ")]
+        if len(trained) > 1:
+            spread = []
+            for name, digits, values in (
+                ("reward", 3, [entry.reward.value for entry in trained]),
+                ("98 % accuracy at tick", 1, [entry.time_at[0.98].value for entry in trained]),
+            ):
+                low, mean, high = np.min(values), np.mean(values), np.max(values)
+                spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
+            lines.append(f"PPO over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
         return lines
 
     def gains(self, entry: Entry) -> dict[str, Figure]:

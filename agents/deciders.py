@@ -48,7 +48,26 @@ FIXED_TIME = DeciderFamily(
     lambda ticks: FixedTimeDecider(int(ticks)),
 )
 CLASSICAL = {"ate": ATE, "fixed": FIXED_TIME}
-LOG_ODDS = tuple(float(odds) for odds in (-10, -8, -7, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6))
+LOG_ODDS = (
+    -10.0,
+    -8.0,
+    -6.0,
+    -5.0,
+    -4.0,
+    -3.0,
+    -2.0,
+    -1.5,
+    -1.0,
+    -0.5,
+    0.0,
+    0.5,
+    1.0,
+    1.5,
+    2.0,
+    2.5,
+    3.0,
+    4.0,
+)
 
 
 def policy_family(name: str, folder_or_decider: "Path | Decider") -> DeciderFamily:

@@ -3,7 +3,14 @@
 Importing this package registers the environments; `gym.make("hybrid_env:HybridTrack-v0")` imports it too.
 """
 
+# ruff: noqa: E402, the cache is looked after before the first compiled function is imported
+from pathlib import Path
+
 from gymnasium.envs.registration import register, registry
+
+from hybrid_env.compile_cache import drop_stale_cache
+
+drop_stale_cache(Path(__file__).parent)
 
 from hybrid_env.bank import KalmanBank
 from hybrid_env.env import HybridTrackEnv
