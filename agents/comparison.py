@@ -140,9 +140,8 @@ class Comparison:
             parts = []
             gain = self.gains(entry)
             parts.append(f"reward {_signed(gain['reward'], 3)} a segment")
-            sooner = gain["ticks_at_98"]
-            if np.isfinite(sooner.value):
-                parts.append(f"{_signed(sooner, 1)} ticks at 98 % accuracy")
+            if "ticks_at_98" in gain:
+                parts.append(f"{_signed(gain['ticks_at_98'], 1)} ticks at 98 % accuracy")
             lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
         trained = [entry for entry in self.entries if entry.name.startswith("PPO ")]
         if len(trained) > 1:
@@ -159,12 +158,14 @@ class Comparison:
     def gains(self, entry: Entry) -> dict[str, Figure]:
         """Paired differences of an entry to the reference."""
         reference = self.entries[0]
-        return {
+        gains = {
             "reward": entry.curve.difference(
                 reference.curve, at_threshold(REWARD, entry.chosen), at_threshold(REWARD, reference.chosen)
-            ),
-            "ticks_at_98": entry.curve.difference(reference.curve, ticks_at_accuracy(0.98)),
+            )
         }
+        if all(np.isfinite(one.time_at[0.98].value) for one in (entry, reference)):
+            gains["ticks_at_98"] = entry.curve.difference(reference.curve, ticks_at_accuracy(0.98))
+        return gains
 
     def as_json(self) -> dict[str, Any]:
         """Everything that table and figure show, and every point of the curves."""

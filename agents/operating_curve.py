@@ -4,6 +4,7 @@ All figures are functions of means over episodes, so that one bootstrap over epi
 and of two deciders on the same episodes the interval of their difference.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ from agents.evaluation import Decisions, evaluate, interval
 
 FloatArray = NDArray[np.float64]
 ACCURACY, TICKS, REWARD = 0, 1, 2
+NEVER = 1e9  # ticks; a number to calculate on with where infinity would become NaN in a difference
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,11 @@ class OperatingCurve:
 
 
 def _figure(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Figure:
-    low, high = interval(episodes, of_means=of_means)
-    return Figure(float(of_means(episodes.mean(0))), low, high)
+    numbers = float(of_means(episodes.mean(0))), *interval(episodes, of_means=of_means)
+    value, low, high = (
+        math.copysign(math.inf, number) if abs(number) > NEVER / 2 else number for number in numbers
+    )
+    return Figure(value, low, high)
 
 
 def at_threshold(row: int, index: int) -> Callable[[FloatArray], FloatArray]:
@@ -94,7 +99,7 @@ def at_threshold(row: int, index: int) -> Callable[[FloatArray], FloatArray]:
 
 
 def ticks_at_accuracy(level: float) -> Callable[[FloatArray], FloatArray]:
-    """Mean ticks where the curve first reaches an accuracy, linear between thresholds; infinite if never."""
+    """Mean ticks where the curve first reaches an accuracy, linear between thresholds, or `NEVER`."""
 
     def statistic(means: FloatArray) -> FloatArray:
         accuracy, ticks = means[..., ACCURACY, :], means[..., TICKS, :]
@@ -108,7 +113,7 @@ def ticks_at_accuracy(level: float) -> Callable[[FloatArray], FloatArray]:
         step = pick(accuracy, right) - pick(accuracy, left)
         share = np.where(step > 0, (level - pick(accuracy, left)) / np.where(step > 0, step, 1.0), 1.0)
         crossing = pick(ticks, left) + share * (pick(ticks, right) - pick(ticks, left))
-        return np.where(reached.any(-1), crossing, np.inf)
+        return np.where(reached.any(-1), crossing, NEVER)
 
     return statistic
 
