@@ -13,6 +13,7 @@ import tyro
 from agents.compare import Compare
 from agents.evaluate import Evaluate
 from agents.play import Play
+from agents.reproduce import Reproduce
 from agents.track import Track
 from agents.train import Train
 from hybrid_env.checks import ArgumentError
@@ -21,6 +22,7 @@ Command = (
     Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Track, tyro.conf.subcommand("track")]
     | Annotated[Play, tyro.conf.subcommand("play")]
 )

@@ -1,7 +1,8 @@
-"""Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1.
+"""Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1; Tsyganov 2019.
 
 At every switch the bank starts at the current estimate with P := I; until the test decides, the output is
-the old mode's estimate; then the chosen filter runs alone to the end of the piece. The same test drives
+the old mode's estimate; then the chosen filter runs alone to the end of the piece. Tsyganov 2019 goes back
+after a decision and computes the estimates of the piece so far with the chosen filter. The same test drives
 `sprt.SPRTDecider` in the environment.
 """
 
@@ -15,29 +16,75 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.sprt import sprt_test, sprt_thresholds
 from hybrid_env import bank
-from hybrid_env.checks import check_array, check_choice, check_integer, check_positive, check_radii, reject
-from hybrid_env.kernel import likeliest
+from hybrid_env.checks import (
+    check_array,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_positive,
+    check_radii,
+    reject,
+)
+from hybrid_env.kernel import likeliest, mode_type
 
 FloatArray = NDArray[np.float64]
+
+KEEP, AS_PUBLISHED, REWIND = 0, 1, 2
+RECALCULATIONS = {"none": KEEP, "as_published": AS_PUBLISHED, "rewind": REWIND}
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """What ATE found, for n runs of T ticks in K pieces; a single run has no first axis.
+    """What ATE found, for n runs of T ticks in K pieces and M hypotheses; a single run has no first axis.
 
     Attributes:
         estimates: (n, T, 4) [x, vx, y, vy] [m, m/s]; at the tick of a decision still the old mode's.
-        modes: (n, T) active mode of each tick, an index into the bank.
+        covariances: (n, T, 2, 3) of (position, velocity) on each axis: P_XX, P_XV, P_VV.
+        modes: (n, T) mode whose filter gave the estimate, an index into the bank.
         decided: (n, K) mode of each piece.
         ticks: (n, K) decision tick within the piece, its length where none was made.
         undecided: (n, K) True where the piece ended without a decision.
+        ratios: (n, T, M) log-likelihood ratio to the active mode, NaN after the decision.
     """
 
     estimates: FloatArray
+    covariances: FloatArray
     modes: NDArray[np.int64]
     decided: NDArray[np.int64]
     ticks: NDArray[np.int64]
     undecided: NDArray[np.bool_]
+    ratios: FloatArray
+
+
+@njit(cache=True)
+def _note(
+    k: int,
+    active: int,
+    filters: FloatArray,
+    gains: FloatArray,
+    estimates: FloatArray,
+    covariances: FloatArray,
+    modes: NDArray[np.int64],
+) -> None:
+    """Write the estimate of one filter as the output of tick k."""
+    column = bank.radius_column(active, gains.shape[2] - 1)
+    for row in range(4):
+        estimates[k, row] = filters[row, active]
+    for axis in range(2):
+        for row in range(3):
+            covariances[k, axis, row] = gains[min(axis, gains.shape[0] - 1), row, column]
+    modes[k] = active
+
+
+@njit(cache=True)
+def _likeliest_of_type(filters: FloatArray, mode: int) -> int:
+    n = filters.shape[1] // 2
+    best = mode
+    for h in range(filters.shape[1]):
+        likelier = filters[bank.LOG_LIKELIHOOD, h] > filters[bank.LOG_LIKELIHOOD, best]
+        if likelier and mode_type(h, n) == mode_type(mode, n):
+            best = h
+    return best
 
 
 @njit(cache=True)
@@ -54,43 +101,69 @@ def _track_run(
     variances: FloatArray,
     upper: float,
     lower: float,
+    straight_reference: bool,
     keep: bool,
+    recalculation: int,
+    refine: bool,
     estimates: FloatArray,
+    covariances: FloatArray,
     modes: NDArray[np.int64],
     decided: NDArray[np.int64],
     ticks: NDArray[np.int64],
     undecided: NDArray[np.bool_],
+    ratios: FloatArray,
 ) -> None:
     estimate = start.copy()
     identity = np.empty((variances.size, 3))
     identity[:, 0], identity[:, 1], identity[:, 2] = 1.0, 0.0, 1.0
+    ratios[:] = np.nan
     active = 0
     k = 0
     for piece in range(lengths.size):
+        if straight_reference:
+            active = 0
         bank.anchor_bank(filters, motion, gains, estimate, radii, tau, identity)
         running = np.ones(filters.shape[1], np.bool_)
+        begin = k
         end = k + lengths[piece]
         ticks[piece] = lengths[piece]
         undecided[piece] = True
         while k < end and undecided[piece]:
             x, y = measurements[k]
             bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
-            estimates[k] = filters[bank.X : bank.Y + 2, active]
-            modes[k] = active
+            _note(k, active, filters, gains, estimates, covariances, modes)
+            for h in range(filters.shape[1]):
+                ratios[k, h] = filters[bank.LOG_LIKELIHOOD, h] - filters[bank.LOG_LIKELIHOOD, active]
             winner = sprt_test(filters[bank.LOG_LIKELIHOOD], running, active, upper, lower)
             k += 1
             if winner >= 0:
                 active = winner
                 undecided[piece] = False
-                ticks[piece] = lengths[piece] - (end - k)
+                ticks[piece] = k - begin
         if undecided[piece] and not keep:
             active = likeliest(filters)
+        if recalculation != KEEP and not undecided[piece]:
+            for row in range(4):
+                filters[row, active] = estimate[row]
+            if recalculation == REWIND:
+                column = bank.radius_column(active, radii.size)
+                for axis in range(variances.size):
+                    for row in range(3):
+                        gains[axis, row, column] = identity[axis, row]
+            for j in range(begin, k):
+                x, y = measurements[j]
+                bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
+                _note(j, active, filters, gains, estimates, covariances, modes)
         for j in range(k, end):
             x, y = measurements[j]
-            bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
-            estimates[j] = filters[bank.X : bank.Y + 2, active]
-            modes[j] = active
-        estimate[:] = filters[bank.X : bank.Y + 2, active]
+            if refine:
+                bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
+                active = _likeliest_of_type(filters, active)
+            else:
+                bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
+            _note(j, active, filters, gains, estimates, covariances, modes)
+        for row in range(4):
+            estimate[row] = filters[row, active]
         decided[piece] = active
         k = end
 
@@ -117,6 +190,23 @@ def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> Floa
     return np.stack([line[0][..., 0], line[1][..., 0], line[0][..., 1], line[1][..., 1]], axis=-1)
 
 
+def check_recording(
+    measurements: ArrayLike, lengths: Sequence[int] | NDArray[np.int64], start: ArrayLike | None, tau: float
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """Measurements (n, T, 2), lengths (K,) and starting estimates (n, 4), or a one-line error."""
+    single = np.ndim(measurements) == 2
+    values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
+    values = values[None] if single else values
+    runs, total = values.shape[:2]
+    pieces = np.array([check_integer("lengths", length) for length in lengths], dtype=np.int64)
+    if pieces.sum() != total:
+        raise reject("lengths", list(lengths), f"lengths that add up to the {total} ticks of measurements")
+    if start is None:
+        return values, pieces, first_estimate(values, tau)
+    starts = check_array("start", start, (4,) if np.ndim(start) == 1 else (runs, 4))
+    return values, pieces, np.broadcast_to(starts, (runs, 4))
+
+
 def track(
     measurements: ArrayLike,
     lengths: Sequence[int] | NDArray[np.int64],
@@ -129,6 +219,9 @@ def track(
     alpha: float = 1e-3,
     beta: float | None = None,
     undecided: Literal["keep", "likeliest"] = "keep",
+    recalculation: Literal["none", "as_published", "rewind"] = "none",
+    reference: Literal["active", "straight"] = "active",
+    refine_radius: bool = False,
 ) -> Tracks:
     """Follow recorded coordinates through pieces whose modes are unknown.
 
@@ -143,43 +236,47 @@ def track(
         measurement_variance: R [m^2], one number or (x, y).
         alpha, beta: errors of the first and second kind; beta None takes alpha.
         undecided: a piece without a decision keeps the old mode, as published, or takes the likeliest.
+        recalculation: of the estimates from the start of the piece to the decision, by the chosen filter
+            (Tsyganov 2019, lines 16 to 21). "as_published" goes back to the piece's first state but not to
+            its covariance: the print initialises no filter, so the data are used twice. "rewind" goes back
+            to both.
+        reference: hypothesis that the others are tested against: the mode decided last, as published, or
+            always "straight".
+        refine_radius: after the decision all turns of the decided side go on, and the likeliest of them is
+            the active one; the published algorithm leaves the radius as decided.
 
     Returns:
         Estimates, modes and decisions; without the first axis for a single run.
 
     Raises:
-        ValueError: names the argument, its value and what is allowed.
+        ArgumentError: names the argument, its value and what is allowed.
     """
-    single = np.ndim(measurements) == 2
-    values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
-    values = values[None] if single else values
-    runs, total = values.shape[:2]
-    pieces = np.array([check_integer("lengths", length) for length in lengths], dtype=np.int64)
-    if pieces.sum() != total:
-        raise reject("lengths", list(lengths), f"lengths that add up to the {total} ticks of measurements")
     tau = check_positive("tau", tau)
-    if start is None:
-        starts = first_estimate(values, tau)
-    else:
-        starts = check_array("start", start, (4,) if np.ndim(start) == 1 else (runs, 4))
-        starts = np.broadcast_to(starts, (runs, 4))
+    values, pieces, starts = check_recording(measurements, lengths, start, tau)
+    runs, total = values.shape[:2]
     bank_radii = check_radii("radii", radii)
     process_variance = check_positive("process_variance", process_variance, allow_zero=True)
     variances = bank.noise_axes(measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
+    straight = check_choice("reference", reference, ("active", "straight")) == "straight"
+    way = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
+    refine = check_flag("refine_radius", refine_radius)
 
     filters, motion, gains = (array[0] for array in bank.bank_arrays(1, bank_radii.size, variances.size))
     found: dict[str, Any] = {
         "estimates": np.empty((runs, total, 4)),
+        "covariances": np.empty((runs, total, 2, 3)),
         "modes": np.empty((runs, total), np.int64),
         "decided": np.empty((runs, pieces.size), np.int64),
         "ticks": np.empty((runs, pieces.size), np.int64),
         "undecided": np.empty((runs, pieces.size), np.bool_),
+        "ratios": np.empty((runs, total, filters.shape[1])),
     }
     for run in range(runs):
         _track_run(
             values[run], pieces, starts[run], filters, motion, gains, bank_radii, tau, process_variance,
-            variances, upper, lower, keep, *(array[run] for array in found.values()),
+            variances, upper, lower, straight, keep, way, refine, *(array[run] for array in found.values()),
         )  # fmt: skip
+    single = np.ndim(measurements) == 2
     return Tracks(**{name: array[0] if single else array for name, array in found.items()})

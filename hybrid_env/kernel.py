@@ -122,10 +122,21 @@ def _take_estimate(track: Any, filters: NDArray[np.float64], hypothesis: int) ->
 
 
 @njit(cache=True)
-def _move(track: Any, parameters: Any, variances: NDArray[np.float64]) -> None:
+def turn(track: Any, signed_radius: float, tau: float) -> None:
+    """The object begins a segment: its turn is anchored at its true state. Golubkov 2018, eq. (1)."""
+    speed, heading_x, heading_y = heading_vector(track.truth[1], track.truth[3])
+    turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
+    track.true_motion[0], track.true_motion[1], track.true_motion[2] = motion_coefficients(turn_rate, tau)
+    track.true_centre[0], track.true_centre[1] = turn_centre(
+        track.truth[0], track.truth[2], heading_x, heading_y, signed_radius
+    )
+
+
+@njit(cache=True)
+def move(track: Any, process_variance: float, variances: NDArray[np.float64]) -> None:
     """The object moves one tick, and its position is measured. Golubkov 2018, eq. (1)."""
     cosine, sine_velocity, sine_position = track.true_motion[0], track.true_motion[1], track.true_motion[2]
-    deviation = math.sqrt(parameters.process_variance)
+    deviation = math.sqrt(process_variance)
     x, vx = propagate(
         track.truth[0], track.truth[1], track.true_centre[0], cosine, sine_velocity, sine_position
     )
@@ -170,7 +181,7 @@ def _tick(
     trace: NDArray[np.float64],
 ) -> None:
     """One tick with every hypothesis running; the estimate is the active filter's, as in ATE."""
-    _move(track, parameters, variances)
+    move(track, parameters.process_variance, variances)
     step_bank(
         filters, motion, gains, track.measurement[0], track.measurement[1],
         parameters.process_variance, variances,
@@ -199,16 +210,8 @@ def _begin_segment(
     else:
         row = track.segment
         track.length = np.int64(table[row, 2])
-    signed_radius = table[row, 0]
     track.true_mode = np.int64(table[row, 1])
-    speed, heading_x, heading_y = heading_vector(track.truth[1], track.truth[3])
-    turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
-    track.true_motion[0], track.true_motion[1], track.true_motion[2] = motion_coefficients(
-        turn_rate, parameters.tau
-    )
-    track.true_centre[0], track.true_centre[1] = turn_centre(
-        track.truth[0], track.truth[2], heading_x, heading_y, signed_radius
-    )
+    turn(track, table[row, 0], parameters.tau)
     for k in range(4):
         track.anchor[k] = track.estimate[k]
     track.speed, track.heading[0], track.heading[1] = heading_vector(track.anchor[1], track.anchor[3])
@@ -290,7 +293,7 @@ def _decide(
     track.active_mode = chosen
     log_likelihood = filters[LOG_LIKELIHOOD, chosen]
     while track.tick < track.length:
-        _move(track, parameters, variances)
+        move(track, parameters.process_variance, variances)
         step_chosen(
             filters, motion, gains, chosen, track.measurement[0], track.measurement[1],
             parameters.process_variance, variances,

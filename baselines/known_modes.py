@@ -1,0 +1,122 @@
+"""The filter that knows every mode: what tracking could be at best. Golubkov 2018, table 2 ("optimal").
+
+It runs one hypothesis of the bank a piece, anchored at its own estimate, and carries its covariance over the
+switches; the table does not come out with P := I at every piece.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.ate import check_recording
+from hybrid_env import bank
+from hybrid_env.checks import check_array, check_flag, check_positive, reject
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Filter output of n runs of T ticks; a single run has no first axis.
+
+    Attributes:
+        estimates: (n, T, 4) [x, vx, y, vy] [m, m/s].
+        covariances: (n, T, 2, 3) of (position, velocity) on each axis: P_XX, P_XV, P_VV.
+    """
+
+    estimates: FloatArray
+    covariances: FloatArray
+
+
+@njit(cache=True)
+def _filter_run(
+    measurements: FloatArray,
+    lengths: NDArray[np.int64],
+    signed_radii: FloatArray,
+    start: FloatArray,
+    start_covariance: FloatArray,
+    carry: bool,
+    filters: FloatArray,
+    motion: FloatArray,
+    gains: FloatArray,
+    tau: float,
+    process_variance: float,
+    variances: FloatArray,
+    estimates: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    axes = variances.size
+    estimate = start.copy()
+    covariance = np.empty((axes, 3))
+    covariance[:] = start_covariance
+    k = 0
+    for piece in range(lengths.size):
+        radius = np.array([abs(signed_radii[piece]) if signed_radii[piece] != 0.0 else 1.0])
+        mode = 0 if signed_radii[piece] == 0.0 else (1 if signed_radii[piece] > 0.0 else 2)
+        bank.anchor_bank(filters, motion, gains, estimate, radius, tau, covariance)
+        for _ in range(lengths[piece]):
+            x, y = measurements[k]
+            bank.step_chosen(filters, motion, gains, mode, x, y, process_variance, variances)
+            for row in range(4):
+                estimates[k, row] = filters[row, mode]
+            for axis in range(2):
+                for row in range(3):
+                    covariances[k, axis, row] = gains[min(axis, axes - 1), row, min(mode, 1)]
+            k += 1
+        for row in range(4):
+            estimate[row] = filters[row, mode]
+        if carry:
+            for axis in range(axes):
+                for row in range(3):
+                    covariance[axis, row] = gains[axis, row, min(mode, 1)]
+
+
+def filter_known_modes(
+    measurements: ArrayLike,
+    lengths: Sequence[int] | NDArray[np.int64],
+    signed_radii: ArrayLike,
+    start: ArrayLike | None = None,
+    *,
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
+    start_covariance: ArrayLike = (1.0, 0.0, 1.0),
+    carry_covariance: bool = True,
+) -> Estimates:
+    """Kalman filter over pieces of known modes.
+
+    Args:
+        measurements: (T, 2) or (n, T, 2) [m].
+        lengths: (K,) ticks of the pieces; they add up to T.
+        signed_radii: (K,) [m], positive to the left, negative to the right, 0 straight.
+        start: (4,) or (n, 4) estimate one tick before the first measurement; None takes `first_estimate`.
+        tau, process_variance, measurement_variance: as in `ate.track`.
+        start_covariance: (3,) of (position, velocity) on both axes.
+        carry_covariance: False starts every piece with `start_covariance` again.
+
+    Raises:
+        ArgumentError: names the argument, its value and what is allowed.
+    """
+    tau = check_positive("tau", tau)
+    values, pieces, starts = check_recording(measurements, lengths, start, tau)
+    radii = check_array("signed_radii", signed_radii, (None,))
+    if radii.size != pieces.size:
+        raise reject("signed_radii", signed_radii, f"one radius for each of the {pieces.size} pieces")
+    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
+    variances = bank.noise_axes(measurement_variance)
+    first = np.tile(check_array("start_covariance", start_covariance, (3,)), (variances.size, 1))
+    carry = check_flag("carry_covariance", carry_covariance)
+    filters, motion, gains = (array[0] for array in bank.bank_arrays(1, 1, variances.size))
+    runs, total = values.shape[:2]
+    estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
+    for run in range(runs):
+        _filter_run(
+            values[run], pieces, radii, starts[run], first, carry, filters, motion, gains, tau,
+            process_variance, variances, estimates[run], covariances[run],
+        )  # fmt: skip
+    if np.ndim(measurements) == 2:
+        return Estimates(estimates[0], covariances[0])
+    return Estimates(estimates, covariances)
