@@ -69,6 +69,11 @@ NONSENSE = [
     ("play --out x.gif --episodes 0", "episodes=0"),
     ("play --out x.gif --decider oracle", "decider='oracle'"),
     ("play --out x.gif --record x.txt", "record='x.txt'"),
+    ("reproduce golubkov2019", "golubkov2019"),
+    ("reproduce golubkov2018 golubkov2018", "papers=('golubkov2018', 'golubkov2018')"),
+    ("reproduce --runs 1", "runs=1"),
+    ("reproduce --seed -1", "seed=-1"),
+    ("reproduce --out bad.txt", "out="),
     ("track", "PATH"),
     ("track nofile.csv", "file='nofile.csv'"),
     ("track bad.txt", "bad.txt"),
@@ -112,18 +117,24 @@ def test_every_flag_of_every_command_is_in_the_list():
     from agents.compare import Compare
     from agents.evaluate import Evaluate
     from agents.play import Play
+    from agents.reproduce import Reproduce
     from agents.track import Track
     from agents.train import Train
     from agents.training import PPOSettings
 
     for command, kinds in {
         "compare": (Compare,), "train": (Train, PPOSettings), "evaluate": (Evaluate,), "play": (Play,),
-        "track": (Track,),
+        "reproduce": (Reproduce,), "track": (Track,),
     }.items():  # fmt: skip
         lines = " ".join(line for line, _ in NONSENSE if line.startswith(command))
         for kind in kinds:
             for field in fields(kind):
-                positional = (kind, field.name) in {(Track, "file"), (Evaluate, "decider"), (Train, "ppo")}
+                positional = (kind, field.name) in {
+                    (Track, "file"),
+                    (Evaluate, "decider"),
+                    (Train, "ppo"),
+                    (Reproduce, "papers"),
+                }
                 assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
 
 
@@ -154,6 +165,26 @@ def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
     assert main(["train", "--out", run]) == 2
     assert main(["train", "--resume", run, "--hidden", "8"]) == 2
     assert main(["evaluate", run, "--radii", "1", "2"]) == 2
+
+
+def test_reproduce_prints_verdicts_and_writes_tables_and_figures(capsys, tmp_path):
+    out = tmp_path / "results"
+    assert main(["reproduce", "--runs", "4", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    for words in ("Table 4, decision time", "Tsyganov 2019: Table, RMSE", "few for a verdict", "which turn"):
+        assert words in printed
+    names = {path.name for path in out.iterdir()}
+    assert {
+        "golubkov2018.md",
+        "golubkov2018_3.png",
+        "tsyganov2019_1.png",
+        "golubkov2020.png",
+        "reproduction.md",
+    } <= names
+    cells = json.loads((out / "tsyganov2019.json").read_text())["cells"]
+    assert len(cells) == 15
+    assert sum(cell["published"] is None for cell in cells) == 5
+    assert "| Golubkov 2018 |" in (out / "reproduction.md").read_text()
 
 
 def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
