@@ -78,3 +78,15 @@ def test_a_cell_without_a_legible_figure_has_no_verdict():
 def test_a_study_needs_runs(module, runs):
     with pytest.raises(ArgumentError, match=r"runs=.*expected an integer >= 2"):
         module.reproduce(runs=runs)
+
+
+@pytest.mark.study
+def test_the_readme_shows_what_the_command_prints(tmp_path):
+    from pathlib import Path
+
+    from agents.cli import main
+
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    shown = readme.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0]
+    assert main(["reproduce", "--out", str(tmp_path)]) == 0
+    assert shown == (tmp_path / "reproduction.md").read_text()
