@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 # rows of `filters`
 X, VX, Y, VY = 0, 1, 2, 3  # estimate [m, m/s]
 CENTRE_X, CENTRE_Y = 4, 5  # [m]
-INNOVATION_X, INNOVATION_Y = 6, 7  # [m]
+WHITE_X, WHITE_Y = 6, 7  # innovation over its standard deviation
 LOG_LIKELIHOOD = 8  # cumulative since the switch
 FILTER_ROWS = 9
 
@@ -39,7 +39,7 @@ MOTION_ROWS = 3
 
 # rows of `gains`, per noise axis
 P_XX, P_XV, P_VV = 0, 1, 2  # covariance of (position, velocity) [m^2, m^2/s, m^2/s^2]
-VARIANCE, LOG_VARIANCE = 3, 4  # of the innovation [m^2]
+WHITENER, LOG_VARIANCE = 3, 4  # of the innovation: 1 / standard deviation [1/m], ln variance
 GAIN_X, GAIN_V = 5, 6
 GAIN_ROWS = 7
 
@@ -109,12 +109,13 @@ def step_gains(
         xv = cosine * row_x_v - sine_position * row_x_x
         vv = cosine * row_v_v - sine_position * row_v_x + process_variance
         variance = xx + variances[axis]
-        gain_x = xx / variance
-        gain_v = xv / variance
+        inverse = 1.0 / variance
+        gain_x = xx * inverse
+        gain_v = xv * inverse
         gains[axis, P_XX, column] = xx - gain_x * xx
         gains[axis, P_XV, column] = xv - gain_x * xv
         gains[axis, P_VV, column] = vv - gain_v * xv
-        gains[axis, VARIANCE, column] = variance
+        gains[axis, WHITENER, column] = math.sqrt(inverse)
         gains[axis, LOG_VARIANCE, column] = math.log(variance)
         gains[axis, GAIN_X, column] = gain_x
         gains[axis, GAIN_V, column] = gain_v
@@ -152,13 +153,15 @@ def step_estimate(
     filters[VX, hypothesis] = vx + gains[0, GAIN_V, column] * innovation_x
     filters[Y, hypothesis] = y + gains[y_axis, GAIN_X, column] * innovation_y
     filters[VY, hypothesis] = vy + gains[y_axis, GAIN_V, column] * innovation_y
-    filters[INNOVATION_X, hypothesis] = innovation_x
-    filters[INNOVATION_Y, hypothesis] = innovation_y
+    white_x = innovation_x * gains[0, WHITENER, column]
+    white_y = innovation_y * gains[y_axis, WHITENER, column]
+    filters[WHITE_X, hypothesis] = white_x
+    filters[WHITE_Y, hypothesis] = white_y
     filters[LOG_LIKELIHOOD, hypothesis] -= LOG_TWO_PI + 0.5 * (
         gains[0, LOG_VARIANCE, column]
         + gains[y_axis, LOG_VARIANCE, column]
-        + innovation_x * innovation_x / gains[0, VARIANCE, column]
-        + innovation_y * innovation_y / gains[y_axis, VARIANCE, column]
+        + white_x * white_x
+        + white_y * white_y
     )
 
 
@@ -266,12 +269,12 @@ class KalmanBank:
     @property
     def innovations(self) -> FloatArray:
         """(M, 2) innovations of the last tick [m]."""
-        return self.filters[0, [INNOVATION_X, INNOVATION_Y]].T.copy()
+        return self.filters[0, [WHITE_X, WHITE_Y]].T / self._by_hypothesis(WHITENER)
 
     @property
     def innovation_variances(self) -> FloatArray:
         """(M, 2) variance of the innovation on each axis [m^2]."""
-        return self._by_hypothesis(VARIANCE)
+        return self._by_hypothesis(WHITENER) ** -2.0
 
     @property
     def covariances(self) -> FloatArray:

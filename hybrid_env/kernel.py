@@ -24,7 +24,7 @@ from hybrid_env.bank import (
 )
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import integer_below, standard_normal, uniform
-from hybrid_env.observation import write_observation
+from hybrid_env.observation import write_segment, write_tick
 
 TRACK = np.dtype(
     [
@@ -78,6 +78,8 @@ PARAMETERS = np.dtype(
         ("segments", np.int64),
         ("shortest", np.int64),
         ("longest", np.int64),
+        ("log_noise", np.float64),  # ln R, geometric mean of the axes
+        ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
     ]
 )
 """The options of a world as the kernel reads them."""
@@ -310,6 +312,21 @@ def _decide(
 
 
 @njit(cache=True)
+def _write(
+    row: NDArray[np.float32],
+    filters: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    track: Any,
+    parameters: Any,
+    radii: NDArray[np.float64],
+    variances: NDArray[np.float64],
+) -> None:
+    if track.tick == 1:
+        write_segment(row, track, radii, variances)
+    write_tick(row, filters, gains, track, parameters.log_noise, parameters.noise_whitener)
+
+
+@njit(cache=True)
 def reset_tracks(
     mask: NDArray[np.bool_],
     tracks: NDArray[Any],
@@ -324,14 +341,13 @@ def reset_tracks(
     observations: NDArray[np.float32],
 ) -> None:
     """Begin a new episode on every track of the mask and write its first observation."""
+    setting = parameters[0]
     for i in range(tracks.size):
         if mask[i]:
             track = tracks[i]
             track.traced = 0
-            _begin_episode(
-                track, filters[i], motion[i], gains[i], parameters[0], radii, variances, table, trace[i]
-            )
-            write_observation(observations[i], filters[i], gains[i], track, radii, variances)
+            _begin_episode(track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i])
+            _write(observations[i], filters[i], gains[i], track, setting, radii, variances)
 
 
 @njit(cache=True)
@@ -386,4 +402,4 @@ def step_tracks(
                     track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i]
                 )
         if not track.terminated:
-            write_observation(observations[i], filters[i], gains[i], track, radii, variances)
+            _write(observations[i], filters[i], gains[i], track, setting, radii, variances)

@@ -15,6 +15,7 @@ from hybrid_env import bank
 from hybrid_env.checks import reject
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
+NEGLIGIBLE = -40.0  # exp of less changes no clipped log-probability
 
 # scales that bring the usual values to the order of one
 LOG_SCALE = 0.1
@@ -91,56 +92,82 @@ class Layout:
 
 
 @njit(cache=True)
-def write_observation(
+def write_segment(
     row: NDArray[np.float32],
-    filters: NDArray[np.float64],
-    gains: NDArray[np.float64],
     track: Any,
     radii: NDArray[np.float64],
     variances: NDArray[np.float64],
 ) -> None:
-    """Fill the row of one track. row: (6 M + 10,); track: one record of `kernel.TRACK`."""
-    M = filters.shape[1]
+    """Fill what stays the same over a segment. row: (6 M + 10,); track: one record of `kernel.TRACK`."""
     n = radii.size
+    M = 2 * n + 1
     y_axis = variances.size - 1
-    log_noise = 0.5 * (math.log(variances[0]) + math.log(variances[y_axis]))
-
-    best = 0
-    for h in range(1, M):
-        if filters[bank.LOG_LIKELIHOOD, h] > filters[bank.LOG_LIKELIHOOD, best]:
-            best = h
-    top = filters[bank.LOG_LIKELIHOOD, best]
-
-    along_x, along_y = track.heading[0], track.heading[1]
-    others = 0.0
     for h in range(M):
-        column = h - n if h > n else h
-        ratio = filters[bank.LOG_LIKELIHOOD, h] - top
-        if h != best:
-            others += math.exp(ratio)
-        white_x = filters[bank.INNOVATION_X, h] / math.sqrt(gains[0, bank.VARIANCE, column])
-        white_y = filters[bank.INNOVATION_Y, h] / math.sqrt(gains[y_axis, bank.VARIANCE, column])
-        log_variance = 0.5 * (gains[0, bank.LOG_VARIANCE, column] + gains[y_axis, bank.LOG_VARIANCE, column])
-        row[h] = LOG_SCALE * max(ratio, LOG_FLOOR)
-        row[M + h] = along_x * white_x + along_y * white_y
-        row[2 * M + h] = along_x * white_y - along_y * white_x
-        row[3 * M + h] = log_variance - log_noise
         row[4 * M + h] = 1.0 if h == track.active_mode else 0.0
-        row[5 * M + h] = 0.0 if h == 0 else (1.0 / radii[column - 1] if h <= n else -1.0 / radii[column - 1])
-
-    deviation = math.exp(0.5 * log_noise)
-    shift_x = (track.measurement[0] - track.anchor[0]) / deviation
-    shift_y = (track.measurement[1] - track.anchor[2]) / deviation
-    doubt = math.log(others / (1.0 + others)) if others > 0.0 else LOG_FLOOR
+    row[5 * M] = 0.0
+    for c in range(n):
+        row[5 * M + 1 + c] = 1.0 / radii[c]
+        row[5 * M + 1 + n + c] = -1.0 / radii[c]
     base = 6 * M
-    row[base] = TICK_SCALE * track.tick
-    row[base + 1] = TICK_SCALE * (track.length - track.tick)
-    row[base + 2] = LOG_SCALE * max(doubt, LOG_FLOOR)
     row[base + 3] = track.speed
-    row[base + 4] = LENGTH_SCALE * (along_x * shift_x + along_y * shift_y)
-    row[base + 5] = LENGTH_SCALE * (along_x * shift_y - along_y * shift_x)
     for k in range(3):
         row[base + 6 + k] = 0.5 * (
             track.kept_covariance[0, k] / variances[0] + track.kept_covariance[y_axis, k] / variances[y_axis]
         )
-    row[base + 9] = log_noise
+    row[base + 9] = 0.5 * (math.log(variances[0]) + math.log(variances[y_axis]))
+
+
+@njit(cache=True)
+def write_tick(
+    row: NDArray[np.float32],
+    filters: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    track: Any,
+    log_noise: float,
+    noise_whitener: float,
+) -> None:
+    """Fill what changes with every tick.
+
+    Args:
+        row: (6 M + 10,), in which `write_segment` has filled the rest.
+        track: one record of `kernel.TRACK`.
+        log_noise: ln R, of the geometric mean of the two variances.
+        noise_whitener: 1 / sqrt(R) [1/m].
+    """
+    M = filters.shape[1]
+    n = M // 2
+    y_axis = gains.shape[0] - 1
+    best = 0
+    top = filters[bank.LOG_LIKELIHOOD, 0]
+    for h in range(1, M):
+        if filters[bank.LOG_LIKELIHOOD, h] > top:
+            best = h
+            top = filters[bank.LOG_LIKELIHOOD, h]
+    others = 0.0
+    for h in range(M):
+        ratio = filters[bank.LOG_LIKELIHOOD, h] - top
+        row[h] = LOG_SCALE * max(ratio, LOG_FLOOR)
+        if h != best and ratio > NEGLIGIBLE:
+            others += math.exp(ratio)
+
+    along_x, along_y = track.heading[0], track.heading[1]
+    for h in range(M):
+        white_x, white_y = filters[bank.WHITE_X, h], filters[bank.WHITE_Y, h]
+        row[M + h] = along_x * white_x + along_y * white_y
+        row[2 * M + h] = along_x * white_y - along_y * white_x
+    for c in range(n + 1):
+        log_variance = 0.5 * (gains[0, bank.LOG_VARIANCE, c] + gains[y_axis, bank.LOG_VARIANCE, c])
+        row[3 * M + c] = log_variance - log_noise
+        if c > 0:
+            row[3 * M + n + c] = log_variance - log_noise
+
+    shift_x = (track.measurement[0] - track.anchor[0]) * noise_whitener
+    shift_y = (track.measurement[1] - track.anchor[2]) * noise_whitener
+    base = 6 * M
+    row[base] = TICK_SCALE * track.tick
+    row[base + 1] = TICK_SCALE * (track.length - track.tick)
+    row[base + 2] = LOG_SCALE * (
+        max(math.log(others / (1.0 + others)), LOG_FLOOR) if others > 0.0 else LOG_FLOOR
+    )
+    row[base + 4] = LENGTH_SCALE * (along_x * shift_x + along_y * shift_y)
+    row[base + 5] = LENGTH_SCALE * (along_x * shift_y - along_y * shift_x)

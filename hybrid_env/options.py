@@ -147,6 +147,8 @@ class WorldOptions:
         record["exact"] = self.correctness == "exact"
         record["declare_best"] = self.actions == "best"
         record["keep_undecided"] = self.undecided == "keep"
+        record["log_noise"] = np.log(self.variances).mean()
+        record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths
