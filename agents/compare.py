@@ -3,8 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from agents.ppo_settings import STEPS
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
+
+SELECTION_SEED = 1_000_000_000  # thresholds are chosen on episodes from this seed on, others are reported
 
 
 @dataclass(kw_only=True)
@@ -17,7 +20,7 @@ class Compare(WorldArguments):
     """Episodes that every decider is measured on."""
     seed: int = 0
     """First seed of those episodes; training and the choice of thresholds use others."""
-    steps: int = 1_500_000
+    steps: int = STEPS
     """Environment steps of PPO's training."""
     training_seeds: int = 1
     """PPO policies to train, each with its own seed."""
@@ -29,6 +32,8 @@ class Compare(WorldArguments):
         for name in ("episodes", "steps", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
         check_integer("seed", self.seed, minimum=0)
+        if self.seed + self.episodes > SELECTION_SEED:
+            raise reject("seed", self.seed, f"at most {SELECTION_SEED} less the episodes")
         if not self.deciders or len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "one or more different names")
         from rich.console import Console
@@ -39,7 +44,7 @@ class Compare(WorldArguments):
         from agents.writing import output_folder, write_json
 
         plan = Plan(
-            self.env,
+            self.env_id,
             self.world_options(),
             self.deciders,
             self.episodes,
@@ -54,7 +59,7 @@ class Compare(WorldArguments):
             result = compare(plan, progress)
         console.print(result.table())
         for line in result.headlines():
-            console.print(line, highlight=False)
+            console.print(line, highlight=False, soft_wrap=True)
         draw_operating_curves(result, folder / "compare.png")
         write_json(folder / "compare.json", result.as_json())
         console.print(f"Figure {folder / 'compare.png'}, data {folder / 'compare.json'}", highlight=False)

@@ -1,6 +1,6 @@
 """Deciders side by side: trained where asked, swept over their thresholds, measured on the same episodes."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from rich import box
 from rich.progress import Progress
 from rich.table import Table
 
+from agents.compare import SELECTION_SEED
 from agents.deciders import DeciderFamily, check_family, decider_family, policy_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
@@ -21,13 +22,10 @@ from agents.operating_curve import (
     sweep,
     ticks_at_accuracy,
 )
-from agents.training import PPOSettings, TrainingRun
-from agents.training import Progress as TrainingProgress
+from agents.training import TrainingProgress, TrainingRun
 from hybrid_env.options import WorldOptions
 
-SELECTION_SEED = 1_000_000_000  # thresholds are chosen on episodes from this seed on, others are reported
 SELECTION_EPISODES = 1000
-TRAINING_SEED = 2_000_000_000
 LEVELS = (0.95, 0.98)
 
 
@@ -245,13 +243,12 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
 
 def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
     name = "PPO" if plan.training_seeds == 1 else f"PPO {number + 1}"
-    settings = replace(PPOSettings(), steps=plan.steps)
     task = progress.add_task(f"Training {name}", total=plan.steps, note="")
 
     def show(now: TrainingProgress) -> None:
         progress.update(task, completed=min(now.steps, now.total), note=now.note)
 
-    run = TrainingRun(plan.env_id, plan.options, settings, TRAINING_SEED + 100_000 * number)
+    run = TrainingRun(plan.env_id, plan.options, seed=number, steps=plan.steps)
     return policy_family(name, run.train(show))
 
 

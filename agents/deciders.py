@@ -43,7 +43,7 @@ ATE = DeciderFamily(
 FIXED_TIME = DeciderFamily(
     "fixed time",
     "ticks",
-    (5, 10, 15, 18, 20, 22, 24, 26, 28, 30, 32, 34, 36, 40, 45, 50),
+    (5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100),
     25,
     lambda ticks: FixedTimeDecider(int(ticks)),
 )
@@ -87,7 +87,7 @@ def decider_family(name: str) -> DeciderFamily:
     if name in CLASSICAL:
         return CLASSICAL[name]
     folder = Path(name)
-    if folder.is_dir():
+    if name and folder.is_dir():
         return policy_family(folder.name, folder)
     known = ", ".join(map(repr, CLASSICAL))
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
@@ -110,7 +110,8 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         raise reject("decider", name, "a number after the colon") from None
     family = decider_family(base if threshold is not None else name)
     if threshold is not None and (not np.isfinite(threshold) or (family is FIXED_TIME and threshold % 1)):
-        raise reject("decider", name, f"a finite {family.symbol} after the colon")
+        allowed = "a whole number" if family is FIXED_TIME else "a finite number"
+        raise reject("decider", name, f"{allowed} after the colon")
     if options.actions != "all":
         raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")
     check_family(family, name, options)

@@ -38,19 +38,20 @@ class Evaluate(WorldArguments):
         from agents.writing import write_json
         from hybrid_env.rendering import mode_name
 
-        world = make_vector_env(self.env, 1, **self.world_options()).options
+        env_id, options = self.world_of(self.decider)
+        world = make_vector_env(env_id, 1, **options).options
         decider = load_decider(self.decider, world)
         console = Console()
         with progress_display(console) as progress:
             task = progress.add_task("Evaluating", total=1.0, note=self.decider)
             decisions = evaluate(
-                decider, self.env, self.episodes, self.seed,
-                lambda share: progress.update(task, completed=share), **self.world_options(),
+                decider, env_id, self.episodes, self.seed,
+                lambda share: progress.update(task, completed=share), **options,
             )  # fmt: skip
         summary = decisions.summary()
 
         table = Table(
-            title=f"{self.decider} on {self.env.rpartition(':')[2]}: {summary['segments']:,} segments"
+            title=f"{self.decider} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments"
         )
         for head in ("figure", "mean", "95 % interval"):
             table.add_column(head, justify="left" if head == "figure" else "right")
@@ -67,7 +68,7 @@ class Evaluate(WorldArguments):
         modes = world.hypotheses
         counts = np.zeros((modes, modes), np.int64)
         np.add.at(counts, (decisions.true_mode, decisions.decided_mode), 1)
-        if modes <= 9:
+        if modes <= 5:
             confusion = Table(title="True mode in rows, decided mode in columns")
             confusion.add_column("")
             for mode in range(modes):

@@ -141,6 +141,8 @@ def evaluate(
         options: of the world, over those of the id.
     """
     env = make_vector_env(env_id, episodes, **options)
+    if env.options.actions != "all":
+        raise reject("actions", env.options.actions, "'all' for a decider, which declares hypotheses")
     segments = env.options.segments
     fields = {
         "correct": np.bool_, "type_correct": np.bool_, "ticks": np.int64, "forced": np.bool_,

@@ -22,10 +22,10 @@ from baselines.decider import Decider
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.history import EpisodeHistory
-from hybrid_env.kernel import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS, mode_colour, mode_name, shade
 from hybrid_env.window import display_available
+from hybrid_env.world import TRACE_COLUMNS
 
 Frame = NDArray[np.uint8]
 
@@ -88,11 +88,13 @@ class Play(WorldArguments):
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
     def _make_env(self) -> HybridTrackEnv:
-        mode = "human" if self.out is None else "rgb_array"
+        wants_window = self.out is None and (self.record is None or display_available())
+        mode = "human" if wants_window else "rgb_array"
         if mode == "human" and not display_available():
             raise ArgumentError("no window can be opened here: give --out FILE, a .gif or a .png")
-        check_env_id(self.env)
-        env = gym.make(self.env, render_mode=mode, **self.world_options()).unwrapped
+        env_id, options = self.world_of(self.decider)
+        check_env_id(env_id)
+        env = gym.make(env_id, render_mode=mode, **options).unwrapped
         assert isinstance(env, HybridTrackEnv)
         return env
 

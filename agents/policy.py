@@ -1,7 +1,6 @@
 """A trained policy as a decider, and its file: safetensors with a JSON card beside it."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from stable_baselines3.common.policies import ActorCriticPolicy
 
+from agents.writing import whole_file, write_json
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES, Layout
@@ -82,13 +82,13 @@ class PolicyDecider:
             declared = gumbel.argmax(1) > 0
             declare = gumbel[:, 1:].argmax(1)
         if logits.shape[1] == 2:
-            layout = Layout.of_width(observation.shape[-1])
+            layout = Layout.of_rows(observation)
             declare = layout.read(observation, "log_ratio").argmax(-1)
         return np.where(declared, declare + 1, 0), None
 
 
 def save_policy(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
-    """Write weights and card, each beside its place and then renamed."""
+    """Write weights and card, each whole or not at all."""
     weights = {name: tensor.contiguous() for name, tensor in policy.state_dict().items()}
     shape = policy.observation_space.shape
     assert shape is not None
@@ -99,10 +99,9 @@ def save_policy(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -
         "actions": int(policy.action_space.n),
         "hidden": list(policy.net_arch),
     }
-    save_file(weights, folder / f"{WEIGHTS}.part")
-    os.replace(folder / f"{WEIGHTS}.part", folder / WEIGHTS)
-    (folder / f"{CARD}.part").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-    os.replace(folder / f"{CARD}.part", folder / CARD)
+    with whole_file(folder / WEIGHTS) as part:
+        save_file(weights, part)
+    write_json(folder / CARD, card)
 
 
 def load_policy(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
@@ -116,10 +115,11 @@ def load_policy(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
         space = spaces.Box(-np.inf, np.inf, (int(card["observation_width"]),), np.float32)
         policy = make_policy(space, spaces.Discrete(int(card["actions"])), tuple(card["hidden"]))
         policy.load_state_dict(load_file(folder / WEIGHTS))
+        scales = card["observation_scales"]
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
         reason = str(error).splitlines()[0]
         raise reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})") from None
-    if card["observation_scales"] != HYPOTHESIS_FEATURES | TRACK_FEATURES:
+    if scales != HYPOTHESIS_FEATURES | TRACK_FEATURES:
         raise reject(
             "run", str(folder), "a policy trained on today's observation; this one read other scales"
         )

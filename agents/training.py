@@ -6,10 +6,10 @@ a killed run never mixes two of them), policy.safetensors with its card, metrics
 
 import json
 import math
-import os
 import platform
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -24,70 +24,29 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 
 from agents.policy import PolicyDecider, save_policy
+from agents.ppo_settings import STEPS, PPOSettings
 from agents.vec_env import HybridTrackVecEnv
-from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from agents.writing import output_folder, whole_file, write_json
+from hybrid_env.checks import check_integer, reject
 
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.safetensors"
 METRICS = "metrics.jsonl"
-
-
-@dataclass(kw_only=True)
-class PPOSettings:
-    """Hyper-parameters of PPO; gamma is 1, because haste is priced by the delay cost already."""
-
-    steps: int = 1_500_000
-    """Environment steps, summed over tracks; about half a minute."""
-    num_envs: int = 64
-    """Tracks trained on at once."""
-    rollout: int = 128
-    """Steps of each track between updates."""
-    batch: int = 2048
-    """Samples of a gradient step."""
-    epochs: int = 4
-    """Passes over each rollout."""
-    learning_rate: float = 6e-3
-    """Adam's step size, annealed linearly to 0."""
-    gae_lambda: float = 0.9
-    """Of generalised advantage estimation."""
-    entropy: float = 0.0
-    """Coefficient of the entropy bonus."""
-    hidden: tuple[int, ...] = (64, 64)
-    """Units of the hidden layers of actor and critic."""
-    wait_bias: float = 5.0
-    """First bias of the logit of waiting; at 0 a fresh policy declares at once and never learns to wait."""
-
-    def check(self) -> None:
-        """Refuse nonsense in one line."""
-        for name in ("steps", "num_envs", "rollout", "batch", "epochs"):
-            check_integer(name.replace("_", "-"), getattr(self, name))
-        check_positive("learning-rate", self.learning_rate)
-        if self.gae_lambda != 1.0:
-            check_between("gae-lambda", self.gae_lambda, 0.0, 1.0)
-        check_positive("entropy", self.entropy, allow_zero=True)
-        check_number("wait-bias", self.wait_bias)
-        if not self.hidden:
-            raise reject("hidden", self.hidden, "one or more layers")
-        for units in self.hidden:
-            check_integer("hidden", units)
-        if self.batch > self.num_envs * self.rollout:
-            raise reject("batch", self.batch, f"at most num-envs x rollout = {self.num_envs * self.rollout}")
+TRACK_SEEDS = 10**12  # training's episodes are seeded from here on
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """Where a training run stands.
 
     Attributes:
         steps, total: environment steps, done and wanted.
-        seconds: since the start or the resumption.
         reward: mean of a segment in the last 100 episodes; NaN before the first has ended.
         ticks: mean decision time of a segment in the last 100 episodes, likewise.
     """
 
     steps: int
     total: int
-    seconds: float
     reward: float
     ticks: float
 
@@ -118,10 +77,12 @@ class _MetricsFile(KVWriter):
 class _Watch(BaseCallback):
     """Reports progress and saves, both at the end of a rollout."""
 
-    def __init__(self, run: "TrainingRun", on_progress: Callable[[Progress], None] | None, interval: float):
+    def __init__(
+        self, run: "TrainingRun", on_progress: Callable[[TrainingProgress], None] | None, interval: float
+    ):
         super().__init__()
         self.run, self.on_progress, self.interval = run, on_progress, interval
-        self.started = self.saved = time.monotonic()
+        self.saved = time.monotonic()
 
     def _on_step(self) -> bool:
         return True
@@ -141,10 +102,7 @@ class _Watch(BaseCallback):
             self.logger.record("segment/reward", reward)
             self.logger.record("segment/ticks", ticks)
         if self.on_progress is not None:
-            seconds = time.monotonic() - self.started
-            self.on_progress(
-                Progress(self.model.num_timesteps, self.run.settings.steps, seconds, reward, ticks)
-            )
+            self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
 
 
 class TrainingRun:
@@ -153,22 +111,28 @@ class TrainingRun:
     Args:
         env_id: registered id of the environment.
         options: of the world, over those of the id.
-        settings: hyper-parameters.
-        seed: of weights, tracks and mini-batches.
-        folder: run folder; None keeps nothing.
+        settings: hyper-parameters; None takes the defaults.
+        seed: of weights, tracks and mini-batches, below 2^31.
+        folder: run folder, made if it is not there; None keeps nothing.
+        steps: environment steps, summed over tracks; rounded up to whole rollouts.
     """
 
     def __init__(
         self,
         env_id: str,
         options: dict[str, Any],
-        settings: PPOSettings,
+        settings: PPOSettings | None = None,
         seed: int = 0,
         folder: Path | None = None,
+        steps: int = STEPS,
     ):
+        settings = PPOSettings() if settings is None else settings
         settings.check()
+        self.steps = check_integer("steps", steps)
         self.env_id, self.options, self.settings = env_id, options, settings
         self.seed = check_integer("seed", seed, minimum=0)
+        if self.seed >= 2**31:
+            raise reject("seed", seed, "an integer below 2^31")
         self.folder = folder
         torch.set_num_threads(1)  # small networks lose more to threads than they gain
         env = HybridTrackVecEnv(env_id, settings.num_envs, **options)
@@ -182,7 +146,7 @@ class TrainingRun:
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
         if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
+            output_folder("out", folder)
             self._write_config()
 
     @classmethod
@@ -192,9 +156,10 @@ class TrainingRun:
             config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
             config["settings"]["hidden"] = tuple(config["settings"]["hidden"])
             settings = PPOSettings(**config["settings"])
-            if steps is not None:
-                settings.steps = steps
-            run = cls(config["env"], config["options"], settings, config["seed"])
+            run = cls(
+                config["env"], config["options"], settings, config["seed"],
+                steps=config["steps"] if steps is None else steps,
+            )  # fmt: skip
         except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
             raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
         run.folder = folder
@@ -202,13 +167,18 @@ class TrainingRun:
         run._write_config()
         return run
 
+    def track_seeds(self) -> list[int]:
+        """Seeds of the tracks from here on; evaluations count from small ones."""
+        first = TRACK_SEEDS + 10**9 * self.seed + self.model.num_timesteps
+        return [first + track for track in range(self.settings.num_envs)]
+
     @property
     def decider(self) -> PolicyDecider:
         """The policy as it stands."""
         return PolicyDecider(self.model.policy)
 
     def train(
-        self, on_progress: Callable[[Progress], None] | None = None, save_every: float = 10.0
+        self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> PolicyDecider:
         """Train to the end, saving the run every so many seconds, and return the policy."""
         writers: list[KVWriter] = []
@@ -217,8 +187,12 @@ class TrainingRun:
         self.model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
         # torch's stream is global: set it here, not only where the weights were drawn. A resumed run goes on
         # with other streams than those used up, the same at every resumption.
-        self.model.set_random_seed(self.seed + self.model.num_timesteps)
-        left = self.settings.steps - self.model.num_timesteps
+        done = self.model.num_timesteps
+        self.model.set_random_seed((self.seed + done) % 2**32)
+        self.model.env.seed(self.track_seeds()[0])  # type: ignore[union-attr]
+        if self.folder is not None and not (self.folder / CHECKPOINT).exists():
+            self.save()  # a run killed before its first interval can go on, too
+        left = self.steps - done
         try:
             if left > 0:
                 self.model.learn(left, _Watch(self, on_progress, save_every), reset_num_timesteps=False)
@@ -234,9 +208,8 @@ class TrainingRun:
         tensors = {f"policy.{name}": value for name, value in self.model.policy.state_dict().items()}
         for index, state in self.model.policy.optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
-        part = self.folder / f"{CHECKPOINT}.part"
-        save_file(tensors, part, metadata={"steps": str(self.model.num_timesteps)})
-        os.replace(part, self.folder / CHECKPOINT)
+        with whole_file(self.folder / CHECKPOINT) as part:
+            save_file(tensors, part, metadata={"steps": str(self.model.num_timesteps)})
         card = {
             "environment": self.env_id,
             "options": self.options,
@@ -278,12 +251,22 @@ class TrainingRun:
                 "resume", str(self.folder), f"a run folder with a whole {CHECKPOINT} ({reason})"
             ) from None
         self.model.num_timesteps = steps
+        self._drop_metrics_beyond(steps)
+
+    def _drop_metrics_beyond(self, steps: int) -> None:
+        """Forget what was logged after the checkpoint: it will be logged again."""
+        assert self.folder is not None
+        path = self.folder / METRICS
+        if path.is_file():
+            with suppress(ValueError), whole_file(path) as part:  # a line cut off by the kill is the last
+                kept = [line for line in path.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
+                kept = [line for line in kept if json.loads(line)["step"] <= steps]
+                part.write_text("".join(line + "\n" for line in kept), encoding="utf-8")
 
     def _write_config(self) -> None:
         assert self.folder is not None
         config = {
-            "env": self.env_id, "options": self.options, "settings": asdict(self.settings), "seed": self.seed,
+            "env": self.env_id, "options": self.options, "settings": asdict(self.settings),
+            "steps": self.steps, "seed": self.seed,
         }  # fmt: skip
-        part = self.folder / f"{CONFIG}.part"
-        part.write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
-        os.replace(part, self.folder / CONFIG)
+        write_json(self.folder / CONFIG, config)

@@ -1,16 +1,20 @@
 """The options of a world as command-line flags, shared by every command that makes one."""
 
 import dataclasses
+import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
+
+DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 
 
 @dataclass(kw_only=True)
 class WorldArguments:
     """Flags of the world; what is not given stays as the environment's id has it."""
 
-    env: str = "hybrid_env:HybridTrack-v0"
-    """Registered id of the environment."""
+    env: str | None = None
+    """Registered id; default hybrid_env:HybridTrack-v0, or the one that a run folder was trained on."""
     scheme: str | None = None
     """'random', 'random 6x50-100', 'L50r3 R75r5 S50', or golubkov2018, tsyganov2019, golubkov2020."""
     radii: tuple[float, ...] | None = None
@@ -34,7 +38,33 @@ class WorldArguments:
     reset_covariance: bool | None = None
     """Start every segment with P := I, as published."""
 
+    @property
+    def env_id(self) -> str:
+        """The id that was given, or the default."""
+        return DEFAULT_ENV if self.env is None else self.env
+
     def world_options(self) -> dict[str, Any]:
         """The options that were given, as keywords of `gym.make`."""
         names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
+    def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
+        """Id and options to see a decider in: those given, over those that a run folder was trained with."""
+        card = read_card(decider)
+        if card is None or self.env not in (None, card["environment"]):
+            return self.env_id, self.world_options()
+        trained = {name: value for name, value in card["options"].items() if name != "actions"}
+        return card["environment"], trained | self.world_options()
+
+
+def read_card(decider: str) -> dict[str, Any] | None:
+    """The card of a run folder, with an optional threshold behind its name; None for any other decider."""
+    for name in (decider, decider.rpartition(":")[0]):
+        path = Path(name) / "policy.json"
+        if name and path.is_file():
+            try:
+                card = json.loads(path.read_text(encoding="utf-8"))
+                return {"environment": str(card["environment"]), "options": dict(card["options"])}
+            except (OSError, ValueError, KeyError, TypeError):
+                return None  # `load_policy` says what is wrong with it
+    return None

@@ -1,17 +1,15 @@
 """Classical deciders: Wald's test, the algorithm ATE around it, and a fixed decision time."""
 
-# ruff: noqa: E402, the cache is looked after before the first compiled function is imported
 from pathlib import Path
 
 import hybrid_env
-from hybrid_env.compile_cache import drop_stale_cache
-
-drop_stale_cache(Path(__file__).parent, Path(hybrid_env.__file__).parent)
-
 from baselines.ate import Tracks, first_estimate, track
 from baselines.decider import Decider
 from baselines.fixed_time import FixedTimeDecider
 from baselines.sprt import SPRTDecider, sprt_test, sprt_thresholds
+from hybrid_env.compile_cache import drop_stale_cache
+
+drop_stale_cache(sprt_test.stats.cache_path, [Path(__file__).parent, Path(hybrid_env.__file__).parent])
 
 __all__ = [
     "Decider",

@@ -25,7 +25,6 @@ from hybrid_env.checks import (
     check_radii,
     reject,
 )
-from hybrid_env.kernel import likeliest, mode_type
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +81,7 @@ def _likeliest_of_type(filters: FloatArray, mode: int) -> int:
     best = mode
     for h in range(filters.shape[1]):
         likelier = filters[bank.LOG_LIKELIHOOD, h] > filters[bank.LOG_LIKELIHOOD, best]
-        if likelier and mode_type(h, n) == mode_type(mode, n):
+        if likelier and bank.mode_type(h, n) == bank.mode_type(mode, n):
             best = h
     return best
 
@@ -141,7 +140,7 @@ def _track_run(
                 undecided[piece] = False
                 ticks[piece] = k - begin
         if undecided[piece] and not keep:
-            active = likeliest(filters)
+            active = bank.likeliest(filters)
         if recalculation != KEEP and not undecided[piece]:
             for row in range(4):
                 filters[row, active] = estimate[row]

@@ -28,7 +28,7 @@ class FixedTimeDecider:
         deterministic: bool = True,
     ) -> tuple[Actions, None]:
         """See `Decider.predict`; there is no state."""
-        layout = Layout.of_width(observation.shape[-1])
+        layout = Layout.of_rows(observation)
         likeliest = layout.read(observation, "log_ratio").argmax(-1)
         due = np.rint(layout.read(observation, "ticks")) >= self.ticks
         return np.where(due, likeliest + 1, 0), None

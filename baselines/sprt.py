@@ -16,7 +16,7 @@ from baselines.decider import Actions, Observations
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 
-UNDECIDED = -1
+CLIPPED = LOG_FLOOR + 1e-3
 
 
 def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def sprt_test(
 
 @njit(cache=True)
 def _test_tracks(
-    ratios: NDArray[np.float64],
+    log_likelihood: NDArray[np.float64],
     reference: NDArray[np.int64],
     running: NDArray[np.bool_],
     upper: float,
@@ -84,13 +84,16 @@ def _test_tracks(
     actions: NDArray[np.int64],
 ) -> None:
     for i in range(reference.size):
-        actions[i] = sprt_test(ratios[i], running[i], reference[i], upper, lower) + 1
+        actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
 
 
 class SPRTDecider:
     """The test of ATE as a decider on observations.
 
-    The observation clips ratios to the best hypothesis at -30, so A must stay below 30 (alpha > 1e-13).
+    The ratios in the observation are taken to the best hypothesis and clipped, and the best may be one that
+    the test has dropped; so where a ratio is clipped, the decider adds up the log-likelihood itself, from
+    innovations and their variances. What is left of a difference to `ate.track` is a ratio within float32's
+    resolution of a threshold.
 
     Args:
         alpha: error of the first kind.
@@ -99,8 +102,6 @@ class SPRTDecider:
 
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
-        if self.upper >= -LOG_FLOOR or self.lower <= LOG_FLOOR:
-            raise reject("alpha", alpha, f"thresholds within {LOG_FLOOR:g} and {-LOG_FLOOR:g}")
 
     def predict(
         self,
@@ -108,13 +109,27 @@ class SPRTDecider:
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Actions, NDArray[np.bool_]]:
-        """See `Decider.predict`; the state is the (N, M) mask of hypotheses still under test."""
-        layout = Layout.of_width(observation.shape[-1])
+    ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+        """See `Decider.predict`; the state is (log-likelihoods, hypotheses still under test), both (N, M).
+
+        Without a state in the middle of a segment it begins with the clipped ratios and all hypotheses.
+        """
+        layout = Layout.of_rows(observation)
+        along, across = (layout.read(observation, f"innovation_{way}") for way in ("along", "across"))
+        increment = -layout.read(observation, "log_variance") - 0.5 * (along**2 + across**2)
         ratios = layout.read(observation, "log_ratio")
-        running = np.ones(ratios.shape, np.bool_) if state is None else state
-        running[np.rint(layout.read(observation, "ticks")) <= 1] = True
+        log_likelihood, running = ratios, np.ones(ratios.shape, np.bool_)
+        if state is not None:
+            best = ratios.argmax(-1)[:, None]
+            added = state[0] + increment
+            log_likelihood = np.take_along_axis(added, best, -1) + ratios
+            clipped = ratios <= CLIPPED
+            log_likelihood[clipped] = added[clipped]
+            running = state[1].copy()
+        first = np.rint(layout.read(observation, "ticks")) <= 1
+        log_likelihood[first] = increment[first]
+        running[first] = True
         reference = layout.read(observation, "previous").argmax(-1)
-        actions = np.empty(len(ratios), np.int64)
-        _test_tracks(ratios, reference, running, self.upper, self.lower, actions)
-        return actions, running
+        actions = np.empty(len(observation), np.int64)
+        _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
+        return actions, (log_likelihood, running)

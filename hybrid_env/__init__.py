@@ -3,17 +3,14 @@
 Importing this package registers the environments; `gym.make("hybrid_env:HybridTrack-v0")` imports it too.
 """
 
-# ruff: noqa: E402, the cache is looked after before the first compiled function is imported
 from pathlib import Path
 
 from gymnasium.envs.registration import register, registry
 
-from hybrid_env.compile_cache import drop_stale_cache
-
-drop_stale_cache(Path(__file__).parent)
-
 from hybrid_env.bank import KalmanBank
+from hybrid_env.compile_cache import drop_stale_cache
 from hybrid_env.env import HybridTrackEnv
+from hybrid_env.kernel import step_tracks
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
@@ -31,6 +28,8 @@ __all__ = [
     "WorldOptions",
     "parse_scheme",
 ]
+
+drop_stale_cache(step_tracks.stats.cache_path, [Path(__file__).parent])
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},

@@ -112,8 +112,8 @@ def step_gains(
         inverse = 1.0 / variance
         gain_x = xx * inverse
         gain_v = xv * inverse
-        gains[axis, P_XX, column] = xx - gain_x * xx
-        gains[axis, P_XV, column] = xv - gain_x * xv
+        gains[axis, P_XX, column] = gain_x * variances[axis]  # P - K H P, without its cancellation
+        gains[axis, P_XV, column] = gain_v * variances[axis]
         gains[axis, P_VV, column] = vv - gain_v * xv
         gains[axis, WHITENER, column] = math.sqrt(inverse)
         gains[axis, LOG_VARIANCE, column] = math.log(variance)
@@ -163,6 +163,22 @@ def step_estimate(
         + white_x * white_x
         + white_y * white_y
     )
+
+
+@njit(cache=True)
+def mode_type(mode: int, radii_count: int) -> int:
+    """0 straight, 1 left, 2 right."""
+    return 0 if mode == 0 else (1 if mode <= radii_count else 2)
+
+
+@njit(cache=True)
+def likeliest(filters: FloatArray) -> int:
+    """The hypothesis with the largest log-likelihood, the first of equals."""
+    best = 0
+    for h in range(1, filters.shape[1]):
+        if filters[LOG_LIKELIHOOD, h] > filters[LOG_LIKELIHOOD, best]:
+            best = h
+    return best
 
 
 @njit(cache=True)

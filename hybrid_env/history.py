@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.kernel import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
+from hybrid_env.world import TRACE_COLUMNS
 
 FloatArray = NDArray[np.float64]
 

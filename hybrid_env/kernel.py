@@ -18,6 +18,8 @@ from hybrid_env.bank import (
     X,
     Y,
     anchor_bank,
+    likeliest,
+    mode_type,
     radius_column,
     step_bank,
     step_chosen,
@@ -42,7 +44,6 @@ TRACK = np.dtype(
         ("segment", np.int64),
         ("tick", np.int64),  # since the switch, 1 at the first measurement
         ("length", np.int64),  # of the segment in ticks
-        ("time", np.int64),  # ticks since the start of the episode
         ("true_mode", np.int64),
         ("active_mode", np.int64),  # the mode decided last, q_A of ATE
         ("terminated", np.bool_),
@@ -100,22 +101,6 @@ TRACE_COLUMNS = (
 
 
 @njit(cache=True)
-def mode_type(mode: int, radii_count: int) -> int:
-    """0 straight, 1 left, 2 right."""
-    return 0 if mode == 0 else (1 if mode <= radii_count else 2)
-
-
-@njit(cache=True)
-def likeliest(filters: NDArray[np.float64]) -> int:
-    """The hypothesis with the largest log-likelihood, the first of equals."""
-    best = 0
-    for h in range(1, filters.shape[1]):
-        if filters[LOG_LIKELIHOOD, h] > filters[LOG_LIKELIHOOD, best]:
-            best = h
-    return best
-
-
-@njit(cache=True)
 def _take_estimate(track: Any, filters: NDArray[np.float64], hypothesis: int) -> None:
     track.estimate[0] = filters[X, hypothesis]
     track.estimate[1] = filters[VX, hypothesis]
@@ -152,7 +137,6 @@ def move(track: Any, process_variance: float, variances: NDArray[np.float64]) ->
     track.measurement[0] = x + math.sqrt(variances[0]) * standard_normal(track.random_state)
     track.measurement[1] = y + math.sqrt(variances[variances.size - 1]) * standard_normal(track.random_state)
     track.tick += 1
-    track.time += 1
 
 
 @njit(cache=True)
@@ -261,7 +245,6 @@ def _begin_episode(
         track.kept_covariance[axis, 1] = 0.0
         track.kept_covariance[axis, 2] = velocity_variance
     track.segment = 0
-    track.time = 0
     track.active_mode = 0  # Golubkov 2018, algorithm 1, line 2
     track.terminated = False
     track.has_decision = False

@@ -78,6 +78,13 @@ class Layout:
             raise reject("width", width, "6 M + 10 for M = 3, 5, 7, ... hypotheses")
         return cls(hypotheses)
 
+    @classmethod
+    def of_rows(cls, observation: NDArray[Any]) -> "Layout":
+        """The layout of a batch of rows, (N, width); a single row is refused."""
+        if observation.ndim != 2:
+            raise reject("observation shape", observation.shape, "(N, width), one row a track")
+        return cls.of_width(observation.shape[1])
+
     def read(self, observation: NDArray[Any], name: str) -> NDArray[np.float64]:
         """A quantity in its own unit, (..., M) per hypothesis or (...) per track.
 
@@ -137,12 +144,8 @@ def write_tick(
     M = filters.shape[1]
     n = M // 2
     y_axis = gains.shape[0] - 1
-    best = 0
-    top = filters[bank.LOG_LIKELIHOOD, 0]
-    for h in range(1, M):
-        if filters[bank.LOG_LIKELIHOOD, h] > top:
-            best = h
-            top = filters[bank.LOG_LIKELIHOOD, h]
+    best = bank.likeliest(filters)
+    top = filters[bank.LOG_LIKELIHOOD, best]
     others = 0.0
     for h in range(M):
         ratio = filters[bank.LOG_LIKELIHOOD, h] - top

@@ -70,7 +70,7 @@ class WorldOptions:
         check_choice("actions", self.actions, ("all", "best"))
         check_choice("undecided", self.undecided, ("likeliest", "keep"))
         if self.correctness == "exact":
-            missing = {abs(row[0]) for row in self.table if row[0]} - set(self.radii)
+            missing = {abs(float(row[0])) for row in self.table if row[0]} - set(self.radii)
             if missing:
                 raise reject(
                     "radii", self.radii, f"the scheme's radii {sorted(missing)} too, or correctness='type'"

@@ -19,11 +19,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from hybrid_env.bank import mode_type
 from hybrid_env.checks import reject
 from hybrid_env.history import EpisodeHistory
-from hybrid_env.kernel import TRACE_COLUMNS, mode_type
 from hybrid_env.options import WorldOptions
 from hybrid_env.window import Window
+from hybrid_env.world import TRACE_COLUMNS
 
 RENDER_FPS = 10
 FRAME_SIZE = (900, 450)  # width, height [px]
@@ -197,7 +198,7 @@ class EpisodeFigure:
                 "now": Line2D([], [], color=_NOW, marker="*", markersize=11, **outlined),
                 "correct decision": Line2D([], [], color="white", marker="o", markersize=7, **outlined),
                 "wrong decision": Line2D([], [], color="white", marker="X", markersize=7, **outlined),
-                "SPRT thresholds A, B": Line2D([], [], color=_THRESHOLD, linestyle="--", linewidth=1),
+                "A, B at alpha = 0.001": Line2D([], [], color=_THRESHOLD, linestyle="--", linewidth=1),
                 "after the decision": Patch(**_SKIPPED),
             },
             0.095,

@@ -87,6 +87,8 @@ class RandomScheme:
 
     def __post_init__(self) -> None:
         check_integer("segments", self.segments)
+        if self.segments > MAX_LENGTH:
+            raise reject("segments", self.segments, f"at most {MAX_LENGTH}")
         if len(self.lengths) != 2:
             raise reject("lengths", self.lengths, "(shortest, longest)")
         shortest, longest = self.lengths

@@ -70,7 +70,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         """
         mask = np.ones(self.num_envs, np.bool_)
         if options is not None and "reset_mask" in options:
-            mask = np.array(options["reset_mask"])
+            mask = np.array(options["reset_mask"], order="C")
             if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
                 raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},) with a True")
         seeds: Sequence[int | None]
@@ -80,6 +80,10 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             seeds = seed
             if len(seeds) != self.num_envs:
                 raise reject("seed", seed, f"an integer or {self.num_envs} of them")
+        if not (self.world.seeded | mask).all():
+            raise gym.error.ResetNeeded(
+                "reset() of some tracks needs a reset() of all before: some never began"
+            )
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None or not self.world.seeded[i]:
                 self.world.seed(i, seeding.np_random(seeds[i])[0])
@@ -109,7 +113,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             raise gym.error.ResetNeeded(
                 "step() needs reset() with a reset_mask first: a track has terminated"
             )
-        self.world.step(actions.astype(np.int64, copy=False))
+        self.world.step(np.array(actions, np.int64, order="C"))  # other layouts would compile anew
 
         terminated = tracks["terminated"].copy()
         final: dict[str, Any] = {}

@@ -11,6 +11,9 @@ from hybrid_env import bank, kernel
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
 
+TRACE_COLUMNS = kernel.TRACE_COLUMNS
+"""Columns of `World.traced`."""
+
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `kernel.TRACK` that describe the present tick; `log_likelihood` goes with them."""
 

@@ -22,7 +22,7 @@ def weights(run):
 
 
 def test_training_twice_with_one_seed_gives_equal_weights_and_another_seed_others():
-    runs = [TrainingRun(ENV, {}, PPOSettings(steps=2048, **SMALL), seed) for seed in (3, 3, 4)]
+    runs = [TrainingRun(ENV, {}, PPOSettings(**SMALL), seed, steps=2048) for seed in (3, 3, 4)]
     for run in runs:
         run.train()
     first, second, other = map(weights, runs)
@@ -31,8 +31,7 @@ def test_training_twice_with_one_seed_gives_equal_weights_and_another_seed_other
 
 
 def test_a_short_training_learns_to_wait_and_beats_declaring_at_once():
-    settings = PPOSettings(steps=300_000)
-    decider = TrainingRun(ENV, {}, settings, seed=1).train()
+    decider = TrainingRun(ENV, {}, seed=1, steps=300_000).train()
     decisions = evaluate(decider, ENV, episodes=150, seed=5)
     # declaring at once earns -.35, never -.50; 900 segments know the mean to about .03
     assert decisions.reward.mean() > 0.2
@@ -40,7 +39,7 @@ def test_a_short_training_learns_to_wait_and_beats_declaring_at_once():
 
 def test_a_run_folder_holds_config_metrics_events_and_a_policy_that_decides_alike(tmp_path):
     folder = tmp_path / "run"
-    run = TrainingRun(ENV, {"measurement_variance": 0.2}, PPOSettings(steps=1024, **SMALL), 0, folder)
+    run = TrainingRun(ENV, {"measurement_variance": 0.2}, PPOSettings(**SMALL), 0, folder, 1024)
     reports = []
     decider = run.train(reports.append)
     assert reports[-1].steps == 1024
@@ -58,7 +57,7 @@ def test_a_run_folder_holds_config_metrics_events_and_a_policy_that_decides_alik
 
 def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     folder = tmp_path / "run"
-    run = TrainingRun(ENV, {}, PPOSettings(steps=4096, **SMALL), 0, folder)
+    run = TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, folder, 4096)
 
     def kill(progress):
         if progress.steps == 1536:
@@ -72,14 +71,40 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     assert all(entry["step"] > 0 and entry["exp_avg_sq"].abs().sum() > 0 for entry in state.values())
     resumed.train()
     assert resumed.model.num_timesteps == 4096
-    assert TrainingRun.resume(folder, steps=4608).settings.steps == 4608
+    assert TrainingRun.resume(folder, steps=4608).steps == 4608
     steps = [json.loads(line)["step"] for line in (folder / "metrics.jsonl").read_text().splitlines()]
-    assert steps[-1] == 4096
+    assert steps == list(range(512, 4097, 512))
+
+
+def test_a_run_killed_before_its_first_interval_goes_on_too(tmp_path):
+    run = TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, tmp_path / "run", 4096)
+
+    def kill(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.train(kill)
+    resumed = TrainingRun.resume(tmp_path / "run")
+    assert resumed.model.num_timesteps == 0
+    resumed.train()
+    assert resumed.model.num_timesteps == 4096
+
+
+def test_training_does_not_see_the_episodes_that_evaluations_start_from():
+    run = TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, steps=512)
+    run.train()
+    assert min(run.track_seeds()) >= 10**12
+
+
+@pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
+def test_a_run_refuses_nonsense(name, value):
+    with pytest.raises(ArgumentError, match=f"{name}={value}.*expected"):
+        TrainingRun(ENV, {}, **{name: value})
 
 
 def test_damaged_or_missing_run_folders_are_refused_in_one_line(tmp_path):
     folder = tmp_path / "run"
-    TrainingRun(ENV, {}, PPOSettings(steps=512, **SMALL), 0, folder).train()
+    TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, folder, 512).train()
     for name in ("checkpoint.safetensors", "config.json"):
         path = folder / name
         whole = path.read_bytes()
@@ -103,9 +128,9 @@ def test_damaged_or_missing_run_folders_are_refused_in_one_line(tmp_path):
 
 
 BAD = [
-    ("steps", 0), ("num_envs", -1), ("rollout", 1.5), ("batch", 0), ("batch", 10**6), ("epochs", 0),
-    ("learning_rate", 0.0), ("learning_rate", float("nan")), ("gae_lambda", 1.5), ("entropy", -1.0),
-    ("hidden", ()), ("hidden", (0,)), ("wait_bias", float("inf")),
+    ("num_envs", -1), ("rollout", 1.5), ("batch", 0), ("batch", 10**6), ("batch", 1), ("batch", 1000),
+    ("epochs", 0), ("learning_rate", 0.0), ("learning_rate", float("nan")), ("learning_rate", 2.0),
+    ("gae_lambda", 1.5), ("entropy", -1.0), ("hidden", ()), ("hidden", (0,)), ("wait_bias", float("inf")),
 ]  # fmt: skip
 
 
@@ -121,7 +146,7 @@ def test_deciders_are_found_by_name_threshold_and_folder(tmp_path):
     assert load_decider("ate:0.01", options).upper == pytest.approx(np.log(99))
     assert load_decider("fixed:30", options).ticks == 30
     folder = tmp_path / "run"
-    TrainingRun(ENV, {}, PPOSettings(steps=512, **SMALL), 0, folder).train()
+    TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, folder, 512).train()
     assert load_decider(str(folder), options).threshold == 0.0
     assert load_decider(f"{folder}:-2.5", options).threshold == -2.5
     for bad in ("at", "ate:x", "ate:nan", "ate:2", "fixed:2.5", "fixed:0", str(tmp_path / "none"), "", ":1"):
@@ -134,7 +159,7 @@ def test_deciders_are_found_by_name_threshold_and_folder(tmp_path):
 
 
 def test_a_higher_threshold_waits_longer_and_zero_is_the_policys_own_choice():
-    run = TrainingRun(ENV, {}, PPOSettings(steps=512, **SMALL), 0)
+    run = TrainingRun(ENV, {}, PPOSettings(**SMALL), 0, steps=512)
     family = policy_family("PPO", run.decider)
     rows = np.random.default_rng(0).normal(0, 1, (400, 28)).astype(np.float32)
     own, _ = run.model.policy.predict(rows, deterministic=True)
@@ -145,7 +170,7 @@ def test_a_higher_threshold_waits_longer_and_zero_is_the_policys_own_choice():
 
 
 def test_a_policy_of_two_actions_declares_the_likeliest_hypothesis():
-    world = TrainingRun(ENV, {"actions": "best"}, PPOSettings(steps=512, **SMALL), 0)
+    world = TrainingRun(ENV, {"actions": "best"}, PPOSettings(**SMALL), 0, steps=512)
     decider = PolicyDecider(world.model.policy, threshold=-100.0)
     rows = np.zeros((2, 28), np.float32)
     rows[0, :3], rows[1, :3] = (-1.0, 0.0, -0.5), (-1.0, -0.5, 0.0)

@@ -7,16 +7,16 @@ from agents.evaluation import evaluate
 from baselines import SPRTDecider, first_estimate, track
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
-from hybrid_env.kernel import TRACE_COLUMNS
+from hybrid_env.world import TRACE_COLUMNS
 
 MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
 ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y")]
 
 
-def record_episodes(tracks: int, **options):
+def record_episodes(tracks: int, alpha: float = 1e-3, **options):
     """Let the decider play one episode a track and keep what it saw and did."""
     env = HybridTrackVectorEnv(tracks, trace_rows=201, **options)
-    decider = SPRTDecider(1e-3)
+    decider = SPRTDecider(alpha)
     observation, info = env.reset(seed=77)
     starts = info["anchor"].copy()
     traces = [[env.world.traced(i)] for i in range(tracks)]
@@ -35,13 +35,25 @@ def record_episodes(tracks: int, **options):
     return starts, [np.concatenate(rows) for rows in traces], [np.array(rows) for rows in decisions]
 
 
-@pytest.mark.parametrize("options", [{}, {"radii": (2.0, 4.0, 8.0)}, {"measurement_variance": (0.1, 0.4)}])
-def test_ate_on_recordings_takes_every_decision_of_the_decider_in_the_environment(options):
-    count = 1000 if not options else 200
-    starts, traces, decisions = record_episodes(count, **options)
+BANK = {"radii": tuple(range(1, 11))}
+
+
+@pytest.mark.parametrize(
+    ("count", "alpha", "options"),
+    [
+        (1000, 1e-3, {}),
+        (200, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
+        (200, 1e-3, {"measurement_variance": (0.1, 0.4)}),
+        (200, 1e-10, BANK),  # ratios far beyond the clip of the observation
+        (200, 1e-3, BANK | {"measurement_variance": 0.01}),
+        (200, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
+    ],
+)
+def test_ate_on_recordings_takes_every_decision_of_the_decider_in_the_environment(count, alpha, options):
+    starts, traces, decisions = record_episodes(count, alpha, **options)
     for start, trace, made in zip(starts, traces, decisions, strict=True):
         found = track(
-            trace[:, MEASURED], made[:, 3], start, undecided="likeliest", alpha=1e-3,
+            trace[:, MEASURED], made[:, 3], start, undecided="likeliest", alpha=alpha,
             **({"measurement_variance": 0.1} | options),
         )  # fmt: skip
         np.testing.assert_array_equal(found.decided, made[:, 0])

@@ -21,9 +21,9 @@ def test_a_newer_source_drops_the_cache(tmp_path, changed, kept):
         os.utime(path, (1000, 1000) if name.endswith(".py") else (2000, 2000))
     if changed:
         os.utime(tmp_path / changed, (3000, 3000))
-    drop_stale_cache(tmp_path / "package", tmp_path / "other")
+    drop_stale_cache(tmp_path / "package/__pycache__", [tmp_path / "package", tmp_path / "other"])
     assert len(list((tmp_path / "package/__pycache__").iterdir())) == kept
 
 
 def test_a_package_without_a_cache_is_left_alone(tmp_path):
-    drop_stale_cache(tmp_path)
+    drop_stale_cache(tmp_path / "nowhere", [tmp_path])

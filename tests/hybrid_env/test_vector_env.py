@@ -128,6 +128,25 @@ def test_invalid_actions_are_refused(actions):
         env.step(actions)
 
 
+def test_tracks_that_never_began_cannot_be_left_out_of_the_first_reset():
+    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled")
+    with pytest.raises(gym.error.ResetNeeded, match="never began"):
+        env.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
+
+
+def test_actions_of_any_integer_type_and_layout_are_taken():
+    envs = [HybridTrackVectorEnv(4) for _ in range(4)]
+    for env in envs:
+        env.reset(seed=0)
+    plain = np.array([0, 1, 0, 2])
+    read_only = plain.copy()
+    read_only.flags.writeable = False
+    kinds = (plain, plain.astype(np.uint8), np.repeat(plain, 2)[::2], read_only)
+    rows = [env.step(actions)[0] for env, actions in zip(envs, kinds, strict=True)]
+    for row in rows[1:]:
+        np.testing.assert_array_equal(row, rows[0])
+
+
 def test_a_step_needs_a_reset_and_seeds_must_match_the_tracks():
     env = HybridTrackVectorEnv(2)
     with pytest.raises(gym.error.ResetNeeded):
