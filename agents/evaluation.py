@@ -140,7 +140,7 @@ def evaluate(
         on_progress: called with the finished share of segments, now and then.
         options: of the world, over those of the id.
     """
-    env = make_vector_env(env_id, episodes, **options)
+    env = make_vector_env(env_id, episodes, tick_info=False, **options)
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all' for a decider, which declares hypotheses")
     segments = env.options.segments

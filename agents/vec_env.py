@@ -21,7 +21,9 @@ class HybridTrackVecEnv(VecEnv):
     """
 
     def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
-        self.env = make_vector_env(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
+        self.env = make_vector_env(
+            env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
+        )
         self.render_mode = None
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions = np.zeros(num_envs, np.int64)

@@ -72,6 +72,7 @@ PARAMETERS = np.dtype(
         ("initial_velocity", np.float64),  # variance of the first estimate [m^2/s^2]
         ("delay_cost", np.float64),
         ("exact", np.bool_),  # the radius must be right too
+        ("actions", np.int64),  # number of actions
         ("declare_best", np.bool_),  # action 1 declares the likeliest hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
@@ -84,6 +85,8 @@ PARAMETERS = np.dtype(
     ]
 )
 """The options of a world as the kernel reads them."""
+
+DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 TRACE_COLUMNS = (
     "x",
@@ -347,13 +350,20 @@ def step_tracks(
     trace: NDArray[np.float64],
     observations: NDArray[np.float32],
     rewards: NDArray[np.float64],
-) -> None:
+) -> int:
     """One step of every track; a track that has terminated begins its next episode instead.
 
-    actions: (N,) valid actions, 0 waits. observations: (N, 6 M + 10) and rewards: (N,) are written; a track
+    Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with
+    nothing done, if the action of track i is outside the space.
+
+    actions: (N,) actions, 0 waits. observations: (N, 6 M + 10) and rewards: (N,) are written; a track
     that terminates keeps its row, the one on which the last decision was made.
     """
     setting = parameters[0]
+    for i in range(tracks.size):
+        if actions[i] < 0 or actions[i] >= setting.actions:
+            return -1 - i
+    events = 0
     for i in range(tracks.size):
         track = tracks[i]
         track.traced = 0
@@ -376,9 +386,11 @@ def step_tracks(
                 track, filters[i], motion[i], gains[i], setting, radii, variances, trace[i], chosen, forced
             )
             rewards[i] = (1.0 if track.correct else -1.0) - setting.delay_cost
+            events |= DECIDED
             track.segment += 1
             if track.segment == setting.segments:
                 track.terminated = True
+                events |= TERMINATED
                 track.segment -= 1  # the present tick is the last of the last segment
             else:
                 _begin_segment(
@@ -386,3 +398,4 @@ def step_tracks(
                 )
         if not track.terminated:
             _write(observations[i], filters[i], gains[i], track, setting, radii, variances)
+    return events

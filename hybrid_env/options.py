@@ -145,6 +145,7 @@ class WorldOptions:
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
         record["exact"] = self.correctness == "exact"
+        record["actions"] = self.action_count
         record["declare_best"] = self.actions == "best"
         record["keep_undecided"] = self.undecided == "keep"
         record["log_noise"] = np.log(self.variances).mean()

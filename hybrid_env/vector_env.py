@@ -10,7 +10,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_flag, check_integer, reject
+from hybrid_env.kernel import DECIDED, TERMINATED
 from hybrid_env.options import WorldOptions
 from hybrid_env.world import DECISION_INFO, TICK_INFO, World
 
@@ -27,6 +28,8 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         autoreset_mode: NEXT_STEP begins a terminated track's next episode at the next step, whose action is
             ignored and whose reward is 0; SAME_STEP begins it at once and returns `final_obs` and
             `final_info`; DISABLED leaves it to `reset(options={"reset_mask": ...})`.
+        tick_info: False leaves out of `step`'s info what describes the present tick, and keeps decisions,
+            `final_obs` and `final_info`: the lean way for training.
         trace_rows: ticks of each step kept in `world.trace`, 0 for none.
         options: see `WorldOptions`.
     """
@@ -35,6 +38,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         self,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        tick_info: bool = True,
         trace_rows: int = 0,
         **options: Any,
     ):
@@ -51,6 +55,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             ) from None
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.options = WorldOptions.of(**options)
+        self.tick_info = check_flag("tick_info", tick_info)
         self.world = World(self.options, num_envs, check_integer("trace_rows", trace_rows, minimum=0))
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
@@ -105,19 +110,16 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
                 f"actions have shape {actions.shape} and type {actions.dtype}: "
                 f"expected integers of shape ({self.num_envs},)"
             )
-        if actions.min() < 0 or actions.max() >= self.options.action_count:
-            outside = (actions < 0) | (actions >= self.options.action_count)
-            raise self.world.invalid_action(int(actions[outside.argmax()]))
         tracks = self.world.tracks
         if self.autoreset_mode is AutoresetMode.DISABLED and tracks["terminated"].any():
             raise gym.error.ResetNeeded(
                 "step() needs reset() with a reset_mask first: a track has terminated"
             )
-        self.world.step(np.array(actions, np.int64, order="C"))  # other layouts would compile anew
+        events = self.world.step(np.array(actions, np.int64, order="C"))  # other layouts would compile anew
 
-        terminated = tracks["terminated"].copy()
+        terminated = tracks["terminated"].copy() if events & TERMINATED else np.zeros(self.num_envs, np.bool_)
         final: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and terminated.any():
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and events & TERMINATED:
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(terminated):
                 final_obs[i] = self.world.observations[i].copy()
@@ -125,8 +127,8 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
             self.world.reset(terminated)
-        info = self._tick_info()
-        if tracks["has_decision"].any():
+        info = self._tick_info() if self.tick_info else {}
+        if events & DECIDED and tracks["has_decision"].any():
             info |= self._decision_info(tracks["has_decision"])
         info |= final
         return (

@@ -69,9 +69,19 @@ class World:
         """Begin a new episode on the tracks of the mask, (N,)."""
         kernel.reset_tracks(mask, *self._arrays)
 
-    def step(self, actions: NDArray[np.int64]) -> None:
-        """One step of every track; a terminated one begins its next episode. actions: (N,) int64, valid."""
-        kernel.step_tracks(actions, *self._arrays, self.rewards)
+    def step(self, actions: NDArray[np.int64]) -> int:
+        """One step of every track; a terminated one begins its next episode. actions: (N,) int64, contiguous.
+
+        Returns:
+            `kernel.DECIDED` if any track made a decision, plus `kernel.TERMINATED` if any terminated.
+
+        Raises:
+            InvalidAction: nothing has been done then.
+        """
+        events: int = kernel.step_tracks(actions, *self._arrays, self.rewards)
+        if events < 0:
+            raise self.invalid_action(int(actions[-1 - events]))
+        return events
 
     def traced(self, track: int) -> NDArray[np.float64]:
         """The ticks of the last call, (ticks, len(kernel.TRACE_COLUMNS))."""
