@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from agents import seeds
 from agents.ppo_settings import STEPS
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
-
-SELECTION_SEED = 1_000_000_000  # thresholds are chosen on episodes from this seed on, others are reported
 
 
 @dataclass(kw_only=True)
@@ -32,8 +31,8 @@ class Compare(WorldArguments):
         for name in ("episodes", "steps", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
         check_integer("seed", self.seed, minimum=0)
-        if self.seed + self.episodes > SELECTION_SEED:
-            raise reject("seed", self.seed, f"at most {SELECTION_SEED} less the episodes")
+        if self.seed + self.episodes > seeds.SELECTION:
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes")
         if not self.deciders or len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "one or more different names")
         from rich.console import Console

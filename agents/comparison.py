@@ -8,7 +8,7 @@ from rich import box
 from rich.progress import Progress
 from rich.table import Table
 
-from agents.compare import SELECTION_SEED
+from agents import seeds
 from agents.deciders import DeciderFamily, check_family, decider_family, policy_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
@@ -169,7 +169,7 @@ class Comparison:
         """Everything that table and figure show, and every point of the curves."""
         return {
             "plan": asdict(self.plan),
-            "selection": {"seed": SELECTION_SEED, "episodes": SELECTION_EPISODES},
+            "selection": {"seed": seeds.SELECTION, "episodes": SELECTION_EPISODES},
             "equal_time": self.equal_time,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
             "deciders": [self._entry_json(entry) for entry in self.entries],
@@ -226,7 +226,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     for family in families:
         progress.update(task, note=family.name)
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
-        selection = sweep(family, plan.env_id, SELECTION_EPISODES, SELECTION_SEED, **arguments)
+        selection = sweep(family, plan.env_id, SELECTION_EPISODES, seeds.SELECTION, **arguments)
         chosen.append(selection.best_index())
         curves.append(sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments))
     progress.update(task, note="")

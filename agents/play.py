@@ -24,8 +24,8 @@ from hybrid_env.env import HybridTrackEnv
 from hybrid_env.history import EpisodeHistory
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS, mode_colour, mode_name, shade
+from hybrid_env.track import TRACE_COLUMNS
 from hybrid_env.window import display_available
-from hybrid_env.world import TRACE_COLUMNS
 
 Frame = NDArray[np.uint8]
 

@@ -23,6 +23,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 
+from agents import seeds
 from agents.policy import PolicyDecider, save_policy
 from agents.ppo_settings import STEPS, PPOSettings
 from agents.vec_env import HybridTrackVecEnv
@@ -32,7 +33,6 @@ from hybrid_env.checks import check_integer, reject
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.safetensors"
 METRICS = "metrics.jsonl"
-TRACK_SEEDS = 10**12  # training's episodes are seeded from here on
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class TrainingRun:
 
     def track_seeds(self) -> list[int]:
         """Seeds of the tracks from here on; evaluations count from small ones."""
-        first = TRACK_SEEDS + 10**9 * self.seed + self.model.num_timesteps
+        first = seeds.TRAINING + 10**9 * self.seed + self.model.num_timesteps
         return [first + track for track in range(self.settings.num_envs)]
 
     @property

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.options import WorldOptions
-from hybrid_env.world import TRACE_COLUMNS
+from hybrid_env.track import TRACE_COLUMNS
 
 FloatArray = NDArray[np.float64]
 

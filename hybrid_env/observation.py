@@ -105,7 +105,7 @@ def write_segment(
     radii: NDArray[np.float64],
     variances: NDArray[np.float64],
 ) -> None:
-    """Fill what stays the same over a segment. row: (6 M + 10,); track: one record of `kernel.TRACK`."""
+    """Fill what stays the same over a segment. row: (6 M + 10,); track: one record of `track.TRACK`."""
     n = radii.size
     M = 2 * n + 1
     y_axis = variances.size - 1
@@ -137,7 +137,7 @@ def write_tick(
 
     Args:
         row: (6 M + 10,), in which `write_segment` has filled the rest.
-        track: one record of `kernel.TRACK`.
+        track: one record of `track.TRACK`.
         log_noise: ln R, of the geometric mean of the two variances.
         noise_whitener: 1 / sqrt(R) [1/m].
     """

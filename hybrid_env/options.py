@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hybrid_env.bank import noise_axes
 from hybrid_env.checks import check_choice, check_flag, check_number, check_positive, check_radii, reject
-from hybrid_env.kernel import PARAMETERS
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
+from hybrid_env.track import PARAMETERS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,8 @@ from hybrid_env.bank import mode_type
 from hybrid_env.checks import reject
 from hybrid_env.history import EpisodeHistory
 from hybrid_env.options import WorldOptions
+from hybrid_env.track import TRACE_COLUMNS
 from hybrid_env.window import Window
-from hybrid_env.world import TRACE_COLUMNS
 
 RENDER_FPS = 10
 FRAME_SIZE = (900, 450)  # width, height [px]

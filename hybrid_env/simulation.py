@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.bank import noise_axes
 from hybrid_env.checks import check_array, check_integer, check_positive, reject
-from hybrid_env.kernel import TRACK, move, turn
+from hybrid_env.kernel import move, turn
 from hybrid_env.scheme import FixedScheme, parse_scheme
+from hybrid_env.track import TRACK
 
 
 @dataclass(frozen=True)

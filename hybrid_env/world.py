@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from hybrid_env import bank, kernel
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-
-TRACE_COLUMNS = kernel.TRACE_COLUMNS
-"""Columns of `World.traced`."""
+from hybrid_env.track import TRACE_COLUMNS, TRACK
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
-"""Fields of `kernel.TRACK` that describe the present tick; `log_likelihood` goes with them."""
+"""Fields of `TRACK` that describe the present tick; `log_likelihood` goes with them."""
 
 DECISION_INFO = (
     "decided_mode",
@@ -27,7 +25,7 @@ DECISION_INFO = (
     "decided_length",
     "decided_squared_error",
 )
-"""Fields of `kernel.TRACK` that describe the decision made in this step."""
+"""Fields of `TRACK` that describe the decision made in this step."""
 
 
 class World:
@@ -44,9 +42,9 @@ class World:
         self.layout = Layout(options.hypotheses)
         radii = np.array(options.radii)
         variances = options.variances
-        self.tracks = np.zeros(tracks, kernel.TRACK)
+        self.tracks = np.zeros(tracks, TRACK)
         self.filters, motion, gains = bank.bank_arrays(tracks, radii.size, variances.size)
-        self.trace = np.zeros((tracks, trace_rows, len(kernel.TRACE_COLUMNS)))
+        self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
         self.observations = np.zeros((tracks, self.layout.width), np.float32)
         self.rewards = np.zeros(tracks)
         self.seeded = np.zeros(tracks, np.bool_)
@@ -84,7 +82,7 @@ class World:
         return events
 
     def traced(self, track: int) -> NDArray[np.float64]:
-        """The ticks of the last call, (ticks, len(kernel.TRACE_COLUMNS))."""
+        """The ticks of the last call, (ticks, len(TRACE_COLUMNS))."""
         return self.trace[track, : self.tracks["traced"][track]].copy()
 
     def observation_space(self) -> spaces.Box:

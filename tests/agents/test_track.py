@@ -12,7 +12,7 @@ from agents.track_figure import draw_track
 from baselines import ate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
-from hybrid_env.world import TRACE_COLUMNS
+from hybrid_env.track import TRACE_COLUMNS
 
 
 def simulate(scheme: str, rows: int, seed: int = 1, **options: Any) -> NDArray[np.float64]:

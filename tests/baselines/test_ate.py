@@ -7,7 +7,7 @@ from agents.evaluation import evaluate
 from baselines import SPRTDecider, first_estimate, track
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
-from hybrid_env.world import TRACE_COLUMNS
+from hybrid_env.track import TRACE_COLUMNS
 
 MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
 ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y")]

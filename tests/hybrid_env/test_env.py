@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hybrid_env import HybridTrackEnv, KalmanBank, Layout
-from hybrid_env.world import TRACE_COLUMNS
+from hybrid_env.track import TRACE_COLUMNS
 
 
 def play(env, policy, seed):

@@ -1,0 +1,7 @@
+"""Where the episodes of each purpose begin, so that none is used for two."""
+
+SELECTION = 1_000_000_000
+"""Thresholds are chosen on episodes from this seed on; those reported count from small seeds."""
+
+TRAINING = 10**12
+"""Tracks of a training are seeded from here on, 10^9 apart for each training seed."""
