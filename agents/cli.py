@@ -10,6 +10,7 @@ from typing import Annotated
 import gymnasium as gym
 import tyro
 
+from agents.bench import Bench
 from agents.compare import Compare
 from agents.evaluate import Evaluate
 from agents.play import Play
@@ -24,6 +25,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Track, tyro.conf.subcommand("track")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Play, tyro.conf.subcommand("play")]
 )
 

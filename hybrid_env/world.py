@@ -58,6 +58,13 @@ class World:
         """(N, M) cumulative since the switch, a view."""
         return self.filters[:, bank.LOG_LIKELIHOOD]
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of all tracks [bytes]."""
+        motion, gains = self._arrays[2], self._arrays[3]
+        arrays = (self.tracks, self.filters, motion, gains, self.observations, self.rewards, self.trace)
+        return sum(array.nbytes for array in arrays)
+
     def seed(self, track: int, generator: np.random.Generator) -> None:
         """Start the random stream of one track from a generator."""
         self.tracks["random_state"][track] = generator.integers(1, 2**64, 4, dtype=np.uint64)
