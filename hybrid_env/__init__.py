@@ -10,7 +10,7 @@ from gymnasium.envs.registration import register, registry
 from hybrid_env.bank import KalmanBank
 from hybrid_env.compile_cache import drop_stale_cache
 from hybrid_env.env import HybridTrackEnv
-from hybrid_env.kernel import step_tracks
+from hybrid_env.kernel import advance_tracks
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
@@ -29,7 +29,7 @@ __all__ = [
     "parse_scheme",
 ]
 
-drop_stale_cache(step_tracks.stats.cache_path, [Path(__file__).parent])
+drop_stale_cache(advance_tracks.stats.cache_path, [Path(__file__).parent])
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},

@@ -117,9 +117,8 @@ def _begin_segment(
     radii: NDArray[np.float64],
     variances: NDArray[np.float64],
     table: NDArray[np.float64],
-    trace: NDArray[np.float64],
 ) -> None:
-    """Anchor the object at its true state and the bank at the estimate, and take the first tick."""
+    """Anchor the object at its true state and the bank at the estimate; the first tick is still to come."""
     if parameters.random_scheme:
         row = integer_below(track.random_state, table.shape[0])
         span = parameters.longest - parameters.shortest + 1
@@ -142,21 +141,11 @@ def _begin_segment(
     anchor_bank(filters, motion, gains, track.anchor, radii, parameters.tau, start)
     track.tick = 0
     track.squared_error = 0.0
-    _tick(track, filters, motion, gains, parameters, variances, trace)
 
 
 @njit(cache=True)
-def _begin_episode(
-    track: Any,
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    parameters: Any,
-    radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
-    table: NDArray[np.float64],
-    trace: NDArray[np.float64],
-) -> None:
+def _begin_episode(track: Any, parameters: Any, variances: NDArray[np.float64]) -> None:
+    """Put the object at its start and draw the first estimate."""
     heading = parameters.heading
     if math.isnan(heading):
         heading = 2.0 * math.pi * uniform(track.random_state)
@@ -179,7 +168,6 @@ def _begin_episode(
     track.active_mode = 0  # Golubkov 2018, algorithm 1, line 2
     track.terminated = False
     track.has_decision = False
-    _begin_segment(track, filters, motion, gains, parameters, radii, variances, table, trace)
 
 
 @njit(cache=True)
@@ -226,46 +214,9 @@ def _decide(
 
 
 @njit(cache=True)
-def _write(
-    row: NDArray[np.float32],
-    filters: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    track: Any,
-    parameters: Any,
-    radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
-) -> None:
-    if track.tick == 1:
-        write_segment(row, track, radii, variances)
-    write_tick(row, filters, gains, track, parameters.log_noise, parameters.noise_whitener)
-
-
-@njit(cache=True)
-def reset_tracks(
+def advance_tracks(
+    reset: bool,
     mask: NDArray[np.bool_],
-    tracks: NDArray[Any],
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    parameters: NDArray[Any],
-    radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
-    table: NDArray[np.float64],
-    trace: NDArray[np.float64],
-    observations: NDArray[np.float32],
-) -> None:
-    """Begin a new episode on every track of the mask and write its first observation."""
-    setting = parameters[0]
-    for i in range(tracks.size):
-        if mask[i]:
-            track = tracks[i]
-            track.traced = 0
-            _begin_episode(track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i])
-            _write(observations[i], filters[i], gains[i], track, setting, radii, variances)
-
-
-@njit(cache=True)
-def step_tracks(
     actions: NDArray[np.int64],
     tracks: NDArray[Any],
     filters: NDArray[np.float64],
@@ -279,28 +230,36 @@ def step_tracks(
     observations: NDArray[np.float32],
     rewards: NDArray[np.float64],
 ) -> int:
-    """One step of every track; a track that has terminated begins its next episode instead.
+    """One step of every track, or with `reset` a new episode on every track of the mask.
+
+    In a step, a track that has terminated begins its next episode. It is one function, because each that
+    holds the bank costs seconds to compile.
 
     Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with
     nothing done, if the action of track i is outside the space.
 
-    actions: (N,) actions, 0 waits. observations: (N, 6 M + 10) and rewards: (N,) are written; a track
-    that terminates keeps its row, the one on which the last decision was made.
+    mask: (N,), read by a reset. actions: (N,), read by a step, 0 waits. observations: (N, 6 M + 10) and, by
+    a step, rewards: (N,) are written; a track that terminates keeps its row, the one on which the last
+    decision was made.
     """
     setting = parameters[0]
-    for i in range(tracks.size):
-        if actions[i] < 0 or actions[i] >= setting.actions:
-            return -1 - i
+    if not reset:
+        for i in range(tracks.size):
+            if actions[i] < 0 or actions[i] >= setting.actions:
+                return -1 - i
     events = 0
     for i in range(tracks.size):
+        if reset and not mask[i]:
+            continue
         track = tracks[i]
         track.traced = 0
-        if track.terminated:
-            _begin_episode(track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i])
-            rewards[i] = 0.0
+        begins = reset or track.terminated
+        if begins:
+            _begin_episode(track, setting, variances)
+            if not reset:
+                rewards[i] = 0.0
         elif actions[i] == 0 and track.tick < track.length:
             track.has_decision = False
-            _tick(track, filters[i], motion[i], gains[i], setting, variances, trace[i])
             rewards[i] = -setting.delay_cost
         else:
             forced = actions[i] == 0
@@ -315,15 +274,16 @@ def step_tracks(
             )
             rewards[i] = (1.0 if track.correct else -1.0) - setting.delay_cost
             events |= DECIDED
-            track.segment += 1
-            if track.segment == setting.segments:
+            if track.segment + 1 == setting.segments:
                 track.terminated = True
                 events |= TERMINATED
-                track.segment -= 1  # the present tick is the last of the last segment
-            else:
-                _begin_segment(
-                    track, filters[i], motion[i], gains[i], setting, radii, variances, table, trace[i]
-                )
-        if not track.terminated:
-            _write(observations[i], filters[i], gains[i], track, setting, radii, variances)
+                continue
+            track.segment += 1
+            begins = True
+        if begins:
+            _begin_segment(track, filters[i], motion[i], gains[i], setting, radii, variances, table)
+        _tick(track, filters[i], motion[i], gains[i], setting, variances, trace[i])
+        if begins:
+            write_segment(observations[i], track, radii, variances)
+        write_tick(observations[i], filters[i], gains[i], track, setting.log_noise, setting.noise_whitener)
     return events

@@ -48,9 +48,10 @@ class World:
         self.observations = np.zeros((tracks, self.layout.width), np.float32)
         self.rewards = np.zeros(tracks)
         self.seeded = np.zeros(tracks, np.bool_)
+        self._waiting = np.zeros(tracks, np.int64)
         self._arrays = (
             self.tracks, self.filters, motion, gains, options.parameters(), radii, variances,
-            options.table, self.trace, self.observations,
+            options.table, self.trace, self.observations, self.rewards,
         )  # fmt: skip
 
     @property
@@ -72,7 +73,7 @@ class World:
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of the mask, (N,)."""
-        kernel.reset_tracks(mask, *self._arrays)
+        kernel.advance_tracks(True, mask, self._waiting, *self._arrays)
 
     def step(self, actions: NDArray[np.int64]) -> int:
         """One step of every track; a terminated one begins its next episode. actions: (N,) int64, contiguous.
@@ -83,7 +84,7 @@ class World:
         Raises:
             InvalidAction: nothing has been done then.
         """
-        events: int = kernel.step_tracks(actions, *self._arrays, self.rewards)
+        events: int = kernel.advance_tracks(False, self.seeded, actions, *self._arrays)
         if events < 0:
             raise self.invalid_action(int(actions[-1 - events]))
         return events
