@@ -4,7 +4,6 @@ Every comparison runs the two sides in turn, A B A B, in one process; its figure
 pair by pair, so that a drift of the machine's speed falls on both sides.
 """
 
-import math
 import os
 import subprocess
 import sys
@@ -19,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 
+from agents.bench_peers import FilterpyBank, NumpyBank, has_filterpy
 from agents.evaluation import make_vector_env
 from agents.ppo_settings import PPOSettings
 from baselines import golubkov2018
@@ -63,8 +63,9 @@ class Measurement:
         return self.value <= self.goal if self.at_most else self.value >= self.goal
 
 
-def seconds_per_call(function: Callable[[], Any], least: float = SECONDS) -> float:
+def seconds_per_call(function: Callable[[], Any], least: float | None = None) -> float:
     """Time of a call [s], over as many calls as take the least time."""
+    least = SECONDS if least is None else least
     count = 1
     while True:
         started = time.perf_counter()
@@ -77,12 +78,18 @@ def seconds_per_call(function: Callable[[], Any], least: float = SECONDS) -> flo
 
 
 def in_turn(
-    ours: Callable[[], Any], theirs: Callable[[], Any], repetitions: int = REPETITIONS, least: float = SECONDS
+    ours: Callable[[], Any],
+    theirs: Callable[[], Any],
+    repetitions: int | None = None,
+    least: float | None = None,
 ) -> tuple[list[float], list[float]]:
     """Seconds a call of two functions, measured A B A B after one call of each."""
     ours()
     theirs()
-    pairs = [(seconds_per_call(ours, least), seconds_per_call(theirs, least)) for _ in range(repetitions)]
+    pairs = [
+        (seconds_per_call(ours, least), seconds_per_call(theirs, least))
+        for _ in range(repetitions or REPETITIONS)
+    ]
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
@@ -185,103 +192,32 @@ class _Steps:
 
 def bank_step() -> Iterator[Measurement]:
     """One tick of a bank against filterpy's KalmanFilter and plain NumPy, a 4x4 filter a hypothesis."""
+    measurement = np.array([0.1, 0.2])
     for name, radii in BANKS.items():
         bank = KalmanBank(radii)
         bank.anchor(golubkov2018.START)
-        for other, step in (("NumPy 4x4", _numpy_bank(radii)), ("filterpy", _filterpy_bank(radii))):
-            if step is not None:
-                ours, theirs = in_turn(partial(bank.step, np.array([0.1, 0.2])), step)
+        for other, peer in (("NumPy 4x4", NumpyBank), ("filterpy", FilterpyBank)):
+            if peer is NumpyBank or has_filterpy():
+                ours, theirs = in_turn(
+                    partial(bank.step, measurement), partial(peer(radii).step, measurement)
+                )
                 yield faster("bank step", f"{name}, against {other}", ours, theirs)
-
-
-def _matrices(radii: tuple[float, ...]) -> list[tuple[Any, Any]]:
-    """Transition matrix and constant of every hypothesis, anchored at the paper's start."""
-    tau, (x, vx, y, vy) = 0.1, golubkov2018.START
-    straight = np.kron(np.eye(2), [[1.0, tau], [0.0, 1.0]])
-    made = [(straight, np.zeros(4))]
-    for signed in (*radii, *(-radius for radius in radii)):
-        rate = math.hypot(vx, vy) / abs(signed)
-        cosine, sine = math.cos(rate * tau), math.sin(rate * tau)
-        Phi = np.kron(np.eye(2), [[cosine, sine / rate], [-rate * sine, cosine]])
-        side = math.copysign(1.0, signed)
-        centre = np.array([x - side * vy / rate, 0.0, y + side * vx / rate, 0.0])
-        made.append((Phi, centre - Phi @ centre))
-    return made
-
-
-H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-GQG = 0.001 * np.diag([0.0, 1.0, 0.0, 1.0])
-
-
-def _numpy_bank(radii: tuple[float, ...]) -> Callable[[], Any]:
-    filters = [[np.array(golubkov2018.START), np.eye(4), Phi, B, 0.0] for Phi, B in _matrices(radii)]
-    z, R = np.array([0.1, 0.2]), 0.1 * np.eye(2)
-
-    def step() -> None:
-        for one in filters:
-            x, P, Phi, B, _ = one
-            x = Phi @ x + B
-            P = Phi @ P @ Phi.T + GQG
-            innovation = z - H @ x
-            Sigma = H @ P @ H.T + R
-            inverse = np.linalg.inv(Sigma)
-            K = P @ H.T @ inverse
-            one[0], one[1] = x + K @ innovation, P - K @ H @ P
-            one[4] -= 0.5 * (innovation @ inverse @ innovation + math.log(np.linalg.det(2 * math.pi * Sigma)))
-
-    return step
-
-
-def _filterpy_filters(radii: tuple[float, ...], variance: float) -> list[tuple[Any, Any]] | None:
-    try:
-        from filterpy.kalman import KalmanFilter
-    except ImportError:
-        return None
-    filters = []
-    for Phi, B in _matrices(radii):
-        one = KalmanFilter(dim_x=4, dim_z=2, dim_u=1)
-        one.x, one.F, one.H, one.Q = np.array(golubkov2018.START), Phi, H, GQG
-        one.R, one.B = variance * np.eye(2), B.reshape(4, 1)
-        filters.append((one, np.ones(1)))
-    return filters
-
-
-def _filterpy_bank(radii: tuple[float, ...]) -> Callable[[], Any] | None:
-    filters = _filterpy_filters(radii, 0.1)
-    if filters is None:
-        return None
-    z = np.array([0.1, 0.2])
-
-    def step() -> None:
-        for one, control in filters:
-            one.predict(control)
-            one.update(z)
-            one.log_likelihood  # noqa: B018, filterpy computes it when it is asked for
-
-    return step
 
 
 def study_2018() -> Iterator[Measurement]:
     """ATE over 100 runs of the 2018 scheme against filterpy filters, extrapolated from some ticks."""
-    filters = _filterpy_bank(golubkov2018.RADII)
-    if filters is None:
+    if not has_filterpy():
         return
     recording = simulate(golubkov2018.SCHEME, 100, 0, start=golubkov2018.START)
-    ticks = golubkov2018.follow(recording, 0.1).ticks.sum()  # while the whole bank runs
-    alone = recording.measurements.shape[0] * recording.measurements.shape[1] - ticks
-    single = _filterpy_filters((5.0,), 0.1)
-    assert single is not None
-    one, control = single[0]
-
-    def chosen() -> None:
-        one.predict(control)
-        one.update(np.array([0.1, 0.2]))
-
+    bank_ticks = int(golubkov2018.follow(recording, 0.1).ticks.sum())  # while the whole bank runs
+    alone_ticks = recording.measurements[:, :, 0].size - bank_ticks
+    z = np.array([0.1, 0.2])
+    bank, alone = FilterpyBank(golubkov2018.RADII), FilterpyBank(())
     ours, theirs = [], []
-    golubkov2018.follow(recording, 0.1)
     for _ in range(REPETITIONS):
         ours.append(seconds_per_call(lambda: golubkov2018.follow(recording, 0.1)))
-        theirs.append(ticks * seconds_per_call(filters) + alone * seconds_per_call(chosen))
+        bank_time, alone_time = (seconds_per_call(partial(peer.step, z)) for peer in (bank, alone))
+        theirs.append(bank_ticks * bank_time + alone_ticks * alone_time)
     yield faster(
         "2018 study against filterpy loops", f"100 runs, R2, from {SECONDS} s of each kind of tick",
         ours, theirs, 2000.0,
