@@ -51,10 +51,12 @@ def turn(track: Any, signed_radius: float, tau: float) -> None:
 
 
 @njit(cache=True)
-def move(track: Any, process_variance: float, variances: NDArray[np.float64]) -> None:
-    """The object moves one tick, and its position is measured. Golubkov 2018, eq. (1)."""
+def move(track: Any, process_deviation: float, deviation_x: float, deviation_y: float) -> None:
+    """The object moves one tick, and its position is measured. Golubkov 2018, eq. (1).
+
+    process_deviation: sqrt(Q) [m/s]; deviation_x, deviation_y: sqrt(R) of each axis [m].
+    """
     cosine, sine_velocity, sine_position = track.true_motion[0], track.true_motion[1], track.true_motion[2]
-    deviation = math.sqrt(process_variance)
     x, vx = propagate(
         track.truth[0], track.truth[1], track.true_centre[0], cosine, sine_velocity, sine_position
     )
@@ -62,11 +64,11 @@ def move(track: Any, process_variance: float, variances: NDArray[np.float64]) ->
         track.truth[2], track.truth[3], track.true_centre[1], cosine, sine_velocity, sine_position
     )
     track.truth[0] = x
-    track.truth[1] = vx + deviation * standard_normal(track.random_state)
+    track.truth[1] = vx + process_deviation * standard_normal(track.random_state)
     track.truth[2] = y
-    track.truth[3] = vy + deviation * standard_normal(track.random_state)
-    track.measurement[0] = x + math.sqrt(variances[0]) * standard_normal(track.random_state)
-    track.measurement[1] = y + math.sqrt(variances[variances.size - 1]) * standard_normal(track.random_state)
+    track.truth[3] = vy + process_deviation * standard_normal(track.random_state)
+    track.measurement[0] = x + deviation_x * standard_normal(track.random_state)
+    track.measurement[1] = y + deviation_y * standard_normal(track.random_state)
     track.tick += 1
 
 
@@ -98,7 +100,7 @@ def _tick(
     trace: NDArray[np.float64],
 ) -> None:
     """One tick with every hypothesis running; the estimate is the active filter's, as in ATE."""
-    move(track, parameters.process_variance, variances)
+    move(track, parameters.process_deviation, parameters.deviation_x, parameters.deviation_y)
     step_bank(
         filters, motion, gains, track.measurement[0], track.measurement[1],
         parameters.process_variance, variances,
@@ -197,7 +199,7 @@ def _decide(
     track.active_mode = chosen
     log_likelihood = filters[LOG_LIKELIHOOD, chosen]
     while track.tick < track.length:
-        move(track, parameters.process_variance, variances)
+        move(track, parameters.process_deviation, parameters.deviation_x, parameters.deviation_y)
         step_chosen(
             filters, motion, gains, chosen, track.measurement[0], track.measurement[1],
             parameters.process_variance, variances,

@@ -148,6 +148,8 @@ class WorldOptions:
         record["actions"] = self.action_count
         record["declare_best"] = self.actions == "best"
         record["keep_undecided"] = self.undecided == "keep"
+        record["process_deviation"] = math.sqrt(self.process_variance)
+        record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
         record["log_noise"] = np.log(self.variances).mean()
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
         if not isinstance(self.scheme, FixedScheme):

@@ -1,5 +1,6 @@
 """Recordings of simulated objects, many runs of one scheme at once, for studies without an environment."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,8 +38,8 @@ def _simulate(
     lengths: NDArray[np.int64],
     signed_radii: NDArray[np.float64],
     tau: float,
-    process_variance: float,
-    variances: NDArray[np.float64],
+    process_deviation: float,
+    deviations: NDArray[np.float64],
     truth: NDArray[np.float64],
     measurements: NDArray[np.float64],
 ) -> None:
@@ -47,7 +48,7 @@ def _simulate(
         for piece in range(lengths.size):
             turn(tracks[i], signed_radii[piece], tau)
             for _ in range(lengths[piece]):
-                move(tracks[i], process_variance, variances)
+                move(tracks[i], process_deviation, deviations[0], deviations[-1])
                 truth[i, k] = tracks[i].truth
                 measurements[i, k] = tracks[i].measurement
                 k += 1
@@ -91,7 +92,7 @@ def simulate(
     measurements = np.empty((runs, lengths.sum(), 2))
     _simulate(
         tracks, lengths, signed_radii, check_positive("tau", tau),
-        check_positive("process_variance", process_variance, allow_zero=True),
-        noise_axes(measurement_variance), truth, measurements,
+        math.sqrt(check_positive("process_variance", process_variance, allow_zero=True)),
+        np.sqrt(noise_axes(measurement_variance)), truth, measurements,
     )  # fmt: skip
     return Simulation(truth, measurements, lengths, signed_radii)

@@ -54,6 +54,9 @@ PARAMETERS = np.dtype(
         ("segments", np.int64),
         ("shortest", np.int64),
         ("longest", np.int64),
+        ("process_deviation", np.float64),  # sqrt(Q) [m/s]
+        ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
+        ("deviation_y", np.float64),
         ("log_noise", np.float64),  # ln R, geometric mean of the axes
         ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
     ]
