@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from baselines import FixedTimeDecider, SPRTDecider
 from baselines.decider import Decider
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
+
+if TYPE_CHECKING:
+    from agents.policy import PolicyDecider
 
 
 @dataclass(frozen=True)
@@ -70,15 +74,8 @@ LOG_ODDS = (
 )
 
 
-def policy_family(name: str, folder_or_decider: "Path | Decider") -> DeciderFamily:
+def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     """The family of a trained policy, its threshold the log-odds of declaring."""
-    from agents.policy import PolicyDecider, load_policy
-
-    if isinstance(folder_or_decider, Path):
-        decider = PolicyDecider(load_policy(folder_or_decider)[0])
-    else:
-        assert isinstance(folder_or_decider, PolicyDecider)
-        decider = folder_or_decider
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
@@ -88,7 +85,9 @@ def decider_family(name: str) -> DeciderFamily:
         return CLASSICAL[name]
     folder = Path(name)
     if name and folder.is_dir():
-        return policy_family(folder.name, folder)
+        from agents.policy import PolicyDecider, load_policy
+
+        return policy_family(folder.name, PolicyDecider(load_policy(folder)[0]))
     known = ", ".join(map(repr, CLASSICAL))
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
 

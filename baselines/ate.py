@@ -56,26 +56,6 @@ class Tracks:
 
 
 @njit(cache=True)
-def _note(
-    k: int,
-    active: int,
-    filters: FloatArray,
-    gains: FloatArray,
-    estimates: FloatArray,
-    covariances: FloatArray,
-    modes: NDArray[np.int64],
-) -> None:
-    """Write the estimate of one filter as the output of tick k."""
-    column = bank.radius_column(active, gains.shape[2] - 1)
-    for row in range(4):
-        estimates[k, row] = filters[row, active]
-    for axis in range(2):
-        for row in range(3):
-            covariances[k, axis, row] = gains[min(axis, gains.shape[0] - 1), row, column]
-    modes[k] = active
-
-
-@njit(cache=True)
 def _likeliest_of_type(filters: FloatArray, mode: int) -> int:
     n = filters.shape[1] // 2
     best = mode
@@ -130,7 +110,9 @@ def _track_run(
         while k < end and undecided[piece]:
             x, y = measurements[k]
             bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
-            _note(k, active, filters, gains, estimates, covariances, modes)
+            bank.copy_estimate(filters, active, estimates[k])
+            bank.copy_covariance(gains, active, covariances[k])
+            modes[k] = active
             for h in range(filters.shape[1]):
                 ratios[k, h] = filters[bank.LOG_LIKELIHOOD, h] - filters[bank.LOG_LIKELIHOOD, active]
             winner = sprt_test(filters[bank.LOG_LIKELIHOOD], running, active, upper, lower)
@@ -152,7 +134,9 @@ def _track_run(
             for j in range(begin, k):
                 x, y = measurements[j]
                 bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
-                _note(j, active, filters, gains, estimates, covariances, modes)
+                bank.copy_estimate(filters, active, estimates[j])
+                bank.copy_covariance(gains, active, covariances[j])
+                modes[j] = active
         for j in range(k, end):
             x, y = measurements[j]
             if refine:
@@ -160,9 +144,10 @@ def _track_run(
                 active = _likeliest_of_type(filters, active)
             else:
                 bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
-            _note(j, active, filters, gains, estimates, covariances, modes)
-        for row in range(4):
-            estimate[row] = filters[row, active]
+            bank.copy_estimate(filters, active, estimates[j])
+            bank.copy_covariance(gains, active, covariances[j])
+            modes[j] = active
+        bank.copy_estimate(filters, active, estimate)
         decided[piece] = active
         k = end
 

@@ -77,11 +77,8 @@ def _ratios_of_run(
     covariance = np.empty((variances.size, 3))
     for k in range(total):
         x, y = measurements[k]
-        for row in range(4):
-            estimate[row] = nominal[row, 0]
-        for axis in range(variances.size):
-            for row in range(3):
-                covariance[axis, row] = nominal_gains[axis, row, 0]
+        bank.copy_estimate(nominal, 0, estimate)
+        bank.copy_covariance(nominal_gains, 0, covariance)
         bank.anchor_bank(filters[k], motion[k], gains[k], estimate, radii, tau, covariance)
         before[k] = nominal[bank.LOG_LIKELIHOOD, 0]
         bank.step_chosen(nominal, nominal_motion, nominal_gains, 0, x, y, process_variance, variances)

@@ -48,9 +48,8 @@ def _filter_run(
     estimates: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    axes = variances.size
     estimate = start.copy()
-    covariance = np.empty((axes, 3))
+    covariance = np.empty((variances.size, 3))
     covariance[:] = start_covariance
     k = 0
     for piece in range(lengths.size):
@@ -60,18 +59,12 @@ def _filter_run(
         for _ in range(lengths[piece]):
             x, y = measurements[k]
             bank.step_chosen(filters, motion, gains, mode, x, y, process_variance, variances)
-            for row in range(4):
-                estimates[k, row] = filters[row, mode]
-            for axis in range(2):
-                for row in range(3):
-                    covariances[k, axis, row] = gains[min(axis, axes - 1), row, min(mode, 1)]
+            bank.copy_estimate(filters, mode, estimates[k])
+            bank.copy_covariance(gains, mode, covariances[k])
             k += 1
-        for row in range(4):
-            estimate[row] = filters[row, mode]
+        bank.copy_estimate(filters, mode, estimate)
         if carry:
-            for axis in range(axes):
-                for row in range(3):
-                    covariance[axis, row] = gains[axis, row, min(mode, 1)]
+            bank.copy_covariance(gains, mode, covariance)
 
 
 def filter_known_modes(

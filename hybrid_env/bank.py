@@ -188,6 +188,22 @@ def radius_column(hypothesis: int, radii_count: int) -> int:
 
 
 @njit(cache=True)
+def copy_estimate(filters: FloatArray, hypothesis: int, estimate: FloatArray) -> None:
+    """Write [x, vx, y, vy] of one hypothesis into estimate, (4,)."""
+    for row in range(4):
+        estimate[row] = filters[row, hypothesis]
+
+
+@njit(cache=True)
+def copy_covariance(gains: FloatArray, hypothesis: int, covariance: FloatArray) -> None:
+    """Write P_XX, P_XV, P_VV of one hypothesis into covariance, (2, 3) for x and y or (A, 3)."""
+    column = radius_column(hypothesis, gains.shape[2] - 1)
+    for axis in range(covariance.shape[0]):
+        for row in range(3):
+            covariance[axis, row] = gains[min(axis, gains.shape[0] - 1), row, column]
+
+
+@njit(cache=True)
 def step_bank(
     filters: FloatArray,
     motion: FloatArray,

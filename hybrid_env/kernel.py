@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 
 from hybrid_env.bank import (
     LOG_LIKELIHOOD,
-    VX,
-    VY,
-    X,
-    Y,
     anchor_bank,
+    copy_covariance,
+    copy_estimate,
     likeliest,
     mode_type,
-    radius_column,
     step_bank,
     step_chosen,
 )
@@ -29,14 +26,6 @@ from hybrid_env.noise import integer_below, standard_normal, uniform
 from hybrid_env.observation import write_segment, write_tick
 
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
-
-
-@njit(cache=True)
-def _take_estimate(track: Any, filters: NDArray[np.float64], hypothesis: int) -> None:
-    track.estimate[0] = filters[X, hypothesis]
-    track.estimate[1] = filters[VX, hypothesis]
-    track.estimate[2] = filters[Y, hypothesis]
-    track.estimate[3] = filters[VY, hypothesis]
 
 
 @njit(cache=True)
@@ -105,7 +94,7 @@ def _tick(
         filters, motion, gains, track.measurement[0], track.measurement[1],
         parameters.process_variance, variances,
     )  # fmt: skip
-    _take_estimate(track, filters, track.active_mode)
+    copy_estimate(filters, track.active_mode, track.estimate)
     _account(track, trace)
 
 
@@ -204,15 +193,12 @@ def _decide(
             filters, motion, gains, chosen, track.measurement[0], track.measurement[1],
             parameters.process_variance, variances,
         )  # fmt: skip
-        _take_estimate(track, filters, chosen)
+        copy_estimate(filters, chosen, track.estimate)
         _account(track, trace)
     filters[LOG_LIKELIHOOD, chosen] = log_likelihood  # of the ticks that the others saw too
-    _take_estimate(track, filters, chosen)
+    copy_estimate(filters, chosen, track.estimate)
     track.decided_squared_error = track.squared_error
-    column = radius_column(chosen, n)
-    for axis in range(2):
-        for k in range(3):
-            track.kept_covariance[axis, k] = gains[min(axis, variances.size - 1), k, column]
+    copy_covariance(gains, chosen, track.kept_covariance)
 
 
 @njit(cache=True)
