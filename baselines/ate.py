@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.sprt import sprt_test, sprt_thresholds
@@ -25,6 +24,8 @@ from hybrid_env.checks import (
     check_radii,
     reject,
 )
+from hybrid_env.compiled import compiled, internal
+from hybrid_env.track import LANES
 
 FloatArray = NDArray[np.float64]
 
@@ -55,25 +56,33 @@ class Tracks:
     ratios: FloatArray
 
 
-@njit(cache=True)
-def _likeliest_of_type(filters: FloatArray, mode: int) -> int:
-    n = filters.shape[1] // 2
+@internal
+def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
+    n = hypotheses.size // 2
     best = mode
-    for h in range(filters.shape[1]):
-        likelier = filters[bank.LOG_LIKELIHOOD, h] > filters[bank.LOG_LIKELIHOOD, best]
+    for h in range(hypotheses.size):
+        likelier = hypotheses[h].log_likelihood[0] > hypotheses[best].log_likelihood[0]
         if likelier and bank.mode_type(h, n) == bank.mode_type(mode, n):
             best = h
     return best
 
 
-@njit(cache=True)
+@internal
+def note(filters: bank.Bank, mode: int, estimate: FloatArray, covariance: FloatArray) -> None:
+    """Write what one hypothesis of the first lane holds: estimate (4,) and covariance (2, 3)."""
+    for k, value in enumerate(bank.estimate_of(filters.hypotheses, mode, 0)):
+        estimate[k] = value
+    for axis in range(2):
+        for k, value in enumerate(bank.covariance_of(filters.covariances, axis, mode, 0)):
+            covariance[axis, k] = value
+
+
+@compiled
 def _track_run(
     measurements: FloatArray,
     lengths: NDArray[np.int64],
     start: FloatArray,
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
+    filters: bank.Bank,
     radii: FloatArray,
     tau: float,
     process_variance: float,
@@ -92,62 +101,62 @@ def _track_run(
     undecided: NDArray[np.bool_],
     ratios: FloatArray,
 ) -> None:
-    estimate = start.copy()
-    identity = np.empty((variances.size, 3))
-    identity[:, 0], identity[:, 1], identity[:, 2] = 1.0, 0.0, 1.0
+    estimate, covariance = start.copy(), np.empty((2, 3))
+    measurement = np.zeros((2, LANES))
+    log_likelihood = np.empty(filters.hypotheses.size)
+    rx, ry = variances[0], variances[-1]
     ratios[:] = np.nan
     active = 0
     k = 0
     for piece in range(lengths.size):
         if straight_reference:
             active = 0
-        bank.anchor_bank(filters, motion, gains, estimate, radii, tau, identity)
-        running = np.ones(filters.shape[1], np.bool_)
+        x, vx, y, vy = estimate
+        anchor = (x, vx, y, vy)
+        bank.anchor_bank(filters, 0, anchor, radii, tau, bank.IDENTITY, bank.IDENTITY)
+        running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[piece]
         ticks[piece] = lengths[piece]
         undecided[piece] = True
         while k < end and undecided[piece]:
-            x, y = measurements[k]
-            bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
-            bank.copy_estimate(filters, active, estimates[k])
-            bank.copy_covariance(gains, active, covariances[k])
+            measurement[:, 0] = measurements[k]
+            bank.step_bank(filters, 0, 1, measurement, process_variance, rx, ry)
+            note(filters, active, estimates[k], covariances[k])
             modes[k] = active
-            for h in range(filters.shape[1]):
-                ratios[k, h] = filters[bank.LOG_LIKELIHOOD, h] - filters[bank.LOG_LIKELIHOOD, active]
-            winner = sprt_test(filters[bank.LOG_LIKELIHOOD], running, active, upper, lower)
+            for h in range(log_likelihood.size):
+                log_likelihood[h] = filters.hypotheses[h].log_likelihood[0]
+            ratios[k] = log_likelihood - log_likelihood[active]
+            winner = sprt_test(log_likelihood, running, active, upper, lower)
             k += 1
             if winner >= 0:
                 active = winner
                 undecided[piece] = False
                 ticks[piece] = k - begin
         if undecided[piece] and not keep:
-            active = bank.likeliest(filters)
+            active = bank.likeliest(filters.hypotheses, 0)
         if recalculation != KEEP and not undecided[piece]:
-            for row in range(4):
-                filters[row, active] = estimate[row]
-            if recalculation == REWIND:
-                column = bank.radius_column(active, radii.size)
-                for axis in range(variances.size):
-                    for row in range(3):
-                        gains[axis, row, column] = identity[axis, row]
+            identity = bank.IDENTITY
+            if recalculation == AS_PUBLISHED:
+                bank.rewind(filters, 0, active, anchor)
+            else:
+                bank.anchor_bank(filters, 0, anchor, radii, tau, identity, identity)
             for j in range(begin, k):
                 x, y = measurements[j]
-                bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
-                bank.copy_estimate(filters, active, estimates[j])
-                bank.copy_covariance(gains, active, covariances[j])
+                bank.step_alone(filters, 0, active, x, y, process_variance, rx, ry)
+                note(filters, active, estimates[j], covariances[j])
                 modes[j] = active
         for j in range(k, end):
-            x, y = measurements[j]
             if refine:
-                bank.step_bank(filters, motion, gains, x, y, process_variance, variances)
-                active = _likeliest_of_type(filters, active)
+                measurement[:, 0] = measurements[j]
+                bank.step_bank(filters, 0, 1, measurement, process_variance, rx, ry)
+                active = _likeliest_of_type(filters.hypotheses, active)
             else:
-                bank.step_chosen(filters, motion, gains, active, x, y, process_variance, variances)
-            bank.copy_estimate(filters, active, estimates[j])
-            bank.copy_covariance(gains, active, covariances[j])
+                x, y = measurements[j]
+                bank.step_alone(filters, 0, active, x, y, process_variance, rx, ry)
+            note(filters, active, estimates[j], covariances[j])
             modes[j] = active
-        bank.copy_estimate(filters, active, estimate)
+        note(filters, active, estimate, covariance)
         decided[piece] = active
         k = end
 
@@ -247,7 +256,7 @@ def track(
     way = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
     refine = check_flag("refine_radius", refine_radius)
 
-    filters, motion, gains = (array[0] for array in bank.bank_arrays(1, bank_radii.size, variances.size))
+    filters = bank.bank_arrays(bank_radii.size, variances.size)
     found: dict[str, Any] = {
         "estimates": np.empty((runs, total, 4)),
         "covariances": np.empty((runs, total, 2, 3)),
@@ -255,11 +264,11 @@ def track(
         "decided": np.empty((runs, pieces.size), np.int64),
         "ticks": np.empty((runs, pieces.size), np.int64),
         "undecided": np.empty((runs, pieces.size), np.bool_),
-        "ratios": np.empty((runs, total, filters.shape[1])),
+        "ratios": np.empty((runs, total, filters.hypotheses.size)),
     }
     for run in range(runs):
         _track_run(
-            values[run], pieces, starts[run], filters, motion, gains, bank_radii, tau, process_variance,
+            values[run], pieces, starts[run], filters, bank_radii, tau, process_variance,
             variances, upper, lower, straight, keep, way, refine, *(array[run] for array in found.values()),
         )  # fmt: skip
     single = np.ndim(measurements) == 2

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.ate import check_recording
 from baselines.sprt import sprt_thresholds
 from hybrid_env import bank
 from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, reject
+from hybrid_env.compiled import compiled
+from hybrid_env.track import LANES
 
 FloatArray = NDArray[np.float64]
 UNDETECTED = 0
@@ -48,16 +49,12 @@ class Detection:
     accepted: NDArray[np.int64]
 
 
-@njit(cache=True)
+@compiled
 def _ratios_of_run(
     measurements: FloatArray,
     start: FloatArray,
-    nominal: FloatArray,
-    nominal_motion: FloatArray,
-    nominal_gains: FloatArray,
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
+    nominal: bank.Bank,
+    started: bank.Bank,
     radii: FloatArray,
     tau: float,
     process_variance: float,
@@ -65,56 +62,46 @@ def _ratios_of_run(
     printed_sign: bool,
     log_ratios: FloatArray,
 ) -> None:
+    """nominal: a bank of which the straight filter counts; started: one of each tick."""
     total = measurements.shape[0]
-    n = radii.size
-    y_axis = variances.size - 1
-    identity = np.empty((variances.size, 3))
-    identity[:, 0], identity[:, 1], identity[:, 2] = 1.0, 0.0, 1.0
-    bank.anchor_bank(nominal, nominal_motion, nominal_gains, start, radii, tau, identity)
-    determinants = np.zeros((total, 2 * n + 1))  # sum of ln |Sigma_1| - ln |Sigma_0|, for the printed root
+    hypotheses = 2 * radii.size + 1
+    rx, ry = variances[0], variances[-1]
+    x, vx, y, vy = start
+    bank.anchor_bank(nominal, 0, (x, vx, y, vy), radii, tau, bank.IDENTITY, bank.IDENTITY)
+    determinants = np.zeros((total, hypotheses))  # sum of ln |Sigma_1| - ln |Sigma_0|, for the printed root
     before = np.zeros(total)  # the nominal log-likelihood when filter j starts
-    estimate = np.empty(4)
-    covariance = np.empty((variances.size, 3))
+    log_psi = np.empty((total, hypotheses))
+    measurement = np.zeros((2, LANES))
+    straight = nominal.hypotheses[0]
     for k in range(total):
-        x, y = measurements[k]
-        bank.copy_estimate(nominal, 0, estimate)
-        bank.copy_covariance(nominal_gains, 0, covariance)
-        bank.anchor_bank(filters[k], motion[k], gains[k], estimate, radii, tau, covariance)
-        before[k] = nominal[bank.LOG_LIKELIHOOD, 0]
-        bank.step_chosen(nominal, nominal_motion, nominal_gains, 0, x, y, process_variance, variances)
+        measurement[:, 0] = measurements[k]
+        before[k] = straight.log_likelihood[0]
+        new = bank.Bank(started.hypotheses[k], started.covariances[k], started.innovations, started.gains)
+        bank.anchor_bank(
+            new, 0, bank.estimate_of(nominal.hypotheses, 0, 0), radii, tau,
+            bank.covariance_of(nominal.covariances, 0, 0, 0),
+            bank.covariance_of(nominal.covariances, 1, 0, 0),
+        )  # fmt: skip
+        bank.step_bank(nominal, 0, 1, measurement, process_variance, rx, ry)
         for j in range(k + 1):
-            bank.step_bank(filters[j], motion[j], gains[j], x, y, process_variance, variances)
-        for h in range(1, 2 * n + 1):
-            column = bank.radius_column(h, n)
-            largest = -math.inf
-            for j in range(k + 1):
-                determinants[j, h] += (
-                    gains[j, 0, bank.LOG_VARIANCE, column]
-                    + gains[j, y_axis, bank.LOG_VARIANCE, column]
-                    - nominal_gains[0, bank.LOG_VARIANCE, 0]
-                    - nominal_gains[y_axis, bank.LOG_VARIANCE, 0]
+            running = bank.Bank(
+                started.hypotheses[j], started.covariances[j], started.innovations, started.gains
+            )
+            bank.step_bank(running, 0, 1, measurement, process_variance, rx, ry)
+            for h in range(1, hypotheses):
+                determinants[j, h] += 2.0 * (
+                    running.innovations[h].log_variance[0] - nominal.innovations[0].log_variance[0]
                 )
-                largest = max(largest, _log_psi(filters, nominal, before, determinants, j, h, printed_sign))
-            total_ratio = 0.0
-            for j in range(k + 1):
-                log_psi = _log_psi(filters, nominal, before, determinants, j, h, printed_sign)
-                total_ratio += math.exp(log_psi - largest)
-            log_ratios[k, h] = largest + math.log(total_ratio) - math.log(k + 1.0)
-
-
-@njit(cache=True)
-def _log_psi(
-    filters: FloatArray,
-    nominal: FloatArray,
-    before: FloatArray,
-    determinants: FloatArray,
-    j: int,
-    h: int,
-    printed_sign: bool,
-) -> float:
-    """Logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's."""
-    ratio = filters[j, bank.LOG_LIKELIHOOD, h] - (nominal[bank.LOG_LIKELIHOOD, 0] - before[j])
-    return ratio + determinants[j, h] if printed_sign else ratio
+                # logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's
+                log_psi[j, h] = running.hypotheses[h].log_likelihood[0] - (
+                    straight.log_likelihood[0] - before[j]
+                )
+                if printed_sign:
+                    log_psi[j, h] += determinants[j, h]
+        for h in range(1, hypotheses):
+            largest = log_psi[: k + 1, h].max()
+            mean = np.exp(log_psi[: k + 1, h] - largest).sum() / (k + 1.0)
+            log_ratios[k, h] = largest + math.log(mean)
 
 
 def detect_switch(
@@ -163,12 +150,12 @@ def detect_switch(
     margin = check_positive("margin", margin, allow_zero=True)
     sign = check_flag("printed_sign", printed_sign)
 
-    filters, motion, gains = (array[0] for array in bank.bank_arrays(1, bank_radii.size, variances.size))
-    started = bank.bank_arrays(total, bank_radii.size, variances.size)
+    nominal = bank.bank_arrays(bank_radii.size, variances.size)
+    started = bank.bank_arrays(bank_radii.size, variances.size, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
     for run, recording in enumerate(values):
         _ratios_of_run(
-            recording, starts[run], filters, motion, gains, *started, bank_radii, tau, process_variance,
+            recording, starts[run], nominal, started, bank_radii, tau, process_variance,
             variances, sign, log_ratios[run],
         )  # fmt: skip
     return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.ate import check_recording
+from baselines.ate import check_recording, note
 from hybrid_env import bank
 from hybrid_env.checks import check_array, check_flag, check_positive, reject
+from hybrid_env.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Estimates:
     covariances: FloatArray
 
 
-@njit(cache=True)
+@compiled
 def _filter_run(
     measurements: FloatArray,
     lengths: NDArray[np.int64],
@@ -39,9 +39,7 @@ def _filter_run(
     start: FloatArray,
     start_covariance: FloatArray,
     carry: bool,
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
+    filters: bank.Bank,
     tau: float,
     process_variance: float,
     variances: FloatArray,
@@ -49,22 +47,25 @@ def _filter_run(
     covariances: FloatArray,
 ) -> None:
     estimate = start.copy()
-    covariance = np.empty((variances.size, 3))
+    covariance = np.empty((2, 3))
     covariance[:] = start_covariance
+    rx, ry = variances[0], variances[-1]
     k = 0
     for piece in range(lengths.size):
         radius = np.array([abs(signed_radii[piece]) if signed_radii[piece] != 0.0 else 1.0])
         mode = 0 if signed_radii[piece] == 0.0 else (1 if signed_radii[piece] > 0.0 else 2)
-        bank.anchor_bank(filters, motion, gains, estimate, radius, tau, covariance)
+        x, vx, y, vy = estimate
+        first, second = covariance if carry else np.stack((start_covariance, start_covariance))
+        bank.anchor_bank(
+            filters, 0, (x, vx, y, vy), radius, tau,
+            (first[0], first[1], first[2]), (second[0], second[1], second[2]),
+        )  # fmt: skip
         for _ in range(lengths[piece]):
             x, y = measurements[k]
-            bank.step_chosen(filters, motion, gains, mode, x, y, process_variance, variances)
-            bank.copy_estimate(filters, mode, estimates[k])
-            bank.copy_covariance(gains, mode, covariances[k])
+            bank.step_alone(filters, 0, mode, x, y, process_variance, rx, ry)
+            note(filters, mode, estimates[k], covariances[k])
             k += 1
-        bank.copy_estimate(filters, mode, estimate)
-        if carry:
-            bank.copy_covariance(gains, mode, covariance)
+        note(filters, mode, estimate, covariance)
 
 
 def filter_known_modes(
@@ -100,14 +101,14 @@ def filter_known_modes(
         raise reject("signed_radii", signed_radii, f"one radius for each of the {pieces.size} pieces")
     process_variance = check_positive("process_variance", process_variance, allow_zero=True)
     variances = bank.noise_axes(measurement_variance)
-    first = np.tile(check_array("start_covariance", start_covariance, (3,)), (variances.size, 1))
+    first = check_array("start_covariance", start_covariance, (3,))
     carry = check_flag("carry_covariance", carry_covariance)
-    filters, motion, gains = (array[0] for array in bank.bank_arrays(1, 1, variances.size))
+    filters = bank.bank_arrays(1, variances.size)
     runs, total = values.shape[:2]
     estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
     for run in range(runs):
         _filter_run(
-            values[run], pieces, radii, starts[run], first, carry, filters, motion, gains, tau,
+            values[run], pieces, radii, starts[run], first, carry, filters, tau,
             process_variance, variances, estimates[run], covariances[run],
         )  # fmt: skip
     if np.ndim(measurements) == 2:

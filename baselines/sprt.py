@@ -9,11 +9,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import check_between, reject
+from hybrid_env.compiled import compiled
 from hybrid_env.observation import LOG_FLOOR, Layout
 
 CLIPPED = LOG_FLOOR + 1e-3
@@ -35,7 +35,7 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
     return math.log((1.0 - beta) / alpha), math.log(beta / (1.0 - alpha))
 
 
-@njit(cache=True)
+@compiled
 def sprt_test(
     log_likelihood: NDArray[np.float64],
     running: NDArray[np.bool_],
@@ -74,7 +74,7 @@ def sprt_test(
     return -1 if left else reference
 
 
-@njit(cache=True)
+@compiled
 def _test_tracks(
     log_likelihood: NDArray[np.float64],
     reference: NDArray[np.int64],

@@ -6,238 +6,304 @@ turn rate, so a left and a right turn of one radius share them, and so do the ax
 noise is equal on both. What is left per hypothesis is four numbers of state, two of innovation and one
 log-likelihood.
 
-Arrays of one track, for M = 2n + 1 hypotheses of n radii and A = 1 or 2 noise axes:
-
-    filters  (9, M)         rows named by the constants X .. LOG_LIKELIHOOD, hypothesis innermost
-    motion   (3, n + 1)     transition coefficients; column 0 is straight, column c has radius c - 1
-    gains    (A, 7, n + 1)  covariance, innovation variance and gain, rows P_XX .. GAIN_V
-
-Hypothesis 0 is straight, 1 .. n turn left, n + 1 .. 2n turn right.
+Every field holds one number a lane. Hypothesis 0 is straight, 1 .. n turn left, n + 1 .. 2n turn right.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_array, check_positive, check_radii
+from hybrid_env.compiled import compiled, formula, internal
+from hybrid_env.elementary import log
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.track import LANES, lane_zeros, lanes_of
 
 FloatArray = NDArray[np.float64]
+Triple = tuple[float, float, float]
+Quadruple = tuple[float, float, float, float]
 
-# rows of `filters`
-X, VX, Y, VY = 0, 1, 2, 3  # estimate [m, m/s]
-CENTRE_X, CENTRE_Y = 4, 5  # [m]
-WHITE_X, WHITE_Y = 6, 7  # innovation over its standard deviation
-LOG_LIKELIHOOD = 8  # cumulative since the switch
-FILTER_ROWS = 9
+HYPOTHESIS = lanes_of(
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
+    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
+    ("log_likelihood", np.float64, ()),  # cumulative since the switch
+)
+"""One filter of the bank."""
 
-# rows of `motion`
-COSINE, SINE_VELOCITY, SINE_POSITION = 0, 1, 2
-MOTION_ROWS = 3
+COVARIANCE = lanes_of(
+    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),  # of the transition
+    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),  # of (position, velocity) [m^2, m^2/s, m^2/s^2]
+)
+"""What the filters of one radius share on one axis."""
 
-# rows of `gains`, per noise axis
-P_XX, P_XV, P_VV = 0, 1, 2  # covariance of (position, velocity) [m^2, m^2/s, m^2/s^2]
-WHITENER, LOG_VARIANCE = 3, 4  # of the innovation: 1 / standard deviation [1/m], ln variance
-GAIN_X, GAIN_V = 5, 6
-GAIN_ROWS = 7
+INNOVATION = lanes_of(
+    *((name, np.float64, ()) for name in ("white_x", "white_y")),  # over its standard deviation
+    ("log_variance", np.float64, ()),  # mean of the axes, of m^2
+)
+"""What one filter found at this tick."""
+
+GAIN = lanes_of(
+    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),  # as in `COVARIANCE`
+    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),  # of position and velocity
+    ("whitener", np.float64, ()),  # 1 / standard deviation of the innovation [1/m]
+    ("log_variance", np.float64, ()),  # of the innovation
+)
+"""What the filters of one radius share on one axis at this tick: all that `step_estimate` reads."""
+
+
+class Bank(NamedTuple):
+    """The bank of a block of tracks, for M = 2n + 1 hypotheses of n radii and A = 1 or 2 noise axes.
+
+    Attributes:
+        hypotheses: (M,) records `HYPOTHESIS`.
+        covariances: (A, n + 1) records `COVARIANCE`; column 0 is straight, column c has radius c - 1.
+        innovations: (M,) records `INNOVATION` of the last tick, which the banks of other blocks overwrite.
+        gains: (A, n + 1) records `GAIN`, likewise.
+    """
+
+    hypotheses: NDArray[Any]
+    covariances: NDArray[Any]
+    innovations: NDArray[Any]
+    gains: NDArray[Any]
+
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
+IDENTITY = (1.0, 0.0, 1.0)
+"""P := I of the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-@njit(cache=True)
-def anchor_bank(
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
-    anchor: FloatArray,
-    radii: FloatArray,
-    tau: float,
-    covariance: FloatArray,
-) -> None:
-    """Start every hypothesis at one estimate, its turn rate and centre computed from that estimate.
-
-    Args:
-        anchor: (4,) estimate [x, vx, y, vy] at the switch [m, m/s].
-        radii: (n,) turn radii of the bank [m].
-        tau: tick [s].
-        covariance: (A, 3) starting covariance, P_XX, P_XV, P_VV of each noise axis. In the published
-            algorithms the identity at every piece (Tsyganov 2019, line 28; Golubkov 2018, setFilters).
-    """
-    n = radii.size
-    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
-    motion[COSINE, 0], motion[SINE_VELOCITY, 0], motion[SINE_POSITION, 0] = motion_coefficients(0.0, tau)
-    for c in range(1, n + 1):
-        cosine, sine_velocity, sine_position = motion_coefficients(speed / radii[c - 1], tau)
-        motion[COSINE, c] = cosine
-        motion[SINE_VELOCITY, c] = sine_velocity
-        motion[SINE_POSITION, c] = sine_position
-    for axis in range(gains.shape[0]):
-        for c in range(n + 1):
-            gains[axis, P_XX, c] = covariance[axis, 0]
-            gains[axis, P_XV, c] = covariance[axis, 1]
-            gains[axis, P_VV, c] = covariance[axis, 2]
-    for h in range(2 * n + 1):
-        filters[X, h], filters[VX, h], filters[Y, h], filters[VY, h] = anchor
-        filters[LOG_LIKELIHOOD, h] = 0.0
-        radius = 0.0
-        if h > n:
-            radius = -radii[h - n - 1]
-        elif h > 0:
-            radius = radii[h - 1]
-        filters[CENTRE_X, h], filters[CENTRE_Y, h] = turn_centre(
-            anchor[0], anchor[2], heading_x, heading_y, radius
-        )
-
-
-@njit(cache=True)
-def step_gains(
-    motion: FloatArray, gains: FloatArray, column: int, process_variance: float, variances: FloatArray
-) -> None:
-    """Covariance and gain of one radius over one tick. Golubkov 2018, eq. (2); Sigma = H P H' + R."""
-    cosine = motion[COSINE, column]
-    sine_velocity = motion[SINE_VELOCITY, column]
-    sine_position = motion[SINE_POSITION, column]
-    for axis in range(gains.shape[0]):
-        xx, xv, vv = gains[axis, P_XX, column], gains[axis, P_XV, column], gains[axis, P_VV, column]
-        row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
-        row_x_v = cosine * xv + sine_velocity * vv
-        row_v_x = cosine * xv - sine_position * xx  # second row of Phi P
-        row_v_v = cosine * vv - sine_position * xv
-        xx = cosine * row_x_x + sine_velocity * row_x_v
-        xv = cosine * row_x_v - sine_position * row_x_x
-        vv = cosine * row_v_v - sine_position * row_v_x + process_variance
-        variance = xx + variances[axis]
-        inverse = 1.0 / variance
-        gain_x = xx * inverse
-        gain_v = xv * inverse
-        gains[axis, P_XX, column] = gain_x * variances[axis]  # P - K H P, without its cancellation
-        gains[axis, P_XV, column] = gain_v * variances[axis]
-        gains[axis, P_VV, column] = vv - gain_v * xv
-        gains[axis, WHITENER, column] = math.sqrt(inverse)
-        gains[axis, LOG_VARIANCE, column] = math.log(variance)
-        gains[axis, GAIN_X, column] = gain_x
-        gains[axis, GAIN_V, column] = gain_v
-
-
-@njit(cache=True)
-def step_estimate(
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
-    hypothesis: int,
-    column: int,
-    measurement_x: float,
-    measurement_y: float,
-) -> None:
-    """Predict, compare with the measurement, correct, add to the log-likelihood: one hypothesis, one tick.
-
-    Golubkov 2018, eq. (2); the increment is ln N(nu; 0, Sigma), whose differences are eq. (4).
-    """
-    cosine = motion[COSINE, column]
-    sine_velocity = motion[SINE_VELOCITY, column]
-    sine_position = motion[SINE_POSITION, column]
-    y_axis = gains.shape[0] - 1
-    x, vx = propagate(
-        filters[X, hypothesis], filters[VX, hypothesis], filters[CENTRE_X, hypothesis],
-        cosine, sine_velocity, sine_position,
-    )  # fmt: skip
-    y, vy = propagate(
-        filters[Y, hypothesis], filters[VY, hypothesis], filters[CENTRE_Y, hypothesis],
-        cosine, sine_velocity, sine_position,
-    )  # fmt: skip
-    innovation_x = measurement_x - x
-    innovation_y = measurement_y - y
-    filters[X, hypothesis] = x + gains[0, GAIN_X, column] * innovation_x
-    filters[VX, hypothesis] = vx + gains[0, GAIN_V, column] * innovation_x
-    filters[Y, hypothesis] = y + gains[y_axis, GAIN_X, column] * innovation_y
-    filters[VY, hypothesis] = vy + gains[y_axis, GAIN_V, column] * innovation_y
-    white_x = innovation_x * gains[0, WHITENER, column]
-    white_y = innovation_y * gains[y_axis, WHITENER, column]
-    filters[WHITE_X, hypothesis] = white_x
-    filters[WHITE_Y, hypothesis] = white_y
-    filters[LOG_LIKELIHOOD, hypothesis] -= LOG_TWO_PI + 0.5 * (
-        gains[0, LOG_VARIANCE, column]
-        + gains[y_axis, LOG_VARIANCE, column]
-        + white_x * white_x
-        + white_y * white_y
-    )
-
-
-@njit(cache=True)
+@compiled
 def mode_type(mode: int, radii_count: int) -> int:
     """0 straight, 1 left, 2 right."""
     return 0 if mode == 0 else (1 if mode <= radii_count else 2)
 
 
-@njit(cache=True)
-def likeliest(filters: FloatArray) -> int:
-    """The hypothesis with the largest log-likelihood, the first of equals."""
-    best = 0
-    for h in range(1, filters.shape[1]):
-        if filters[LOG_LIKELIHOOD, h] > filters[LOG_LIKELIHOOD, best]:
-            best = h
-    return best
-
-
-@njit(cache=True)
+@internal
 def radius_column(hypothesis: int, radii_count: int) -> int:
-    """Column of `motion` and `gains` that a hypothesis uses."""
+    """Column of `covariances` and `gains` that a hypothesis uses."""
     return hypothesis - radii_count if hypothesis > radii_count else hypothesis
 
 
-@njit(cache=True)
-def copy_estimate(filters: FloatArray, hypothesis: int, estimate: FloatArray) -> None:
-    """Write [x, vx, y, vy] of one hypothesis into estimate, (4,)."""
-    for row in range(4):
-        estimate[row] = filters[row, hypothesis]
-
-
-@njit(cache=True)
-def copy_covariance(gains: FloatArray, hypothesis: int, covariance: FloatArray) -> None:
-    """Write P_XX, P_XV, P_VV of one hypothesis into covariance, (2, 3) for x and y or (A, 3)."""
-    column = radius_column(hypothesis, gains.shape[2] - 1)
-    for axis in range(covariance.shape[0]):
-        for row in range(3):
-            covariance[axis, row] = gains[min(axis, gains.shape[0] - 1), row, column]
-
-
-@njit(cache=True)
-def step_bank(
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
-    measurement_x: float,
-    measurement_y: float,
-    process_variance: float,
-    variances: FloatArray,
+@internal
+def anchor_bank(
+    bank: Bank,
+    lane: int,
+    anchor: Quadruple,
+    radii: FloatArray,
+    tau: float,
+    covariance_x: Triple,
+    covariance_y: Triple,
 ) -> None:
-    """One tick of every hypothesis. measurement [m]; process_variance Q [m^2/s^2]; variances (A,) R [m^2]."""
-    columns = motion.shape[1]
-    for column in range(columns):
-        step_gains(motion, gains, column, process_variance, variances)
-    for column in range(columns):  # straight and left turns
-        step_estimate(filters, motion, gains, column, column, measurement_x, measurement_y)
-    for column in range(1, columns):  # right turns
-        step_estimate(filters, motion, gains, column + columns - 1, column, measurement_x, measurement_y)
+    """Start every hypothesis of a lane at one estimate, its turn rate and centre computed from that.
+
+    Args:
+        anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
+        radii: (n,) turn radii of the bank [m].
+        tau: tick [s].
+        covariance_x, covariance_y: starting covariance on each axis, (xx, xv, vv).
+    """
+    n = radii.size
+    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
+    for c in range(n + 1):
+        turn_rate = 0.0 if c == 0 else speed / radii[c - 1]
+        cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
+        for axis in range(bank.covariances.shape[0]):
+            one = bank.covariances[axis, c]
+            one.cosine[lane], one.sine_velocity[lane], one.sine_position[lane] = (
+                cosine, sine_velocity, sine_position,
+            )  # fmt: skip
+            covariance = covariance_x if axis == 0 else covariance_y
+            one.xx[lane], one.xv[lane], one.vv[lane] = covariance
+    for h in range(2 * n + 1):
+        kalman = bank.hypotheses[h]
+        kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
+        kalman.log_likelihood[lane] = 0.0
+        radius = 0.0
+        if h > n:
+            radius = -radii[h - n - 1]
+        elif h > 0:
+            radius = radii[h - 1]
+        kalman.centre_x[lane], kalman.centre_y[lane] = turn_centre(
+            anchor[0], anchor[2], heading_x, heading_y, radius
+        )
 
 
-@njit(cache=True)
-def step_chosen(
-    filters: FloatArray,
-    motion: FloatArray,
-    gains: FloatArray,
+@internal
+def rewind(bank: Bank, lane: int, hypothesis: int, anchor: Quadruple) -> None:
+    """Put one hypothesis back to an estimate and leave its covariance. Tsyganov 2019, lines 17 to 20."""
+    kalman = bank.hypotheses[hypothesis]
+    kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
+
+
+@formula
+def step_covariance(
+    one: Any, gain: Any, lane: int, process_variance: float, variance: float
+) -> tuple[float, float]:
+    """Covariance and gain of one radius over one tick. Golubkov 2018, eq. (2); Sigma = H P H' + R.
+
+    Returns the innovation's variance and its inverse.
+    """
+    cosine, sine_velocity, sine_position = one.cosine[lane], one.sine_velocity[lane], one.sine_position[lane]
+    xx, xv, vv = one.xx[lane], one.xv[lane], one.vv[lane]
+    row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
+    row_x_v = cosine * xv + sine_velocity * vv
+    row_v_x = cosine * xv - sine_position * xx  # second row of Phi P
+    row_v_v = cosine * vv - sine_position * xv
+    xx = cosine * row_x_x + sine_velocity * row_x_v
+    xv = cosine * row_x_v - sine_position * row_x_x
+    vv = cosine * row_v_v - sine_position * row_v_x + process_variance
+    innovation_variance = xx + variance
+    inverse = 1.0 / innovation_variance
+    gain_x = xx * inverse
+    gain_v = xv * inverse
+    one.xx[lane] = gain_x * variance  # P - K H P, without its cancellation
+    one.xv[lane] = gain_v * variance
+    one.vv[lane] = vv - gain_v * xv
+    gain.cosine[lane], gain.sine_velocity[lane], gain.sine_position[lane] = (
+        cosine, sine_velocity, sine_position,
+    )  # fmt: skip
+    gain.gain_x[lane], gain.gain_v[lane] = gain_x, gain_v
+    return innovation_variance, inverse
+
+
+@formula
+def step_estimate(
+    kalman: Any, gain_x: Any, gain_y: Any, lane: int, measurement_x: float, measurement_y: float
+) -> tuple[float, float]:
+    """Predict, compare with the measurement, correct. Golubkov 2018, eq. (2). Returns the innovation [m]."""
+    cosine = gain_x.cosine[lane]
+    sine_velocity = gain_x.sine_velocity[lane]
+    sine_position = gain_x.sine_position[lane]
+    x, vx = propagate(
+        kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], cosine, sine_velocity, sine_position
+    )
+    y, vy = propagate(
+        kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position
+    )
+    innovation_x = measurement_x - x
+    innovation_y = measurement_y - y
+    kalman.x[lane] = x + gain_x.gain_x[lane] * innovation_x
+    kalman.vx[lane] = vx + gain_x.gain_v[lane] * innovation_x
+    kalman.y[lane] = y + gain_y.gain_x[lane] * innovation_y
+    kalman.vy[lane] = vy + gain_y.gain_v[lane] * innovation_y
+    return innovation_x, innovation_y
+
+
+@internal
+def step_bank(
+    bank: Bank,
+    first: int,
+    last: int,
+    measurement: FloatArray,
+    process_variance: float,
+    variance_x: float,
+    variance_y: float,
+) -> None:
+    """One tick of every hypothesis, its log-likelihood included.
+
+    The increment is ln N(innovation; 0, Sigma), whose differences are Golubkov 2018, eq. (4).
+
+    Args:
+        first, last: lanes first .. last - 1 take the tick.
+        measurement: (2, LANES) [m].
+        process_variance: Q [m^2/s^2].
+        variance_x, variance_y: R [m^2].
+    """
+    axes, columns = bank.covariances.shape
+    for axis in range(axes):
+        variance = variance_x if axis == 0 else variance_y
+        for c in range(columns):
+            one, gain = bank.covariances[axis, c], bank.gains[axis, c]
+            for lane in range(np.uintp(first), np.uintp(last)):
+                innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
+                gain.whitener[lane] = math.sqrt(inverse)
+                gain.log_variance[lane] = log(innovation_variance)
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        column = radius_column(h, columns - 1)
+        gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
+        for lane in range(np.uintp(first), np.uintp(last)):
+            innovation_x, innovation_y = step_estimate(
+                kalman, gain_x, gain_y, lane, measurement[0, lane], measurement[1, lane]
+            )
+            white_x = innovation_x * gain_x.whitener[lane]
+            white_y = innovation_y * gain_y.whitener[lane]
+            log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
+            innovation.white_x[lane] = white_x
+            innovation.white_y[lane] = white_y
+            innovation.log_variance[lane] = log_variance
+            kalman.log_likelihood[lane] -= (
+                LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y)
+            )
+
+
+@internal
+def step_alone(
+    bank: Bank,
+    lane: int,
     hypothesis: int,
     measurement_x: float,
     measurement_y: float,
     process_variance: float,
-    variances: FloatArray,
+    variance_x: float,
+    variance_y: float,
 ) -> None:
-    """One tick of one hypothesis alone, as after a decision. Golubkov 2018, algorithm 1, line 15."""
-    column = radius_column(hypothesis, motion.shape[1] - 1)
-    step_gains(motion, gains, column, process_variance, variances)
-    step_estimate(filters, motion, gains, hypothesis, column, measurement_x, measurement_y)
+    """One tick of one hypothesis of one lane, as after a decision: Golubkov 2018, algorithm 1, line 15.
+
+    It is not compared any more: its log-likelihood stays.
+    """
+    axes, columns = bank.covariances.shape
+    column = radius_column(hypothesis, columns - 1)
+    for axis in range(axes):
+        variance = variance_x if axis == 0 else variance_y
+        step_covariance(
+            bank.covariances[axis, column], bank.gains[axis, column], lane, process_variance, variance
+        )
+    step_estimate(
+        bank.hypotheses[hypothesis], bank.gains[0, column], bank.gains[axes - 1, column], lane,
+        measurement_x, measurement_y,
+    )  # fmt: skip
+
+
+@internal
+def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
+    """The hypothesis with the largest log-likelihood, the first of equals."""
+    best = 0
+    for h in range(1, hypotheses.size):
+        if hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]:
+            best = h
+    return best
+
+
+@internal
+def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> Quadruple:
+    """[x, vx, y, vy] of one hypothesis."""
+    kalman = hypotheses[hypothesis]
+    return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+
+
+@internal
+def covariance_of(covariances: NDArray[Any], axis: int, hypothesis: int, lane: int) -> Triple:
+    """(xx, xv, vv) of one hypothesis on axis 0 or 1."""
+    axes, columns = covariances.shape
+    one = covariances[min(axis, axes - 1), radius_column(hypothesis, columns - 1)]
+    return one.xx[lane], one.xv[lane], one.vv[lane]
+
+
+@compiled
+def _anchor_one(
+    bank: Bank, anchor: FloatArray, radii: FloatArray, tau: float, covariance: FloatArray
+) -> None:
+    x, vx, y, vy = anchor
+    xx, xv, vv = covariance
+    anchor_bank(bank, 0, (x, vx, y, vy), radii, tau, (xx, xv, vv), (xx, xv, vv))
+
+
+@compiled
+def _step_one(bank: Bank, measurement: FloatArray, process_variance: float, variances: FloatArray) -> None:
+    step_bank(bank, 0, 1, measurement, process_variance, variances[0], variances[-1])
 
 
 class KalmanBank:
@@ -260,7 +326,8 @@ class KalmanBank:
         self.tau = check_positive("tau", tau)
         self.process_variance = check_positive("process_variance", process_variance, allow_zero=True)
         self.variances = noise_axes(measurement_variance)
-        self.filters, self.motion, self.gains = bank_arrays(1, self.radii.size, self.variances.size)
+        self._bank = bank_arrays(self.radii.size, self.variances.size)
+        self._measurement = np.zeros((2, LANES))
         self._anchored = False
 
     @property
@@ -268,7 +335,7 @@ class KalmanBank:
         """Number of hypotheses M = 2n + 1."""
         return 2 * self.radii.size + 1
 
-    def anchor(self, state: ArrayLike, covariance: ArrayLike = (1.0, 0.0, 1.0)) -> None:
+    def anchor(self, state: ArrayLike, covariance: ArrayLike = IDENTITY) -> None:
         """Start a segment at an estimate.
 
         Args:
@@ -276,46 +343,51 @@ class KalmanBank:
             covariance: (3,) of (position, velocity), the same on both axes; the published bank's identity.
         """
         anchor = check_array("state", state, (4,))
-        start = np.tile(check_array("covariance", covariance, (3,)), (self.variances.size, 1))
-        anchor_bank(self.filters[0], self.motion[0], self.gains[0], anchor, self.radii, self.tau, start)
+        start = check_array("covariance", covariance, (3,))
+        _anchor_one(self._bank, anchor, self.radii, self.tau, start)
         self._anchored = True
 
     def step(self, measurement: ArrayLike) -> FloatArray:
         """One tick. measurement: (2,) [m]. Returns the cumulative log-likelihoods, (M,)."""
         if not self._anchored:
             raise RuntimeError("step() before anchor(): the bank has no starting estimate")
-        x, y = check_array("measurement", measurement, (2,))
-        step_bank(self.filters[0], self.motion[0], self.gains[0], x, y, self.process_variance, self.variances)
+        self._measurement[:, 0] = check_array("measurement", measurement, (2,))
+        _step_one(self._bank, self._measurement, self.process_variance, self.variances)
         return self.log_likelihood
 
     @property
     def log_likelihood(self) -> FloatArray:
         """(M,) log-likelihood of the measurements since the anchor."""
-        return self.filters[0, LOG_LIKELIHOOD].copy()
+        return self._read(self._bank.hypotheses, "log_likelihood")[:, 0]
 
     @property
     def estimates(self) -> FloatArray:
         """(M, 4) estimates [x, vx, y, vy] [m, m/s]."""
-        return self.filters[0, [X, VX, Y, VY]].T.copy()
+        return self._read(self._bank.hypotheses, "x", "vx", "y", "vy")
 
     @property
     def innovations(self) -> FloatArray:
         """(M, 2) innovations of the last tick [m]."""
-        return self.filters[0, [WHITE_X, WHITE_Y]].T / self._by_hypothesis(WHITENER)
+        return self._read(self._bank.innovations, "white_x", "white_y") * np.sqrt(self.innovation_variances)
 
     @property
     def innovation_variances(self) -> FloatArray:
         """(M, 2) variance of the innovation on each axis [m^2]."""
-        return self._by_hypothesis(WHITENER) ** -2.0
+        return self._by_axis(self._bank.gains, "whitener")[:, :, 0] ** -2.0
 
     @property
     def covariances(self) -> FloatArray:
-        """(M, 2, 3) covariance of (position, velocity) on each axis: P_XX, P_XV, P_VV."""
-        return np.stack([self._by_hypothesis(row) for row in (P_XX, P_XV, P_VV)], axis=-1)
+        """(M, 2, 3) covariance of (position, velocity) on each axis: xx, xv, vv."""
+        return self._by_axis(self._bank.covariances, "xx", "xv", "vv")
 
-    def _by_hypothesis(self, row: int) -> FloatArray:
-        columns = [radius_column(h, self.radii.size) for h in range(self.hypotheses)]
-        return self.gains[0, [0, -1], row][:, columns].T.copy()
+    def _read(self, records: NDArray[Any], *names: str) -> FloatArray:
+        """(..., fields) of the one track, a copy."""
+        return np.stack([records[name][..., 0] for name in names], axis=-1)
+
+    def _by_axis(self, records: NDArray[Any], *names: str) -> FloatArray:
+        """(M, 2, fields) of what is shared by radius and axis."""
+        turns = list(range(1, self.radii.size + 1))
+        return self._read(records, *names)[[0, -1]][:, [0, *turns, *turns]].swapaxes(0, 1)
 
 
 def noise_axes(measurement_variance: float | ArrayLike) -> FloatArray:
@@ -329,11 +401,13 @@ def noise_axes(measurement_variance: float | ArrayLike) -> FloatArray:
     return pair[:1].copy() if pair[0] == pair[1] else pair
 
 
-def bank_arrays(tracks: int, radii_count: int, axes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Zeroed `filters`, `motion` and `gains` of a number of tracks, the track outermost."""
+def bank_arrays(radii_count: int, axes: int, *blocks: int) -> Bank:
+    """A bank of zeros; with a number of blocks, what each block has of its own has that axis in front."""
+    hypotheses = 2 * radii_count + 1
     columns = radii_count + 1
-    return (
-        np.zeros((tracks, FILTER_ROWS, 2 * radii_count + 1)),
-        np.zeros((tracks, MOTION_ROWS, columns)),
-        np.zeros((tracks, axes, GAIN_ROWS, columns)),
+    return Bank(
+        lane_zeros((*blocks, hypotheses), HYPOTHESIS),
+        lane_zeros((*blocks, axes, columns), COVARIANCE),
+        lane_zeros((hypotheses,), INNOVATION),
+        lane_zeros((axes, columns), GAIN),
     )

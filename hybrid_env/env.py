@@ -123,22 +123,21 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
         self._all = np.ones(1, np.bool_)
-        self._action = np.zeros(1, np.int64)
         self._action_count = self.options.action_count
         self._started = False
         self._bind_views()
 
     def _bind_views(self) -> None:
         """Live views of the one track, so that a step makes no new ones."""
-        tracks = self.world.tracks
-        self._track = tracks[0]
+        block = self.world.blocks[0]
+        self._actions = self.world.actions
         self._observation = self.world.observations[0]
-        self._rewards = self.world.rewards
-        self._log_likelihood = self.world.log_likelihood[0]
-        self._segment, self._tick, self._true_mode = tracks["segment"], tracks["tick"], tracks["true_mode"]
-        self._truth, self._measurement = tracks["truth"][0], tracks["measurement"][0]
-        self._anchor, self._estimate = tracks["anchor"][0], tracks["estimate"][0]
-        self._terminated, self._has_decision = tracks["terminated"], tracks["has_decision"]
+        self._log_likelihood = self.world.bank.hypotheses["log_likelihood"][0, :, 0]
+        self._reward = block["reward"]
+        self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
+        self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
+        self._anchor, self._estimate = block["anchor"][:, 0], block["estimate"][:, 0]
+        self._terminated, self._has_decision = block["terminated"], block["has_decision"]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -170,16 +169,16 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
             raise self.world.invalid_action(action)
         if not self._started or self._terminated.item(0):
             raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
-        self._action[0] = index
-        self.world.step(self._action)
+        self._actions[0] = index
+        self.world.step()
         info = self._info()
         if self._has_decision.item(0):
-            info |= {key: self._track[key].item() for key in DECISION_INFO}
+            info |= {key: self.world.field(key).item() for key in DECISION_INFO}
         if self.history is not None:
             self.history.add(self.world.traced(0), info)
             if self.render_mode == "human":
                 self.render()
-        return self._observation.copy(), self._rewards.item(0), self._terminated.item(0), False, info
+        return self._observation.copy(), self._reward.item(0), bool(self._terminated.item(0)), False, info
 
     def _info(self) -> dict[str, Any]:
         return {

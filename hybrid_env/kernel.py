@@ -1,277 +1,321 @@
 """The kernel: truth, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
 
-A track is one record of `track.TRACK`, so that its state has names both here and in Python, and one slice of
-the bank's arrays (see `bank`). Loops are serial: the work of a step is too small to be worth a fork.
+Tracks lie in blocks (see `track`), so what every track does at a tick is a loop over the lanes of a block;
+what few do, a decision or a new segment, is done for one lane. Loops are serial: the work of a step is too
+small to be worth a fork.
 """
 
 import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import carray
 from numpy.typing import NDArray
 
 from hybrid_env.bank import (
-    LOG_LIKELIHOOD,
+    COVARIANCE,
+    GAIN,
+    HYPOTHESIS,
+    IDENTITY,
+    INNOVATION,
+    Bank,
     anchor_bank,
-    copy_covariance,
-    copy_estimate,
+    covariance_of,
+    estimate_of,
     likeliest,
     mode_type,
+    step_alone,
     step_bank,
-    step_chosen,
 )
+from hybrid_env.compiled import compiled, internal, pointer
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.noise import integer_below, standard_normal, uniform
-from hybrid_env.observation import write_segment, write_tick
+from hybrid_env.noise import draw_normals, integer_below, uniform
+from hybrid_env.observation import row_width, weigh, write_segment, write_tick
+from hybrid_env.track import BLOCK, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
+TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
-@njit(cache=True)
-def turn(track: Any, signed_radius: float, tau: float) -> None:
+@internal
+def turn(block: Any, lane: int, signed_radius: float, tau: float) -> None:
     """The object begins a segment: its turn is anchored at its true state. Golubkov 2018, eq. (1)."""
-    speed, heading_x, heading_y = heading_vector(track.truth[1], track.truth[3])
+    x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
+    speed, heading_x, heading_y = heading_vector(vx, vy)
     turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
-    track.true_motion[0], track.true_motion[1], track.true_motion[2] = motion_coefficients(turn_rate, tau)
-    track.true_centre[0], track.true_centre[1] = turn_centre(
-        track.truth[0], track.truth[2], heading_x, heading_y, signed_radius
+    cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
+    block.true_motion[0, lane] = cosine
+    block.true_motion[1, lane] = sine_velocity
+    block.true_motion[2, lane] = sine_position
+    block.true_centre[0, lane], block.true_centre[1, lane] = turn_centre(
+        x, y, heading_x, heading_y, signed_radius
     )
 
 
-@njit(cache=True)
-def move(track: Any, process_deviation: float, deviation_x: float, deviation_y: float) -> None:
-    """The object moves one tick, and its position is measured. Golubkov 2018, eq. (1).
-
-    process_deviation: sqrt(Q) [m/s]; deviation_x, deviation_y: sqrt(R) of each axis [m].
-    """
-    cosine, sine_velocity, sine_position = track.true_motion[0], track.true_motion[1], track.true_motion[2]
-    x, vx = propagate(
-        track.truth[0], track.truth[1], track.true_centre[0], cosine, sine_velocity, sine_position
-    )
-    y, vy = propagate(
-        track.truth[2], track.truth[3], track.true_centre[1], cosine, sine_velocity, sine_position
-    )
-    track.truth[0] = x
-    track.truth[1] = vx + process_deviation * standard_normal(track.random_state)
-    track.truth[2] = y
-    track.truth[3] = vy + process_deviation * standard_normal(track.random_state)
-    track.measurement[0] = x + deviation_x * standard_normal(track.random_state)
-    track.measurement[1] = y + deviation_y * standard_normal(track.random_state)
-    track.tick += 1
-
-
-@njit(cache=True)
-def _account(track: Any, trace: NDArray[np.float64]) -> None:
-    """Add the tick's error to the segment, and the tick to the trace if there is room for one."""
-    error_x = track.estimate[0] - track.truth[0]
-    error_y = track.estimate[2] - track.truth[2]
-    track.squared_error += error_x * error_x + error_y * error_y
-    if track.traced < trace.shape[0]:
-        row = trace[track.traced]
-        for k in range(4):
-            row[k] = track.truth[k]
-        row[4], row[5] = track.measurement[0], track.measurement[1]
-        row[6], row[7] = track.estimate[0], track.estimate[2]
-        row[8] = track.active_mode
-        row[9] = track.segment
-        track.traced += 1
-
-
-@njit(cache=True)
-def _tick(
-    track: Any,
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    parameters: Any,
-    variances: NDArray[np.float64],
-    trace: NDArray[np.float64],
+@internal
+def move(
+    block: Any,
+    normals: NDArray[np.float64],
+    first: int,
+    last: int,
+    process_deviation: float,
+    deviation_x: float,
+    deviation_y: float,
 ) -> None:
-    """One tick with every hypothesis running; the estimate is the active filter's, as in ATE."""
-    move(track, parameters.process_deviation, parameters.deviation_x, parameters.deviation_y)
-    step_bank(
-        filters, motion, gains, track.measurement[0], track.measurement[1],
-        parameters.process_variance, variances,
+    """The objects of lanes first .. last - 1 move one tick and are measured. Golubkov 2018, eq. (1).
+
+    normals: (4, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
+    each axis [m].
+    """
+    draw_normals(block.random_state, normals, first, last)
+    truth = block.truth
+    for lane in range(np.uintp(first), np.uintp(last)):
+        cosine, sine_velocity, sine_position = (
+            block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
+        )  # fmt: skip
+        x, vx = propagate(
+            truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position
+        )
+        y, vy = propagate(
+            truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
+        )
+        truth[0, lane] = x
+        truth[1, lane] = vx + process_deviation * normals[0, lane]
+        truth[2, lane] = y
+        truth[3, lane] = vy + process_deviation * normals[1, lane]
+        block.measurement[0, lane] = x + deviation_x * normals[2, lane]
+        block.measurement[1, lane] = y + deviation_y * normals[3, lane]
+        block.tick[lane] += 1
+
+
+@internal
+def _tick(block: Any, bank: Bank, scratch: Any, parameters: Any, first: int, last: int) -> None:
+    """One tick of the object and of every hypothesis, for lanes first .. last - 1."""
+    move(
+        block, scratch.normals, first, last,
+        parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
     )  # fmt: skip
-    copy_estimate(filters, track.active_mode, track.estimate)
-    _account(track, trace)
+    step_bank(
+        bank, first, last, block.measurement,
+        parameters.process_variance, parameters.variance_x, parameters.variance_y,
+    )  # fmt: skip
+    weigh(scratch, bank.hypotheses, first, last)
 
 
-@njit(cache=True)
+@internal
+def _account(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64]) -> None:
+    """The active filter's estimate, as in ATE, its error, and the tick in the trace if there is room."""
+    x, vx, y, vy = estimate_of(hypotheses, block.active_mode[lane], lane)
+    block.estimate[0, lane], block.estimate[1, lane] = x, vx
+    block.estimate[2, lane], block.estimate[3, lane] = y, vy
+    error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
+    block.squared_error[lane] += error_x * error_x + error_y * error_y
+    if trace.shape[0] > 0 and block.traced[lane] < trace.shape[0]:
+        row = trace[block.traced[lane]]
+        for k in range(4):
+            row[k] = block.truth[k, lane]
+        row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
+        row[6], row[7] = x, y
+        row[8] = block.active_mode[lane]
+        row[9] = block.segment[lane]
+        block.traced[lane] += 1
+
+
+@internal
 def _begin_segment(
-    track: Any,
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
+    block: Any,
+    lane: int,
+    bank: Bank,
     parameters: Any,
     radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
     table: NDArray[np.float64],
 ) -> None:
     """Anchor the object at its true state and the bank at the estimate; the first tick is still to come."""
     if parameters.random_scheme:
-        row = integer_below(track.random_state, table.shape[0])
+        row = integer_below(block.random_state, lane, table.shape[0])
         span = parameters.longest - parameters.shortest + 1
-        track.length = parameters.shortest + integer_below(track.random_state, span)
+        block.length[lane] = parameters.shortest + integer_below(block.random_state, lane, span)
     else:
-        row = track.segment
-        track.length = np.int64(table[row, 2])
-    track.true_mode = np.int64(table[row, 1])
-    turn(track, table[row, 0], parameters.tau)
+        row = block.segment[lane]
+        block.length[lane] = np.int64(table[row, 2])
+    block.true_mode[lane] = np.int64(table[row, 1])
+    turn(block, lane, table[row, 0], parameters.tau)
     for k in range(4):
-        track.anchor[k] = track.estimate[k]
-    track.speed, track.heading[0], track.heading[1] = heading_vector(track.anchor[1], track.anchor[3])
-    start = np.empty((variances.size, 3))
-    for axis in range(variances.size):
-        if parameters.reset_covariance:
-            start[axis, 0], start[axis, 1], start[axis, 2] = 1.0, 0.0, 1.0
-        else:
-            for k in range(3):
-                start[axis, k] = track.kept_covariance[axis, k]
-    anchor_bank(filters, motion, gains, track.anchor, radii, parameters.tau, start)
-    track.tick = 0
-    track.squared_error = 0.0
+        block.anchor[k, lane] = block.estimate[k, lane]
+    anchor = (
+        block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
+    )  # fmt: skip
+    block.speed[lane], block.heading[0, lane], block.heading[1, lane] = heading_vector(anchor[1], anchor[3])
+    kept = block.kept_covariance
+    covariance_x = (kept[0, 0, lane], kept[0, 1, lane], kept[0, 2, lane])
+    covariance_y = (kept[1, 0, lane], kept[1, 1, lane], kept[1, 2, lane])
+    if parameters.reset_covariance:
+        covariance_x = covariance_y = IDENTITY
+    anchor_bank(bank, lane, anchor, radii, parameters.tau, covariance_x, covariance_y)
+    block.tick[lane] = 0
+    block.squared_error[lane] = 0.0
 
 
-@njit(cache=True)
-def _begin_episode(track: Any, parameters: Any, variances: NDArray[np.float64]) -> None:
+@internal
+def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None:
     """Put the object at its start and draw the first estimate."""
     heading = parameters.heading
     if math.isnan(heading):
-        heading = 2.0 * math.pi * uniform(track.random_state)
-    track.truth[0], track.truth[2] = 0.0, 0.0
-    track.truth[1] = parameters.speed * math.cos(heading)
-    track.truth[3] = parameters.speed * math.sin(heading)
+        heading = 2.0 * math.pi * uniform(block.random_state, lane)
+    block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
+    block.truth[1, lane] = parameters.speed * math.cos(heading)
+    block.truth[3, lane] = parameters.speed * math.sin(heading)
+    draw_normals(block.random_state, scratch.normals, lane, lane + 1)
     for axis in range(2):
-        position_variance = parameters.initial_position * variances[min(axis, variances.size - 1)]
+        variance = parameters.variance_x if axis == 0 else parameters.variance_y
+        position_variance = parameters.initial_position * variance
         velocity_variance = parameters.initial_velocity
-        track.estimate[2 * axis] = track.truth[2 * axis] + math.sqrt(position_variance) * standard_normal(
-            track.random_state
+        position, velocity = scratch.normals[2 * axis, lane], scratch.normals[2 * axis + 1, lane]
+        block.estimate[2 * axis, lane] = block.truth[2 * axis, lane] + math.sqrt(position_variance) * position
+        block.estimate[2 * axis + 1, lane] = (
+            block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
         )
-        track.estimate[2 * axis + 1] = track.truth[2 * axis + 1] + math.sqrt(
-            velocity_variance
-        ) * standard_normal(track.random_state)
-        track.kept_covariance[axis, 0] = position_variance
-        track.kept_covariance[axis, 1] = 0.0
-        track.kept_covariance[axis, 2] = velocity_variance
-    track.segment = 0
-    track.active_mode = 0  # Golubkov 2018, algorithm 1, line 2
-    track.terminated = False
-    track.has_decision = False
+        block.kept_covariance[axis, 0, lane] = position_variance
+        block.kept_covariance[axis, 1, lane] = 0.0
+        block.kept_covariance[axis, 2, lane] = velocity_variance
+    block.segment[lane] = 0
+    block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
+    block.terminated[lane] = 0
+    block.has_decision[lane] = 0
+    block.reward[lane] = 0.0
 
 
-@njit(cache=True)
+@internal
 def _decide(
-    track: Any,
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
+    block: Any,
+    lane: int,
+    bank: Bank,
+    scratch: Any,
     parameters: Any,
-    radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
     trace: NDArray[np.float64],
     chosen: int,
     forced: bool,
 ) -> None:
     """Note the decision and run the chosen filter alone to the end of the segment."""
-    n = radii.size
-    exactly = chosen == track.true_mode
-    track.type_correct = mode_type(chosen, n) == mode_type(track.true_mode, n)
-    track.correct = exactly if parameters.exact else track.type_correct
-    track.has_decision = True
-    track.decided_mode = chosen
-    track.decided_true_mode = track.true_mode
-    track.forced = forced
-    track.ticks = track.tick
-    track.decided_length = track.length
-    track.active_mode = chosen
-    log_likelihood = filters[LOG_LIKELIHOOD, chosen]
-    while track.tick < track.length:
-        move(track, parameters.process_deviation, parameters.deviation_x, parameters.deviation_y)
-        step_chosen(
-            filters, motion, gains, chosen, track.measurement[0], track.measurement[1],
-            parameters.process_variance, variances,
+    n = bank.hypotheses.size // 2
+    true_mode = block.true_mode[lane]
+    exactly = chosen == true_mode
+    of_type = mode_type(chosen, n) == mode_type(true_mode, n)
+    correct = exactly if parameters.exact else of_type
+    block.correct[lane] = correct
+    block.type_correct[lane] = of_type
+    block.reward[lane] = (1.0 if correct else -1.0) - parameters.delay_cost
+    block.has_decision[lane] = 1
+    block.decided_mode[lane] = chosen
+    block.decided_true_mode[lane] = true_mode
+    block.forced[lane] = forced
+    block.ticks[lane] = block.tick[lane]
+    block.decided_length[lane] = block.length[lane]
+    block.active_mode[lane] = chosen
+    while block.tick[lane] < block.length[lane]:
+        move(
+            block, scratch.normals, lane, lane + 1,
+            parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
         )  # fmt: skip
-        copy_estimate(filters, chosen, track.estimate)
-        _account(track, trace)
-    filters[LOG_LIKELIHOOD, chosen] = log_likelihood  # of the ticks that the others saw too
-    copy_estimate(filters, chosen, track.estimate)
-    track.decided_squared_error = track.squared_error
-    copy_covariance(gains, chosen, track.kept_covariance)
+        step_alone(
+            bank, lane, chosen, block.measurement[0, lane], block.measurement[1, lane],
+            parameters.process_variance, parameters.variance_x, parameters.variance_y,
+        )  # fmt: skip
+        _account(block, lane, bank.hypotheses, trace)
+    for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
+        block.estimate[k, lane] = value
+    block.decided_squared_error[lane] = block.squared_error[lane]
+    for axis in range(2):
+        for k, value in enumerate(covariance_of(bank.covariances, axis, chosen, lane)):
+            block.kept_covariance[axis, k, lane] = value
 
 
-@njit(cache=True)
-def advance_tracks(
-    reset: bool,
-    mask: NDArray[np.bool_],
-    actions: NDArray[np.int64],
-    tracks: NDArray[Any],
-    filters: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    parameters: NDArray[Any],
-    radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
-    table: NDArray[np.float64],
-    trace: NDArray[np.float64],
-    observations: NDArray[np.float32],
-    rewards: NDArray[np.float64],
-) -> int:
-    """One step of every track, or with `reset` a new episode on every track of the mask.
+@compiled
+def advance_tracks(reset: bool, world: int) -> int:
+    """One step of every track, or with `reset` a new episode on every track whose action is not 0.
 
-    In a step, a track that has terminated begins its next episode. It is one function, because each that
-    holds the bank costs seconds to compile.
+    In a step, a track that has terminated begins its next episode. Observations are written row by row; a
+    track that terminates keeps its row, the one on which the last decision was made.
 
-    Returns `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with
-    nothing done, if the action of track i is outside the space.
+    Args:
+        world: address of a `track.PARAMETERS` record, whose arrays must live while this runs.
 
-    mask: (N,), read by a reset. actions: (N,), read by a step, 0 waits. observations: (N, 6 M + 10) and, by
-    a step, rewards: (N,) are written; a track that terminates keeps its row, the one on which the last
-    decision was made.
+    Returns:
+        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with nothing
+        done, if the action of track i is outside the space.
     """
-    setting = parameters[0]
+    setting = carray(pointer(world), (1,), PARAMETERS)[0]
+    tracks, n, axes = setting.tracks, setting.radii_count, setting.axes
+    number = (tracks + LANES - 1) // LANES
+    actions = carray(pointer(setting.actions), (tracks,), np.int64)
+    blocks = carray(pointer(setting.blocks), (number,), BLOCK)
+    hypotheses = carray(pointer(setting.hypotheses), (number, 2 * n + 1), HYPOTHESIS)
+    covariances = carray(pointer(setting.covariances), (number, axes, n + 1), COVARIANCE)
+    innovations = carray(pointer(setting.innovations), (2 * n + 1,), INNOVATION)
+    gains = carray(pointer(setting.gains), (axes, n + 1), GAIN)
+    scratch = carray(pointer(setting.scratch), (1,), SCRATCH)[0]
+    radii = carray(pointer(setting.radii), (n,), np.float64)
+    table = carray(pointer(setting.table), (setting.table_rows, 3), np.float64)
+    trace = carray(pointer(setting.trace), (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
+    observations = carray(pointer(setting.observations), (tracks, row_width(2 * n + 1)), np.float32)
     if not reset:
-        for i in range(tracks.size):
-            if actions[i] < 0 or actions[i] >= setting.actions:
+        for i in range(tracks):
+            if actions[i] < 0 or actions[i] >= setting.action_count:
                 return -1 - i
     events = 0
-    for i in range(tracks.size):
-        if reset and not mask[i]:
-            continue
-        track = tracks[i]
-        track.traced = 0
-        begins = reset or track.terminated
-        if begins:
-            _begin_episode(track, setting, variances)
-            if not reset:
-                rewards[i] = 0.0
-        elif actions[i] == 0 and track.tick < track.length:
-            track.has_decision = False
-            rewards[i] = -setting.delay_cost
-        else:
-            forced = actions[i] == 0
-            if forced and setting.keep_undecided:
-                chosen = track.active_mode
-            elif forced or setting.declare_best:
-                chosen = likeliest(filters[i])
-            else:
-                chosen = actions[i] - 1
-            _decide(
-                track, filters[i], motion[i], gains[i], setting, radii, variances, trace[i], chosen, forced
-            )
-            rewards[i] = (1.0 if track.correct else -1.0) - setting.delay_cost
-            events |= DECIDED
-            if track.segment + 1 == setting.segments:
-                track.terminated = True
-                events |= TERMINATED
+    for b in range(number):
+        block, bank = blocks[b], Bank(hypotheses[b], covariances[b], innovations, gains)
+        lanes = min(LANES, tracks - b * LANES)
+        begun = resting = 0
+        for lane in range(lanes):
+            i = b * LANES + lane
+            action = actions[i]
+            scratch.going[lane] = 1
+            if setting.trace_rows > 0:
+                block.traced[lane] = 0
+            begins = reset or block.terminated[lane] != 0
+            if reset and action == 0:
+                scratch.going[lane] = 0
+                resting += 1
                 continue
-            track.segment += 1
-            begins = True
-        if begins:
-            _begin_segment(track, filters[i], motion[i], gains[i], setting, radii, variances, table)
-        _tick(track, filters[i], motion[i], gains[i], setting, variances, trace[i])
-        if begins:
-            write_segment(observations[i], track, radii, variances)
-        write_tick(observations[i], filters[i], gains[i], track, setting.log_noise, setting.noise_whitener)
+            if begins:
+                _begin_episode(block, scratch, lane, setting)
+            elif action == 0 and block.tick[lane] < block.length[lane]:
+                block.has_decision[lane] = 0
+                block.reward[lane] = -setting.delay_cost
+            else:
+                forced = action == 0
+                if forced and setting.keep_undecided:
+                    chosen = block.active_mode[lane]
+                elif forced or setting.declare_best:
+                    chosen = likeliest(bank.hypotheses, lane)
+                else:
+                    chosen = action - 1
+                _decide(block, lane, bank, scratch, setting, trace[i], chosen, forced)
+                events |= DECIDED
+                if block.segment[lane] + 1 == setting.segments:
+                    block.terminated[lane] = 1
+                    scratch.going[lane] = 0
+                    resting += 1
+                    events |= TERMINATED
+                    continue
+                block.segment[lane] += 1
+                begins = True
+            if begins:
+                _begin_segment(block, lane, bank, setting, radii, table)
+                begun |= 1 << lane
+        together = resting == 0  # else one by one
+        for first in range(1 if together else lanes):
+            if scratch.going[first]:
+                _tick(block, bank, scratch, setting, first, lanes if together else first + 1)
+                for lane in range(first, lanes if together else first + 1):
+                    i = b * LANES + lane
+                    _account(block, lane, bank.hypotheses, trace[i])
+                    row = observations[i]
+                    if begun & (1 << lane):
+                        write_segment(
+                            row, block, lane, radii,
+                            setting.variance_x, setting.variance_y, setting.log_noise,
+                        )  # fmt: skip
+                    write_tick(row, block, lane, scratch, bank, setting.log_noise, setting.noise_whitener)
     return events

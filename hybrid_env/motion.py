@@ -8,10 +8,10 @@ its centre coordinate and the straight line is its limit omega = 0.
 
 import math
 
-from numba import njit
+from hybrid_env.compiled import formula, internal
 
 
-@njit(cache=True)
+@internal
 def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
     """The entries of the transition matrix of one axis over one tick.
 
@@ -28,7 +28,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
     return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
 
 
-@njit(cache=True)
+@formula
 def propagate(
     position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
 ) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def propagate(
     return centre + cosine * offset + sine_velocity * velocity, cosine * velocity - sine_position * offset
 
 
-@njit(cache=True)
+@internal
 def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, float]:
     """Speed [m/s] and unit vector of the heading; (1, 0) where the object stands still."""
     speed = math.hypot(velocity_x, velocity_y)
@@ -56,7 +56,7 @@ def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, 
     return 0.0, 1.0, 0.0
 
 
-@njit(cache=True)
+@internal
 def turn_centre(
     x: float, y: float, heading_x: float, heading_y: float, signed_radius: float
 ) -> tuple[float, float]:

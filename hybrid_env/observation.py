@@ -4,18 +4,18 @@ One flat float32 row holds six blocks of M numbers, one per hypothesis, then ten
 `Layout` finds every quantity by name and undoes the scaling.
 """
 
-import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from hybrid_env import bank
+from hybrid_env.bank import Bank
 from hybrid_env.checks import reject
+from hybrid_env.compiled import internal
+from hybrid_env.elementary import exp, log
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
-NEGLIGIBLE = -40.0  # exp of less changes no clipped log-probability
+NEGLIGIBLE = -100.0  # exp of less changes no clipped log-probability
 
 # scales that bring the usual values to the order of one
 LOG_SCALE = 0.1
@@ -47,6 +47,9 @@ TRACK_FEATURES = {
 """Single numbers behind the blocks, each with its scale."""
 
 
+BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
+
+
 class Layout:
     """Where each quantity stands in an observation of a bank with M hypotheses.
 
@@ -73,7 +76,7 @@ class Layout:
     @classmethod
     def of_width(cls, width: int) -> "Layout":
         """The layout of observations of a given width."""
-        hypotheses, rest = divmod(width - len(TRACK_FEATURES), len(HYPOTHESIS_FEATURES))
+        hypotheses, rest = divmod(width - SINGLES, BLOCKS)
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
             raise reject("width", width, "6 M + 10 for M = 3, 5, 7, ... hypotheses")
         return cls(hypotheses)
@@ -98,79 +101,93 @@ class Layout:
         return values if name in HYPOTHESIS_FEATURES else values[..., 0]
 
 
-@njit(cache=True)
+@internal
+def row_width(hypotheses: int) -> int:
+    """Numbers of a row."""
+    return BLOCKS * hypotheses + SINGLES
+
+
+@internal
 def write_segment(
     row: NDArray[np.float32],
-    track: Any,
+    block: Any,
+    lane: int,
     radii: NDArray[np.float64],
-    variances: NDArray[np.float64],
+    variance_x: float,
+    variance_y: float,
+    log_noise: float,
 ) -> None:
-    """Fill what stays the same over a segment. row: (6 M + 10,); track: one record of `track.TRACK`."""
+    """Fill what stays the same over a segment. row: (6 M + 10,); variances R of each axis [m^2]."""
     n = radii.size
     M = 2 * n + 1
-    y_axis = variances.size - 1
     for h in range(M):
-        row[4 * M + h] = 1.0 if h == track.active_mode else 0.0
+        row[4 * M + h] = 1.0 if h == block.active_mode[lane] else 0.0
     row[5 * M] = 0.0
     for c in range(n):
         row[5 * M + 1 + c] = 1.0 / radii[c]
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
     base = 6 * M
-    row[base + 3] = track.speed
+    row[base + 3] = block.speed[lane]
     for k in range(3):
         row[base + 6 + k] = 0.5 * (
-            track.kept_covariance[0, k] / variances[0] + track.kept_covariance[y_axis, k] / variances[y_axis]
+            block.kept_covariance[0, k, lane] / variance_x + block.kept_covariance[1, k, lane] / variance_y
         )
-    row[base + 9] = 0.5 * (math.log(variances[0]) + math.log(variances[y_axis]))
+    row[base + 9] = log_noise
 
 
-@njit(cache=True)
+@internal
+def weigh(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
+    """The largest log-likelihood, and the logarithm of the posterior that is not its hypothesis's."""
+    for lane in range(np.uintp(first), np.uintp(last)):
+        scratch.top[lane] = hypotheses[0].log_likelihood[lane]
+        scratch.doubt[lane] = 0.0
+        scratch.equals[lane] = -1.0  # the best itself
+    for h in range(1, hypotheses.size):
+        for lane in range(np.uintp(first), np.uintp(last)):
+            scratch.top[lane] = max(scratch.top[lane], hypotheses[h].log_likelihood[lane])
+    for h in range(hypotheses.size):
+        for lane in range(np.uintp(first), np.uintp(last)):
+            ratio = hypotheses[h].log_likelihood[lane] - scratch.top[lane]
+            below = ratio < 0.0  # the equals apart: beside a 1, the small ones would lose their digits
+            scratch.doubt[lane] += exp(max(ratio, NEGLIGIBLE)) if below else 0.0
+            scratch.equals[lane] += 0.0 if below else 1.0
+    for lane in range(np.uintp(first), np.uintp(last)):
+        others = scratch.doubt[lane] + scratch.equals[lane]
+        scratch.doubt[lane] = max(log(others / (1.0 + others)), LOG_FLOOR)
+
+
+@internal
 def write_tick(
     row: NDArray[np.float32],
-    filters: NDArray[np.float64],
-    gains: NDArray[np.float64],
-    track: Any,
+    block: Any,
+    lane: int,
+    scratch: Any,
+    bank: Bank,
     log_noise: float,
     noise_whitener: float,
 ) -> None:
-    """Fill what changes with every tick.
+    """Fill what changes with every tick, after `weigh`.
 
     Args:
         row: (6 M + 10,), in which `write_segment` has filled the rest.
-        track: one record of `track.TRACK`.
         log_noise: ln R, of the geometric mean of the two variances.
         noise_whitener: 1 / sqrt(R) [1/m].
     """
-    M = filters.shape[1]
-    n = M // 2
-    y_axis = gains.shape[0] - 1
-    best = bank.likeliest(filters)
-    top = filters[bank.LOG_LIKELIHOOD, best]
-    others = 0.0
+    M = bank.hypotheses.size
+    along_x, along_y = block.heading[0, lane], block.heading[1, lane]
+    top = scratch.top[lane]
     for h in range(M):
-        ratio = filters[bank.LOG_LIKELIHOOD, h] - top
-        row[h] = LOG_SCALE * max(ratio, LOG_FLOOR)
-        if h != best and ratio > NEGLIGIBLE:
-            others += math.exp(ratio)
-
-    along_x, along_y = track.heading[0], track.heading[1]
-    for h in range(M):
-        white_x, white_y = filters[bank.WHITE_X, h], filters[bank.WHITE_Y, h]
+        innovation = bank.innovations[h]
+        white_x, white_y = innovation.white_x[lane], innovation.white_y[lane]
+        row[h] = LOG_SCALE * max(bank.hypotheses[h].log_likelihood[lane] - top, LOG_FLOOR)
         row[M + h] = along_x * white_x + along_y * white_y
         row[2 * M + h] = along_x * white_y - along_y * white_x
-    for c in range(n + 1):
-        log_variance = 0.5 * (gains[0, bank.LOG_VARIANCE, c] + gains[y_axis, bank.LOG_VARIANCE, c])
-        row[3 * M + c] = log_variance - log_noise
-        if c > 0:
-            row[3 * M + n + c] = log_variance - log_noise
-
-    shift_x = (track.measurement[0] - track.anchor[0]) * noise_whitener
-    shift_y = (track.measurement[1] - track.anchor[2]) * noise_whitener
+        row[3 * M + h] = innovation.log_variance[lane] - log_noise
+    shift_x = (block.measurement[0, lane] - block.anchor[0, lane]) * noise_whitener
+    shift_y = (block.measurement[1, lane] - block.anchor[2, lane]) * noise_whitener
     base = 6 * M
-    row[base] = TICK_SCALE * track.tick
-    row[base + 1] = TICK_SCALE * (track.length - track.tick)
-    row[base + 2] = LOG_SCALE * (
-        max(math.log(others / (1.0 + others)), LOG_FLOOR) if others > 0.0 else LOG_FLOOR
-    )
+    row[base] = TICK_SCALE * block.tick[lane]
+    row[base + 1] = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    row[base + 2] = LOG_SCALE * scratch.doubt[lane]
     row[base + 4] = LENGTH_SCALE * (along_x * shift_x + along_y * shift_y)
     row[base + 5] = LENGTH_SCALE * (along_x * shift_y - along_y * shift_x)

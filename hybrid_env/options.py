@@ -145,13 +145,15 @@ class WorldOptions:
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
         record["exact"] = self.correctness == "exact"
-        record["actions"] = self.action_count
+        record["action_count"] = self.action_count
         record["declare_best"] = self.actions == "best"
         record["keep_undecided"] = self.undecided == "keep"
         record["process_deviation"] = math.sqrt(self.process_variance)
         record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
+        record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
         record["log_noise"] = np.log(self.variances).mean()
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
+        record["radii_count"], record["axes"] = len(self.radii), self.variances.size
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

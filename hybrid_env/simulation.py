@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.bank import noise_axes
 from hybrid_env.checks import check_array, check_integer, check_positive, reject
+from hybrid_env.compiled import compiled
 from hybrid_env.kernel import move, turn
 from hybrid_env.scheme import FixedScheme, parse_scheme
-from hybrid_env.track import TRACK
+from hybrid_env.track import BLOCK, LANES, lane_zeros
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,10 @@ class Simulation:
     signed_radii: NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def _simulate(
-    tracks: NDArray[Any],
+    blocks: NDArray[Any],
+    normals: NDArray[np.float64],
     lengths: NDArray[np.int64],
     signed_radii: NDArray[np.float64],
     tau: float,
@@ -43,14 +44,19 @@ def _simulate(
     truth: NDArray[np.float64],
     measurements: NDArray[np.float64],
 ) -> None:
-    for i in range(tracks.size):
+    for b in range(blocks.size):
+        block = blocks[b]
         k = 0
         for piece in range(lengths.size):
-            turn(tracks[i], signed_radii[piece], tau)
+            for lane in range(LANES):
+                turn(block, lane, signed_radii[piece], tau)
             for _ in range(lengths[piece]):
-                move(tracks[i], process_deviation, deviations[0], deviations[-1])
-                truth[i, k] = tracks[i].truth
-                measurements[i, k] = tracks[i].measurement
+                move(block, normals, 0, LANES, process_deviation, deviations[0], deviations[-1])
+                for lane in range(LANES):
+                    for axis in range(4):
+                        truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
+                    for axis in range(2):
+                        measurements[b * LANES + lane, k, axis] = block.measurement[axis, lane]
                 k += 1
 
 
@@ -81,18 +87,19 @@ def simulate(
     if not isinstance(fixed, FixedScheme):
         raise reject("scheme", scheme, "a scheme of given segments, not a random one")
     runs = check_integer("runs", runs)
-    tracks = np.zeros(runs, TRACK)
+    number = -(-runs // LANES)
+    blocks = lane_zeros((number,), BLOCK)
     sequence = np.random.SeedSequence(check_integer("seed", seed, minimum=0))
-    streams = sequence.generate_state(4 * runs, np.uint64)
-    tracks["random_state"] = streams.reshape(runs, 4)
-    tracks["truth"] = check_array("start", start, (4,))
+    streams = sequence.generate_state(4 * number * LANES, np.uint64)
+    blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
+    blocks["truth"] = check_array("start", start, (4,))[:, None]
     lengths = np.array([piece.length for piece in fixed.pieces])
     signed_radii = np.array([piece.signed_radius for piece in fixed.pieces])
-    truth = np.empty((runs, lengths.sum(), 4))
-    measurements = np.empty((runs, lengths.sum(), 2))
+    truth = np.empty((number * LANES, lengths.sum(), 4))
+    measurements = np.empty((number * LANES, lengths.sum(), 2))
     _simulate(
-        tracks, lengths, signed_radii, check_positive("tau", tau),
+        blocks, np.empty((4, LANES)), lengths, signed_radii, check_positive("tau", tau),
         math.sqrt(check_positive("process_variance", process_variance, allow_zero=True)),
         np.sqrt(noise_axes(measurement_variance)), truth, measurements,
     )  # fmt: skip
-    return Simulation(truth, measurements, lengths, signed_radii)
+    return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)

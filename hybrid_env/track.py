@@ -1,52 +1,106 @@
-"""The records of the kernel: the state of one track, the options as the kernel reads them, the trace."""
+"""The records of the kernel: the state of tracks, the options as the kernel reads them, the trace.
+
+Tracks lie side by side in blocks of `LANES`: every field of a block holds the number of each of its tracks,
+so that a loop over lanes has a fixed length and constant strides, and becomes SIMD code.
+"""
+
+import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-TRACK = np.dtype(
-    [
-        ("random_state", np.uint64, (4,)),
-        ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
-        ("true_centre", np.float64, (2,)),  # [m]
-        ("true_motion", np.float64, (3,)),  # transition coefficients
-        ("measurement", np.float64, (2,)),  # [m]
-        ("anchor", np.float64, (4,)),  # the estimate at the switch
-        ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
-        ("speed", np.float64),  # of the anchor [m/s]
-        ("kept_covariance", np.float64, (2, 3)),  # of the estimate at the switch, per axis
-        ("estimate", np.float64, (4,)),  # of the active filter
-        ("squared_error", np.float64),  # of the estimated position, summed over the segment [m^2]
-        ("segment", np.int64),
-        ("tick", np.int64),  # since the switch, 1 at the first measurement
-        ("length", np.int64),  # of the segment in ticks
-        ("true_mode", np.int64),
-        ("active_mode", np.int64),  # the mode decided last, q_A of ATE
-        ("terminated", np.bool_),
-        ("traced", np.int64),  # rows written to the trace in this call
-        # the decision made in this step, if any
-        ("has_decision", np.bool_),
-        ("decided_mode", np.int64),
-        ("decided_true_mode", np.int64),
-        ("correct", np.bool_),
-        ("type_correct", np.bool_),
-        ("forced", np.bool_),
-        ("ticks", np.int64),
-        ("decided_length", np.int64),
-        ("decided_squared_error", np.float64),
-    ]
+LANES = 8
+"""Tracks of a block: eight float64 fill a cache line and the widest vector register."""
+
+
+def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
+    """A record whose fields hold an array of a shape for each lane, lanes innermost."""
+    return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
+
+
+def lane_zeros(shape: tuple[int, ...], record: np.dtype[Any]) -> NDArray[Any]:
+    """Zeroed records that begin on a cache line, so that the lanes of a field fill exactly one."""
+    line = 8 * LANES
+    memory = np.empty(math.prod(shape) * record.itemsize + line, np.uint8)
+    memory[:] = 0
+    start = -memory.ctypes.data % line
+    return memory[start : memory.size - line + start].view(record).reshape(shape)
+
+
+BLOCK = lanes_of(
+    ("random_state", np.uint64, (4,)),
+    ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
+    ("true_centre", np.float64, (2,)),  # [m]
+    ("true_motion", np.float64, (3,)),  # transition coefficients
+    ("measurement", np.float64, (2,)),  # [m]
+    ("anchor", np.float64, (4,)),  # the estimate at the switch
+    ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
+    ("speed", np.float64, ()),  # of the anchor [m/s]
+    ("kept_covariance", np.float64, (2, 3)),  # of the estimate at the switch, per axis
+    ("estimate", np.float64, (4,)),  # of the active filter
+    ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
+    ("reward", np.float64, ()),  # of this step
+    ("segment", np.int64, ()),
+    ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
+    ("length", np.int64, ()),  # of the segment in ticks
+    ("true_mode", np.int64, ()),
+    ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
+    ("terminated", np.int64, ()),
+    ("traced", np.int64, ()),  # rows written to the trace in this call
+    ("has_decision", np.int64, ()),
+    # the decision made in this step, if any: integers, flags and a float, as `World.decisions` reads them
+    ("decided_mode", np.int64, ()),
+    ("decided_true_mode", np.int64, ()),
+    ("ticks", np.int64, ()),
+    ("decided_length", np.int64, ()),
+    ("correct", np.int64, ()),
+    ("type_correct", np.int64, ()),
+    ("forced", np.int64, ()),
+    ("decided_squared_error", np.float64, ()),
 )
-"""State of one track. `correct` is the judgement that the reward follows, exact or by type."""
+"""State of `LANES` tracks. `correct` is the judgement that the reward follows, exact or by type."""
+
+SCRATCH = lanes_of(
+    ("going", np.int64, ()),  # whether the track takes this tick
+    ("normals", np.float64, (4,)),  # draws of N(0, 1)
+    ("top", np.float64, ()),  # the largest log-likelihood
+    ("equals", np.float64, ()),  # other hypotheses with that log-likelihood
+    ("doubt", np.float64, ()),  # ln(1 - largest posterior), equal priors
+)
+"""Numbers of one tick of one block; all blocks use the same memory, which stays in the nearest cache."""
+
+FLAGS = frozenset({"terminated", "has_decision", "correct", "type_correct", "forced"})
+"""Fields that are 0 or 1."""
+
+ARRAYS = (
+    "actions",
+    "blocks",
+    "hypotheses",
+    "covariances",
+    "innovations",
+    "gains",
+    "scratch",
+    "radii",
+    "table",
+    "trace",
+    "observations",
+)
+"""Arrays of a world that the kernel reads and writes."""
 
 PARAMETERS = np.dtype(
     [
         ("tau", np.float64),
         ("process_variance", np.float64),
+        ("variance_x", np.float64),  # R of each axis [m^2]
+        ("variance_y", np.float64),
         ("speed", np.float64),
         ("heading", np.float64),  # [rad]; NaN draws it
         ("initial_position", np.float64),  # variance of the first estimate over R
         ("initial_velocity", np.float64),  # variance of the first estimate [m^2/s^2]
         ("delay_cost", np.float64),
         ("exact", np.bool_),  # the radius must be right too
-        ("actions", np.int64),  # number of actions
+        ("action_count", np.int64),
         ("declare_best", np.bool_),  # action 1 declares the likeliest hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
@@ -59,9 +113,20 @@ PARAMETERS = np.dtype(
         ("deviation_y", np.float64),
         ("log_noise", np.float64),  # ln R, geometric mean of the axes
         ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
+        ("radii_count", np.int64),
+        ("axes", np.int64),  # distinct noise axes, 1 or 2
+        ("tracks", np.int64),
+        ("trace_rows", np.int64),
+        ("table_rows", np.int64),
+        # where the arrays of a world lie, see `World`
+        *((name, np.uintp) for name in ARRAYS),
     ]
 )
-"""The options of a world as the kernel reads them."""
+"""The options of a world as the kernel reads them, and the addresses of its arrays.
+
+To take an array from Python costs a call 0.1 us, more than the tick of a track, so the kernel takes one
+address and finds all else there.
+"""
 
 TRACE_COLUMNS = (
     "x",

@@ -15,6 +15,8 @@ from hybrid_env.kernel import DECIDED, TERMINATED
 from hybrid_env.options import WorldOptions
 from hybrid_env.world import DECISION_INFO, TICK_INFO, World
 
+_DECISION_MASKS = tuple(f"_{key}" for key in DECISION_INFO)
+
 
 class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
     """N tracks of `HybridTrackEnv` in one kernel call.
@@ -110,46 +112,43 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
                 f"actions have shape {actions.shape} and type {actions.dtype}: "
                 f"expected integers of shape ({self.num_envs},)"
             )
-        tracks = self.world.tracks
-        if self.autoreset_mode is AutoresetMode.DISABLED and tracks["terminated"].any():
+        world = self.world
+        if self.autoreset_mode is AutoresetMode.DISABLED and world.blocks["terminated"].any():
             raise gym.error.ResetNeeded(
                 "step() needs reset() with a reset_mask first: a track has terminated"
             )
-        events = self.world.step(np.array(actions, np.int64, order="C"))  # other layouts would compile anew
+        world.actions[:] = actions
+        events = world.step()
 
-        terminated = tracks["terminated"].copy() if events & TERMINATED else np.zeros(self.num_envs, np.bool_)
+        ended = events & TERMINATED
+        terminated = world.field("terminated") if ended else np.zeros(self.num_envs, np.bool_)
+        rewards = world.rewards()
         final: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and events & TERMINATED:
+        if ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(terminated):
-                final_obs[i] = self.world.observations[i].copy()
-            final_info = self._tick_info(terminated) | self._decision_info(terminated)
+                final_obs[i] = world.observations[i].copy()
+            final_info = self._tick_info(terminated) | self._decision_info(terminated.copy())
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
-            self.world.reset(terminated)
+            world.reset(terminated)
         info = self._tick_info() if self.tick_info else {}
-        if events & DECIDED and tracks["has_decision"].any():
-            info |= self._decision_info(tracks["has_decision"])
+        if events & DECIDED:
+            decided = world.has_decision()
+            if np.count_nonzero(decided):  # else the decisions are in `final_info`
+                info |= self._decision_info(decided)
         info |= final
-        return (
-            self.world.observations.copy(), self.world.rewards.copy(), terminated,
-            np.zeros(self.num_envs, np.bool_), info,
-        )  # fmt: skip
+        return world.observations.copy(), rewards, terminated, np.zeros(self.num_envs, np.bool_), info
 
     def _tick_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        values = {key: self.world.tracks[key] for key in TICK_INFO}
-        return self._masked(values | {"log_likelihood": self.world.log_likelihood}, mask)
+        values = {key: self.world.field(key) for key in (*TICK_INFO, "log_likelihood")}
+        if mask is None:
+            mask = np.ones(self.num_envs, np.bool_)
+        else:
+            for held in values.values():
+                held[~mask] = 0
+            mask = mask.copy()
+        return values | {f"_{key}": mask for key in values}
 
     def _decision_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        return self._masked({key: self.world.tracks[key] for key in DECISION_INFO}, mask)
-
-    def _masked(self, values: dict[str, NDArray[Any]], mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-        """Copies under their keys, zero outside the mask, and the mask under each `_key`."""
-        info: dict[str, Any] = {}
-        for key, array in values.items():
-            held = array.copy()
-            if mask is not None:
-                held[~mask] = 0
-            info[key] = held
-            info[f"_{key}"] = np.ones(self.num_envs, np.bool_) if mask is None else mask.copy()
-        return info
+        return self.world.decisions(mask) | dict.fromkeys(_DECISION_MASKS, mask)

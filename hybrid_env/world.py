@@ -10,22 +10,16 @@ from numpy.typing import NDArray
 from hybrid_env import bank, kernel
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import TRACE_COLUMNS, TRACK
+from hybrid_env.track import ARRAYS, BLOCK, FLAGS, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
-"""Fields of `TRACK` that describe the present tick; `log_likelihood` goes with them."""
+"""Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""
 
-DECISION_INFO = (
-    "decided_mode",
-    "decided_true_mode",
-    "correct",
-    "type_correct",
-    "ticks",
-    "forced",
-    "decided_length",
-    "decided_squared_error",
-)
-"""Fields of `TRACK` that describe the decision made in this step."""
+_FIRST, _LAST = BLOCK.names.index("decided_mode"), BLOCK.names.index("decided_squared_error")  # type: ignore[union-attr]
+
+DECISION_INFO = BLOCK.names[_FIRST : _LAST + 1]  # type: ignore[index]
+"""Fields of `BLOCK` that describe the decision made in this step."""
+_FLAGS = slice(DECISION_INFO.index("correct"), DECISION_INFO.index("forced") + 1)
 
 
 class World:
@@ -40,43 +34,84 @@ class World:
     def __init__(self, options: WorldOptions, tracks: int, trace_rows: int = 0):
         self.options = options
         self.layout = Layout(options.hypotheses)
-        radii = np.array(options.radii)
-        variances = options.variances
-        self.tracks = np.zeros(tracks, TRACK)
-        self.filters, motion, gains = bank.bank_arrays(tracks, radii.size, variances.size)
+        blocks = -(-tracks // LANES)
+        self.bank = bank.bank_arrays(len(options.radii), options.variances.size, blocks)
+        self.blocks = lane_zeros((blocks,), BLOCK)
+        self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
         self.observations = np.zeros((tracks, self.layout.width), np.float32)
-        self.rewards = np.zeros(tracks)
         self.seeded = np.zeros(tracks, np.bool_)
-        self._waiting = np.zeros(tracks, np.int64)
-        self._arrays = (
-            self.tracks, self.filters, motion, gains, options.parameters(), radii, variances,
-            options.table, self.trace, self.observations, self.rewards,
-        )  # fmt: skip
+        self._scratch = lane_zeros((1,), SCRATCH)
+        self._radii = np.array(options.radii)
+        self._table = options.table
+        self._bind()
 
-    @property
-    def log_likelihood(self) -> NDArray[np.float64]:
-        """(N, M) cumulative since the switch, a view."""
-        return self.filters[:, bank.LOG_LIKELIHOOD]
+    def _bind(self) -> None:
+        """Tell the kernel where the arrays are."""
+        self._parameters = self.options.parameters()
+        self._parameters["tracks"], self._parameters["trace_rows"] = self.trace.shape[:2]
+        self._parameters["table_rows"] = len(self._table)
+        arrays = self.bank._asdict() | {
+            "actions": self.actions, "blocks": self.blocks, "scratch": self._scratch, "radii": self._radii,
+            "table": self._table, "trace": self.trace, "observations": self.observations,
+        }  # fmt: skip
+        for name in ARRAYS:
+            self._parameters[name] = arrays[name].ctypes.data
+        self._reward, self._has_decision = self.blocks["reward"], self.blocks["has_decision"]
+        # the fields of a decision come last, each one row of lanes
+        fields = self.blocks.view(np.int64).reshape(self.blocks.size, -1, LANES)
+        self._decided = fields[:, -len(DECISION_INFO) :].swapaxes(0, 1)
+        self._address = self._parameters.ctypes.data
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind()  # copied and unpickled arrays lie elsewhere
+
+    def field(self, name: str) -> NDArray[Any]:
+        """A field of `BLOCK` or "log_likelihood" (cumulative since the switch): a copy, (N, ...)."""
+        source = self.bank.hypotheses if name == "log_likelihood" else self.blocks
+        values = source[name]
+        by_track = values.swapaxes(1, 2) if values.ndim == 3 else values
+        flat = by_track.reshape(-1, *by_track.shape[2:])[: self.actions.size]
+        return flat.astype(np.bool_ if name in FLAGS else flat.dtype)
+
+    def decisions(self, mask: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+        """The fields `DECISION_INFO` of every track, (N,) each, zero outside the mask; all in one copy."""
+        values = self._decided.reshape(len(DECISION_INFO), -1)[:, : mask.size] * mask
+        rows = list(values)
+        rows[_FLAGS] = list(values[_FLAGS].astype(np.bool_))
+        rows[-1] = rows[-1].view(np.float64)
+        return dict(zip(DECISION_INFO, rows, strict=True))
+
+    def rewards(self) -> NDArray[np.float64]:
+        """(N,) of the last step, a copy."""
+        return self._reward.flatten()[: self.actions.size]
+
+    def has_decision(self) -> NDArray[np.bool_]:
+        """(N,) whether the last step decided, a copy."""
+        return self._has_decision.ravel()[: self.actions.size] != 0
 
     @property
     def nbytes(self) -> int:
         """Memory of all tracks [bytes]."""
-        motion, gains = self._arrays[2], self._arrays[3]
-        arrays = (self.tracks, self.filters, motion, gains, self.observations, self.rewards, self.trace)
+        arrays = (
+            self.blocks, self.bank.hypotheses, self.bank.covariances, self.observations, self.trace,
+        )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
         """Start the random stream of one track from a generator."""
-        self.tracks["random_state"][track] = generator.integers(1, 2**64, 4, dtype=np.uint64)
+        block, lane = divmod(track, LANES)
+        self.blocks["random_state"][block, :, lane] = generator.integers(1, 2**64, 4, dtype=np.uint64)
         self.seeded[track] = True
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of the mask, (N,)."""
-        kernel.advance_tracks(True, mask, self._waiting, *self._arrays)
+        self.actions[:] = mask
+        kernel.advance_tracks(True, self._address)
 
-    def step(self, actions: NDArray[np.int64]) -> int:
-        """One step of every track; a terminated one begins its next episode. actions: (N,) int64, contiguous.
+    def step(self) -> int:
+        """One step of every track by `actions`; a terminated one begins its next episode.
 
         Returns:
             `kernel.DECIDED` if any track made a decision, plus `kernel.TERMINATED` if any terminated.
@@ -84,14 +119,15 @@ class World:
         Raises:
             InvalidAction: nothing has been done then.
         """
-        events: int = kernel.advance_tracks(False, self.seeded, actions, *self._arrays)
+        events: int = kernel.advance_tracks(False, self._address)
         if events < 0:
-            raise self.invalid_action(int(actions[-1 - events]))
+            raise self.invalid_action(int(self.actions[-1 - events]))
         return events
 
     def traced(self, track: int) -> NDArray[np.float64]:
         """The ticks of the last call, (ticks, len(TRACE_COLUMNS))."""
-        return self.trace[track, : self.tracks["traced"][track]].copy()
+        block, lane = divmod(track, LANES)
+        return self.trace[track, : self.blocks["traced"][block, lane]].copy()
 
     def observation_space(self) -> spaces.Box:
         """The space of one row; finite bounds wherever the quantity has one."""

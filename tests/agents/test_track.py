@@ -31,7 +31,7 @@ def simulate(scheme: str, rows: int, seed: int = 1, **options: Any) -> NDArray[n
 def flight(tmp_path: Path) -> Path:
     """Straight, left, straight, 60 ticks each."""
     path = tmp_path / "flight.csv"
-    positions = simulate("S60 L60r5 S60", 60)
+    positions = simulate("S60 L60r5 S60", 60, measurement_variance=0.01)
     write_table(path, {"t": 0.1 * np.arange(180), "x": positions[:, 0], "y": positions[:, 1]})
     return path
 
@@ -69,7 +69,7 @@ def test_the_estimates_follow_the_object_and_keep_the_measurements(flight: Path)
     np.testing.assert_array_equal(again.times, recording.times)
     rows = rows_of(path)
     estimates = np.array([[float(row["estimate_x"]), float(row["estimate_y"])] for row in rows])
-    truth = simulate("S60 L60r5 S60", 60)[:, 2:]
+    truth = simulate("S60 L60r5 S60", 60, measurement_variance=0.01)[:, 2:]
     errors = [np.hypot(*(found - truth).T).mean() for found in (estimates, recording.measurements)]
     assert errors[0] < 0.8 * errors[1]
     assert {(row["mode"], row["mode_index"]) for row in rows} == {("S", "0"), ("L r=5 m", "1")}

@@ -4,10 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy import stats
 
-from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.noise import integer_below, next_uint64, standard_normal, uniform
+from hybrid_env import motion
+from hybrid_env.noise import draw_normals, integer_below, next_uint64, uniform
+from hybrid_env.track import LANES
+
+propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
+heading_vector, turn_centre = motion.heading_vector.py_func, motion.turn_centre.py_func
 
 
 @pytest.mark.parametrize("radius", [5.0, -5.0, 0.3])
@@ -41,9 +46,37 @@ def test_an_object_that_stands_still_has_a_heading():
     assert heading_vector(0.0, 0.0) == (0.0, 1.0, 0.0)
 
 
+@njit
+def bits(state, count):
+    return [next_uint64(state, 2) for _ in range(count)]
+
+
+@njit
+def uniforms(state, count):
+    return np.array([uniform(state, 2) for _ in range(count)])
+
+
+@njit
+def integers(state, count, bound):
+    return np.array([integer_below(state, 2, bound) for _ in range(count)])
+
+
+@njit
+def normals(state, count):
+    drawn = np.empty((count, 4, state.shape[1]))
+    for k in range(count):
+        draw_normals(state, drawn[k], 0, state.shape[1])
+    return drawn
+
+
+def seeded(seed):
+    return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
+
+
 def test_the_generator_gives_the_published_stream():
     # first outputs of xoshiro256++ from the state (1, 2, 3, 4), as its reference implementation gives them
-    state = np.array([1, 2, 3, 4], np.uint64)
+    state = np.zeros((4, LANES), np.uint64)
+    state[:, 2] = [1, 2, 3, 4]
     expected = [
         41943041,
         58720359,
@@ -52,16 +85,13 @@ def test_the_generator_gives_the_published_stream():
         9228616714210784205,
         9973669472204895162,
     ]
-    assert [int(next_uint64(state)) for _ in expected] == expected
-
-
-def draws(function, count, seed, *arguments):
-    state = np.random.default_rng(seed).integers(1, 2**64, 4, dtype=np.uint64)
-    return np.array([function(state, *arguments) for _ in range(count)])
+    assert [int(value) for value in bits(state, len(expected))] == expected
+    assert not state[:, [0, 1, *range(3, LANES)]].any()
 
 
 def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
-    sample = draws(standard_normal, 400_000, 5)
+    drawn = normals(seeded(5), 12_500)
+    sample = drawn.ravel()
     assert stats.kstest(sample, "norm").pvalue > 1e-3
     # standard errors of the moments of N(0, 1): 1, sqrt(2), sqrt(15), sqrt(96) over sqrt(n); 4 of them
     for power, moment, deviation in (
@@ -71,15 +101,34 @@ def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
         (4, 3, math.sqrt(96)),
     ):
         assert abs((sample**power).mean() - moment) < 4 * deviation / math.sqrt(sample.size)
-    beyond = int((np.abs(sample) > 3.442619855899).sum())  # drawn by the tail branch alone
-    assert stats.binomtest(beyond, sample.size, 2 * stats.norm.sf(3.442619855899)).pvalue > 1e-3
-    tail = np.abs(sample[np.abs(sample) > 3.442619855899])
-    assert stats.kstest(tail, lambda x: 1 - stats.norm.sf(x) / stats.norm.sf(3.442619855899)).pvalue > 1e-3
-    assert abs(np.corrcoef(sample[:-1], sample[1:])[0, 1]) < 4 / math.sqrt(sample.size)
+    beyond = np.abs(sample[np.abs(sample) > 3.0])
+    assert stats.binomtest(beyond.size, sample.size, 2 * stats.norm.sf(3.0)).pvalue > 1e-3
+    assert stats.kstest(beyond, lambda x: 1 - stats.norm.sf(x) / stats.norm.sf(3.0)).pvalue > 1e-3
+    # the four draws of a tick, the lanes, and draws that follow each other
+    variables = np.concatenate(
+        [drawn.reshape(len(drawn), -1)[:-1], drawn.reshape(len(drawn), -1)[1:]], axis=1
+    )
+    off = np.corrcoef(variables.T)[np.triu_indices(variables.shape[1], 1)]
+    assert np.abs(off).max() < stats.norm.isf(5e-4 / off.size) / math.sqrt(len(drawn))
+
+
+def test_a_lane_draws_the_same_whichever_lanes_go_with_it():
+    together, alone = seeded(9), seeded(9)
+    wide, narrow = np.zeros((4, LANES)), np.zeros((4, LANES))
+
+    @njit
+    def draw(state, numbers, first, last):
+        draw_normals(state, numbers, first, last)
+
+    for _ in range(1000):
+        draw(together, wide, 0, LANES)
+        for lane in range(LANES):
+            draw(alone, narrow, lane, lane + 1)
+        np.testing.assert_array_equal(wide, narrow)
 
 
 def test_uniforms_and_integers_are_uniform():
-    assert stats.kstest(draws(uniform, 100_000, 6), "uniform").pvalue > 1e-3
-    counts = np.bincount(draws(integer_below, 70_000, 7, 7), minlength=7)
+    assert stats.kstest(uniforms(seeded(6), 100_000), "uniform").pvalue > 1e-3
+    counts = np.bincount(integers(seeded(7), 70_000, 7), minlength=7)
     assert counts.size == 7
     assert stats.chisquare(counts).pvalue > 1e-3
