@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import check_choice
 from hybrid_env.history import EpisodeHistory
+from hybrid_env.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS, Renderer
-from hybrid_env.world import DECISION_INFO, World
+from hybrid_env.world import World
 
 
 class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
@@ -137,7 +138,7 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
         self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
         self._anchor, self._estimate = block["anchor"][:, 0], block["estimate"][:, 0]
-        self._terminated, self._has_decision = block["terminated"], block["has_decision"]
+        self._terminated = block["terminated"]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -170,10 +171,11 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         if not self._started or self._terminated.item(0):
             raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
         self._actions[0] = index
-        self.world.step()
+        events = self.world.step()
         info = self._info()
-        if self._has_decision.item(0):
-            info |= {key: self.world.field(key).item() for key in DECISION_INFO}
+        if events & DECIDED:
+            info |= {key: values.item() for key, values in self.world.read_decisions().items()}
+            del info["has_decision"]
         if self.history is not None:
             self.history.add(self.world.traced(0), info)
             if self.render_mode == "human":

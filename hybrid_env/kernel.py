@@ -31,9 +31,11 @@ from hybrid_env.compiled import compiled, internal, pointer
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
-from hybrid_env.track import BLOCK, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
+from hybrid_env.track import BLOCK, DECISION, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
 TRACE_WIDTH = len(TRACE_COLUMNS)
+DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(5)  # of `DECISION`
+HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(5, 9)
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -181,7 +183,6 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.segment[lane] = 0
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
     block.terminated[lane] = 0
-    block.has_decision[lane] = 0
     block.reward[lane] = 0.0
 
 
@@ -193,6 +194,8 @@ def _decide(
     scratch: Any,
     parameters: Any,
     trace: NDArray[np.float64],
+    decisions: NDArray[np.int64],
+    i: int,
     chosen: int,
     forced: bool,
 ) -> None:
@@ -202,15 +205,15 @@ def _decide(
     exactly = chosen == true_mode
     of_type = mode_type(chosen, n) == mode_type(true_mode, n)
     correct = exactly if parameters.exact else of_type
-    block.correct[lane] = correct
-    block.type_correct[lane] = of_type
+    decisions[HAS_DECISION, i] = 1
+    decisions[DECIDED_MODE, i] = chosen
+    decisions[DECIDED_TRUE_MODE, i] = true_mode
+    decisions[TICKS, i] = block.tick[lane]
+    decisions[DECIDED_LENGTH, i] = block.length[lane]
+    decisions[CORRECT, i] = correct
+    decisions[TYPE_CORRECT, i] = of_type
+    decisions[FORCED, i] = forced
     block.reward[lane] = (1.0 if correct else -1.0) - parameters.delay_cost
-    block.has_decision[lane] = 1
-    block.decided_mode[lane] = chosen
-    block.decided_true_mode[lane] = true_mode
-    block.forced[lane] = forced
-    block.ticks[lane] = block.tick[lane]
-    block.decided_length[lane] = block.length[lane]
     block.active_mode[lane] = chosen
     while block.tick[lane] < block.length[lane]:
         move(
@@ -224,7 +227,6 @@ def _decide(
         _account(block, lane, bank.hypotheses, trace)
     for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
         block.estimate[k, lane] = value
-    block.decided_squared_error[lane] = block.squared_error[lane]
     for axis in range(2):
         for k, value in enumerate(covariance_of(bank.covariances, axis, chosen, lane)):
             block.kept_covariance[axis, k, lane] = value
@@ -258,6 +260,8 @@ def advance_tracks(reset: bool, world: int) -> int:
     table = carray(pointer(setting.table), (setting.table_rows, 3), np.float64)
     trace = carray(pointer(setting.trace), (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
     observations = carray(pointer(setting.observations), (tracks, row_width(2 * n + 1)), np.float32)
+    decisions = carray(pointer(setting.decisions), (len(DECISION), tracks), np.int64)
+    squared_errors = carray(pointer(setting.decisions), decisions.shape, np.float64)[DECIDED_SQUARED_ERROR]
     if not reset:
         for i in range(tracks):
             if actions[i] < 0 or actions[i] >= setting.action_count:
@@ -278,10 +282,11 @@ def advance_tracks(reset: bool, world: int) -> int:
                 scratch.going[lane] = 0
                 resting += 1
                 continue
+            if decisions[HAS_DECISION, i] != 0:
+                decisions[:, i] = 0
             if begins:
                 _begin_episode(block, scratch, lane, setting)
             elif action == 0 and block.tick[lane] < block.length[lane]:
-                block.has_decision[lane] = 0
                 block.reward[lane] = -setting.delay_cost
             else:
                 forced = action == 0
@@ -291,7 +296,8 @@ def advance_tracks(reset: bool, world: int) -> int:
                     chosen = likeliest(bank.hypotheses, lane)
                 else:
                     chosen = action - 1
-                _decide(block, lane, bank, scratch, setting, trace[i], chosen, forced)
+                _decide(block, lane, bank, scratch, setting, trace[i], decisions, i, chosen, forced)
+                squared_errors[i] = block.squared_error[lane]
                 events |= DECIDED
                 if block.segment[lane] + 1 == setting.segments:
                     block.terminated[lane] = 1

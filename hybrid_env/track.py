@@ -48,18 +48,8 @@ BLOCK = lanes_of(
     ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
     ("terminated", np.int64, ()),
     ("traced", np.int64, ()),  # rows written to the trace in this call
-    ("has_decision", np.int64, ()),
-    # the decision made in this step, if any: integers, flags and a float, as `World.decisions` reads them
-    ("decided_mode", np.int64, ()),
-    ("decided_true_mode", np.int64, ()),
-    ("ticks", np.int64, ()),
-    ("decided_length", np.int64, ()),
-    ("correct", np.int64, ()),
-    ("type_correct", np.int64, ()),
-    ("forced", np.int64, ()),
-    ("decided_squared_error", np.float64, ()),
 )
-"""State of `LANES` tracks. `correct` is the judgement that the reward follows, exact or by type."""
+"""State of `LANES` tracks."""
 
 SCRATCH = lanes_of(
     ("going", np.int64, ()),  # whether the track takes this tick
@@ -70,8 +60,18 @@ SCRATCH = lanes_of(
 )
 """Numbers of one tick of one block; all blocks use the same memory, which stays in the nearest cache."""
 
-FLAGS = frozenset({"terminated", "has_decision", "correct", "type_correct", "forced"})
-"""Fields that are 0 or 1."""
+DECISION = (
+    "decided_mode",
+    "decided_true_mode",
+    "ticks",
+    "decided_length",
+    "decided_squared_error",  # a float64 among the integers
+    "has_decision",  # from here on 0 or 1
+    "correct",  # as rewarded, exact or by type
+    "type_correct",
+    "forced",
+)
+"""Rows of the array in which the kernel notes the decisions of a step: a column a track, zero without one."""
 
 ARRAYS = (
     "actions",
@@ -85,6 +85,7 @@ ARRAYS = (
     "table",
     "trace",
     "observations",
+    "decisions",
 )
 """Arrays of a world that the kernel reads and writes."""
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from hybrid_env.checks import check_flag, check_integer, reject
 from hybrid_env.kernel import DECIDED, TERMINATED
 from hybrid_env.options import WorldOptions
-from hybrid_env.world import DECISION_INFO, TICK_INFO, World
+from hybrid_env.track import DECISION
+from hybrid_env.world import TICK_INFO, World
 
-_DECISION_MASKS = tuple(f"_{key}" for key in DECISION_INFO)
+_DECISION_MASKS = tuple(f"_{key}" for key in DECISION if key != "has_decision")
 
 
 class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
@@ -128,15 +129,13 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(terminated):
                 final_obs[i] = world.observations[i].copy()
-            final_info = self._tick_info(terminated) | self._decision_info(terminated.copy())
+            final_info = self._tick_info(terminated) | self._decision_info(terminated)
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
             world.reset(terminated)
         info = self._tick_info() if self.tick_info else {}
         if events & DECIDED:
-            decided = world.has_decision()
-            if np.count_nonzero(decided):  # else the decisions are in `final_info`
-                info |= self._decision_info(decided)
+            info |= self._decision_info()
         info |= final
         return world.observations.copy(), rewards, terminated, np.zeros(self.num_envs, np.bool_), info
 
@@ -150,5 +149,13 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             mask = mask.copy()
         return values | {f"_{key}": mask for key in values}
 
-    def _decision_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        return self.world.decisions(mask) | dict.fromkeys(_DECISION_MASKS, mask)
+    def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        values = self.world.read_decisions()
+        decided = values.pop("has_decision")
+        if mask is not None:
+            for held in values.values():
+                held[~mask] = 0
+            decided &= mask
+        elif not np.count_nonzero(decided):
+            return {}  # the decisions are in `final_info`
+        return values | dict.fromkeys(_DECISION_MASKS, decided)

@@ -10,16 +10,12 @@ from numpy.typing import NDArray
 from hybrid_env import bank, kernel
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import ARRAYS, BLOCK, FLAGS, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
+from hybrid_env.track import ARRAYS, BLOCK, DECISION, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""
 
-_FIRST, _LAST = BLOCK.names.index("decided_mode"), BLOCK.names.index("decided_squared_error")  # type: ignore[union-attr]
-
-DECISION_INFO = BLOCK.names[_FIRST : _LAST + 1]  # type: ignore[index]
-"""Fields of `BLOCK` that describe the decision made in this step."""
-_FLAGS = slice(DECISION_INFO.index("correct"), DECISION_INFO.index("forced") + 1)
+_ERROR, _HAS_DECISION = DECISION.index("decided_squared_error"), DECISION.index("has_decision")
 
 
 class World:
@@ -40,6 +36,7 @@ class World:
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
         self.observations = np.zeros((tracks, self.layout.width), np.float32)
+        self.decisions = np.zeros((len(DECISION), tracks), np.int64)
         self.seeded = np.zeros(tracks, np.bool_)
         self._scratch = lane_zeros((1,), SCRATCH)
         self._radii = np.array(options.radii)
@@ -54,13 +51,11 @@ class World:
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "scratch": self._scratch, "radii": self._radii,
             "table": self._table, "trace": self.trace, "observations": self.observations,
+            "decisions": self.decisions,
         }  # fmt: skip
         for name in ARRAYS:
             self._parameters[name] = arrays[name].ctypes.data
-        self._reward, self._has_decision = self.blocks["reward"], self.blocks["has_decision"]
-        # the fields of a decision come last, each one row of lanes
-        fields = self.blocks.view(np.int64).reshape(self.blocks.size, -1, LANES)
-        self._decided = fields[:, -len(DECISION_INFO) :].swapaxes(0, 1)
+        self._reward = self.blocks["reward"]
         self._address = self._parameters.ctypes.data
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -73,29 +68,25 @@ class World:
         values = source[name]
         by_track = values.swapaxes(1, 2) if values.ndim == 3 else values
         flat = by_track.reshape(-1, *by_track.shape[2:])[: self.actions.size]
-        return flat.astype(np.bool_ if name in FLAGS else flat.dtype)
+        return flat.astype(np.bool_ if name == "terminated" else flat.dtype)
 
-    def decisions(self, mask: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-        """The fields `DECISION_INFO` of every track, (N,) each, zero outside the mask; all in one copy."""
-        values = self._decided.reshape(len(DECISION_INFO), -1)[:, : mask.size] * mask
-        rows = list(values)
-        rows[_FLAGS] = list(values[_FLAGS].astype(np.bool_))
-        rows[-1] = rows[-1].view(np.float64)
-        return dict(zip(DECISION_INFO, rows, strict=True))
+    def read_decisions(self) -> dict[str, NDArray[Any]]:
+        """The fields `DECISION` of the last step, (N,) each, zero for a track without a decision; copies."""
+        values = self.decisions.copy()
+        rows = [*values[:_HAS_DECISION], *values[_HAS_DECISION:].astype(np.bool_)]
+        rows[_ERROR] = rows[_ERROR].view(np.float64)
+        return dict(zip(DECISION, rows, strict=True))
 
     def rewards(self) -> NDArray[np.float64]:
         """(N,) of the last step, a copy."""
         return self._reward.flatten()[: self.actions.size]
 
-    def has_decision(self) -> NDArray[np.bool_]:
-        """(N,) whether the last step decided, a copy."""
-        return self._has_decision.ravel()[: self.actions.size] != 0
-
     @property
     def nbytes(self) -> int:
         """Memory of all tracks [bytes]."""
         arrays = (
-            self.blocks, self.bank.hypotheses, self.bank.covariances, self.observations, self.trace,
+            self.blocks, self.bank.hypotheses, self.bank.covariances, self.observations, self.decisions,
+            self.trace,
         )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
