@@ -14,7 +14,10 @@ class Compare(WorldArguments):
     """Train PPO for about half a minute and compare it with the classical rules on the same episodes."""
 
     deciders: tuple[str, ...] = ("ate", "fixed", "ppo")
-    """What to compare, the first as the reference: 'ate', 'fixed', 'ppo' (trained now), or run folders."""
+    """What to compare, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
+    likeliest at the end), 'bayes' (fitted now), 'ppo' (trained now), or run folders."""
+    accuracy: float | None = None
+    """Choose thresholds that reach this accuracy soonest, not those of the best reward."""
     episodes: int = 1500
     """Episodes that every decider is measured on."""
     seed: int = 0
@@ -31,6 +34,8 @@ class Compare(WorldArguments):
         for name in ("episodes", "steps", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
         check_integer("seed", self.seed, minimum=0)
+        if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
+            raise reject("accuracy", self.accuracy, "a number between 0 and 1")
         if self.seed + self.episodes > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes")
         if not self.deciders or len(set(self.deciders)) != len(self.deciders):
@@ -50,6 +55,7 @@ class Compare(WorldArguments):
             self.seed,
             self.steps,
             self.training_seeds,
+            self.accuracy,
         )
         plan.families()  # refuses what cannot be compared, before anything is made
         folder = output_folder("out", self.out)
@@ -59,6 +65,8 @@ class Compare(WorldArguments):
         console.print(result.table())
         for line in result.headlines():
             console.print(line, highlight=False, soft_wrap=True)
+        console.print(result.error_table())
+        console.print(result.bank_table())
         draw_operating_curves(result, folder / "compare.png")
         write_json(folder / "compare.json", result.as_json())
         console.print(f"Figure {folder / 'compare.png'}, data {folder / 'compare.json'}", highlight=False)

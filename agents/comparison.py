@@ -23,10 +23,12 @@ from agents.operating_curve import (
     ticks_at_accuracy,
 )
 from agents.training import TrainingProgress, TrainingRun
+from baselines.waited_paths import Paths, at_tick, waited_paths
 from hybrid_env.options import WorldOptions
 
 SELECTION_EPISODES = 1000
 LEVELS = (0.95, 0.98)
+BANK_TICKS = (2, 5, 10, 20, 40)
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Plan:
         deciders: classical names, 'ppo', or run folders; the first is the reference.
         episodes, seed: that the figures are reported on.
         steps, training_seeds: of PPO.
+        accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
     """
 
     env_id: str
@@ -47,6 +50,7 @@ class Plan:
     seed: int
     steps: int
     training_seeds: int
+    accuracy: float | None = None
 
     def world(self) -> WorldOptions:
         """The options of the world, the id's own included."""
@@ -59,7 +63,7 @@ class Plan:
             ArgumentError: an unknown decider or option, or a policy for another bank.
         """
         world = self.world()
-        families = [None if name == "ppo" else decider_family(name) for name in self.deciders]
+        families = [None if name == "ppo" else decider_family(name, world) for name in self.deciders]
         for name, family in zip(self.deciders, families, strict=True):
             if family is not None:
                 check_family(family, name, world)
@@ -72,10 +76,11 @@ class Entry:
 
     Attributes:
         curve: on the reported episodes.
-        chosen: index of the threshold with the best reward on the selection episodes.
+        chosen: index of the threshold chosen on the selection episodes.
         accuracy, ticks, reward, rmse: at that threshold.
         equal_time_error: share of wrong decisions at the reference's mean time.
         time_at: mean ticks at each accuracy of `LEVELS`.
+        error_after: share of wrong decisions after a right and after a wrong previous one, NaN without any.
     """
 
     curve: OperatingCurve
@@ -86,6 +91,7 @@ class Entry:
     rmse: Figure
     equal_time_error: Figure
     time_at: dict[float, Figure]
+    error_after: tuple[float, float]
 
     @property
     def name(self) -> str:
@@ -101,15 +107,18 @@ class Comparison:
     world: WorldOptions
     equal_time: float
     entries: tuple[Entry, ...]
+    waited: Paths
 
     def table(self) -> Table:
         """For the terminal: each figure above the half width of its 95 % interval."""
         first = self.entries[0]
         segments = first.curve.decisions[0].correct.size
+        wanted = self.plan.accuracy
+        way = "Best-reward thresholds" if wanted is None else f"Thresholds for {wanted:.1%} accuracy"
         table = Table(
             title=f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all",
             caption=(
-                "Best-reward thresholds from other episodes; ± half of the 95 % interval.\n"
+                f"{way} from other episodes; ± half of the 95 % interval.\n"
                 f"{self.equal_time:.1f} ticks: {first.name} at its default threshold."
             ),
             box=box.SIMPLE_HEAD,
@@ -129,6 +138,41 @@ class Comparison:
                 *(_cell(entry.time_at[level], 1, 1) for level in LEVELS),
             )  # fmt: skip
         return table
+
+    def error_table(self) -> Table:
+        """How an error makes the next one likelier, by a spoiled anchor."""
+        table = Table(title="Wrong decisions, %", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for head in ("decider", "after a right one", "after a wrong one"):
+            table.add_column(head, justify="left" if head == "decider" else "right")
+        for entry in self.entries:
+            cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in entry.error_after]
+            table.add_row(entry.name, *cells)
+        return table
+
+    def bank_table(self) -> Table:
+        """What the bank says after some ticks, if no one decides before."""
+        table = Table(
+            title=f"The {self.world.bank.replace('_', '-')} bank while all wait",
+            caption="Worst: of bins of the stated with 1,000 segments or more.",
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+        )
+        for head in ("after ticks", "likeliest is right, %", "it says, %", "stated less actual, worst, %"):
+            table.add_column(head, justify="right")
+        for row in self.bank_rows():
+            table.add_row(
+                f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
+                f"{100 * row['worst']:+.1f}",
+            )  # fmt: skip
+        return table
+
+    def bank_rows(self) -> list[dict[str, float]]:
+        """The figures of `bank_table`."""
+        return [
+            {"ticks": tick, **asdict(at_tick(self.waited, tick))}
+            for tick in BANK_TICKS
+            if (self.waited.length >= tick).any()
+        ]
 
     def headlines(self) -> list[str]:
         """Every decider against the reference, paired on the same episodes."""
@@ -172,6 +216,7 @@ class Comparison:
             "selection": {"seed": seeds.SELECTION, "episodes": SELECTION_EPISODES},
             "equal_time": self.equal_time,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
+            "bank": self.bank_rows(),
             "deciders": [self._entry_json(entry) for entry in self.entries],
         }
 
@@ -184,6 +229,7 @@ class Comparison:
             "threshold": {"symbol": family.symbol, "chosen": family.thresholds[entry.chosen]},
             **{name: getattr(entry, name).as_json() for name in names},
             "ticks_at_accuracy": {f"{level:g}": entry.time_at[level].as_json() for level in LEVELS},
+            "error_after": [share if np.isfinite(share) else None for share in entry.error_after],
             "against_reference": {
                 name: figure.as_json()
                 for name, figure in self.gains(entry).items()
@@ -227,7 +273,8 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
         progress.update(task, note=family.name)
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
         selection = sweep(family, plan.env_id, SELECTION_EPISODES, seeds.SELECTION, **arguments)
-        chosen.append(selection.best_index())
+        wanted = plan.accuracy
+        chosen.append(selection.best_index() if wanted is None else selection.soonest_index(wanted))
         curves.append(sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments))
     progress.update(task, note="")
     reference = curves[0].family
@@ -238,7 +285,9 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     for curve, index in zip(curves, chosen, strict=True):
         entries.append(_entry(curve, index, equal_time))
         progress.advance(task)
-    return Comparison(plan, plan.world(), equal_time, tuple(entries))
+    world = plan.world()
+    waited = waited_paths(plan.episodes, plan.seed, **vars(world))
+    return Comparison(plan, world, equal_time, tuple(entries), waited)
 
 
 def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
@@ -264,4 +313,5 @@ def _entry(curve: OperatingCurve, chosen: int, equal_time: float) -> Entry:
         Figure(summary["mean"], *summary["interval"]),
         curve.figure(error_at_ticks(equal_time)),
         {level: curve.figure(ticks_at_accuracy(level)) for level in LEVELS},
+        decisions.error_after(),
     )

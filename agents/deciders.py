@@ -1,5 +1,6 @@
 """Deciders by name: the classical rules with the thresholds that they are swept over, and run folders."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from baselines import FixedTimeDecider, SPRTDecider
+from agents import seeds
+from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
+from baselines.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.decider import Decider
+from baselines.waited_paths import Paths, waited_paths
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 
@@ -44,6 +48,7 @@ ATE = DeciderFamily(
     1e-3,
     SPRTDecider,
 )
+LAST_TICK = 10_000_000  # later than every segment
 FIXED_TIME = DeciderFamily(
     "fixed time",
     "ticks",
@@ -51,7 +56,32 @@ FIXED_TIME = DeciderFamily(
     25,
     lambda ticks: FixedTimeDecider(int(ticks)),
 )
-CLASSICAL = {"ate": ATE, "fixed": FIXED_TIME}
+DOUBTS = (
+    *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
+    *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
+)
+MSPRT = DeciderFamily("MSPRT", "alpha", DOUBTS, 0.02, MSPRTDecider)
+TYPE_MSPRT = DeciderFamily(
+    "MSPRT of types", "alpha", DOUBTS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
+)
+GAP = DeciderFamily(
+    "gap rule",
+    "gap",
+    (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0, 22.0, 28.0),
+    4.6,
+    GapDecider,
+)
+LIKELIEST_AT_THE_END = DeciderFamily(
+    "ML at the end", "ticks", (LAST_TICK,), LAST_TICK, FIXED_TIME.make
+)
+CLASSICAL = {
+    "ate": ATE,
+    "fixed": FIXED_TIME,
+    "msprt": MSPRT,
+    "msprt-type": TYPE_MSPRT,
+    "gap": GAP,
+    "ml": LIKELIEST_AT_THE_END,
+}
 LOG_ODDS = (
     -10.0,
     -8.0,
@@ -74,21 +104,44 @@ LOG_ODDS = (
 )
 
 
+BAYES = "bayes"
+COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
+FITTING_EPISODES = 3000
+
+
+def bayes_family(world: WorldOptions) -> DeciderFamily:
+    """Bayes-risk stopping fitted to a world, its threshold the delay cost that it was fitted for."""
+
+    @functools.cache
+    def paths() -> Paths:
+        return waited_paths(FITTING_EPISODES, seeds.FITTING, **vars(world))
+
+    def make(cost: float) -> Decider:
+        waited = paths()
+        return BayesRiskDecider(stopping_boundary(waited, cost), waited.by)
+
+    cost = world.delay_cost or 0.01
+    thresholds = tuple(share * cost for share in reversed(COSTS))
+    return DeciderFamily("Bayes risk", "cost", thresholds, cost, make)
+
+
 def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     """The family of a trained policy, its threshold the log-odds of declaring."""
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
-def decider_family(name: str) -> DeciderFamily:
-    """The family of a classical name or of a run folder."""
+def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
+    """The family of a classical name or of a run folder, for a world."""
     if name in CLASSICAL:
         return CLASSICAL[name]
+    if name == BAYES:
+        return bayes_family(world)
     folder = Path(name)
     if name and folder.is_dir():
         from agents.policy import PolicyDecider, load_policy
 
         return policy_family(folder.name, PolicyDecider(load_policy(folder)[0]))
-    known = ", ".join(map(repr, CLASSICAL))
+    known = ", ".join(map(repr, (*CLASSICAL, BAYES)))
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
 
 
@@ -107,9 +160,10 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         threshold = float(text) if colon and not Path(name).is_dir() else None
     except ValueError:
         raise reject("decider", name, "a number after the colon") from None
-    family = decider_family(base if threshold is not None else name)
-    if threshold is not None and (not np.isfinite(threshold) or (family is FIXED_TIME and threshold % 1)):
-        allowed = "a whole number" if family is FIXED_TIME else "a finite number"
+    family = decider_family(base if threshold is not None else name, options)
+    whole = family.symbol == "ticks"
+    if threshold is not None and (not np.isfinite(threshold) or (whole and threshold % 1)):
+        allowed = "a whole number" if whole else "a finite number"
         raise reject("decider", name, f"{allowed} after the colon")
     if options.actions != "all":
         raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")

@@ -53,6 +53,15 @@ class Decisions:
         """Root mean square error of the estimated position over all ticks [m]."""
         return float(np.sqrt(self.squared_error.sum() / self.length.sum()))
 
+    def error_after(self) -> tuple[float, float]:
+        """Share of wrong decisions after a right and after a wrong one of the episode, NaN without any."""
+        before, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
+        right, spoiled = wrong[before], wrong[~before]
+        return (
+            float(right.mean()) if right.size else float("nan"),
+            float(spoiled.mean()) if spoiled.size else float("nan"),
+        )
+
     def summary(self, confidence: float = 0.95, seed: int = 0) -> dict[str, Any]:
         """Mean figures, each with its interval, and the counts behind them."""
         rows = {

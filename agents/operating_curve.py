@@ -63,6 +63,13 @@ class OperatingCurve:
         """The threshold of the largest mean reward."""
         return int(self.means[REWARD].argmax())
 
+    def soonest_index(self, accuracy: float) -> int:
+        """The threshold that reaches an accuracy soonest, or else the most accurate."""
+        reached, ticks = self.means[ACCURACY] >= accuracy, self.means[TICKS]
+        if not reached.any():
+            return int(self.means[ACCURACY].argmax())
+        return int(np.where(reached, ticks, np.inf).argmin())
+
     def figure(self, statistic: Callable[[FloatArray], Any]) -> Figure:
         """A function of the means (..., 3, thresholds) with its bootstrap interval."""
         episodes = self.episodes

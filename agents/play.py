@@ -40,7 +40,7 @@ class Play(WorldArguments):
     """Watch a decider on one track in a window, or keep what it did as an animation, picture or recording."""
 
     decider: str = "ate"
-    """Who decides: 'ate', 'fixed', each with an optional ':threshold', or a run folder."""
+    """Who decides: 'ate', 'msprt' or another rule of `compare`, or a run folder; maybe with ':threshold'."""
     episodes: int = 1
     """Episodes to play, one after the other."""
     seed: int = 0

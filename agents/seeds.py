@@ -3,5 +3,8 @@
 SELECTION = 1_000_000_000
 """Thresholds are chosen on episodes from this seed on; those reported count from small seeds."""
 
+FITTING = 2_000_000_000
+"""Stopping rules are fitted on episodes from this seed on."""
+
 TRAINING = 10**12
 """Tracks of a training are seeded from here on, 10^9 apart for each training seed."""

@@ -35,8 +35,10 @@ class WorldArguments:
     """What must be right: the hypothesis, or straight / left / right only."""
     undecided: Literal["likeliest", "keep"] | None = None
     """A segment that ends undecided takes the likeliest hypothesis, or keeps the mode decided last."""
+    bank: Literal["published", "anchor_aware", "oracle"] | None = None
+    """Filters: published, with the anchor's uncertainty in the turns, or (a bound) anchored at the truth."""
     reset_covariance: bool | None = None
-    """Start every segment with P := I, as published."""
+    """Start every segment with P := I, as published; not the default of the other banks."""
 
     @property
     def env_id(self) -> str:

@@ -12,20 +12,17 @@ import numpy as np
 from numba import carray
 from numpy.typing import NDArray
 
+from hybrid_env import banks
+from hybrid_env.anchor_aware import AWARE, AwareBank
 from hybrid_env.bank import (
     COVARIANCE,
     GAIN,
     HYPOTHESIS,
-    IDENTITY,
     INNOVATION,
     Bank,
-    anchor_bank,
-    covariance_of,
     estimate_of,
     likeliest,
     mode_type,
-    step_alone,
-    step_bank,
 )
 from hybrid_env.compiled import compiled, internal, pointer
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
@@ -33,6 +30,7 @@ from hybrid_env.noise import draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
 from hybrid_env.track import BLOCK, DECISION, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
+NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(5)  # of `DECISION`
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(5, 9)
@@ -91,16 +89,13 @@ def move(
 
 
 @internal
-def _tick(block: Any, bank: Bank, scratch: Any, parameters: Any, first: int, last: int) -> None:
+def _tick(block: Any, bank: Any, scratch: Any, parameters: Any, first: int, last: int) -> None:
     """One tick of the object and of every hypothesis, for lanes first .. last - 1."""
     move(
         block, scratch.normals, first, last,
         parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
     )  # fmt: skip
-    step_bank(
-        bank, first, last, block.measurement,
-        parameters.process_variance, parameters.variance_x, parameters.variance_y,
-    )  # fmt: skip
+    banks.step(bank, first, last, block.measurement, parameters)
     weigh(scratch, bank.hypotheses, first, last)
 
 
@@ -127,7 +122,7 @@ def _account(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.
 def _begin_segment(
     block: Any,
     lane: int,
-    bank: Bank,
+    bank: Any,
     parameters: Any,
     radii: NDArray[np.float64],
     table: NDArray[np.float64],
@@ -143,17 +138,21 @@ def _begin_segment(
     block.true_mode[lane] = np.int64(table[row, 1])
     turn(block, lane, table[row, 0], parameters.tau)
     for k in range(4):
-        block.anchor[k, lane] = block.estimate[k, lane]
+        block.anchor[k, lane] = block.truth[k, lane] if parameters.oracle else block.estimate[k, lane]
     anchor = (
         block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
     )  # fmt: skip
     block.speed[lane], block.heading[0, lane], block.heading[1, lane] = heading_vector(anchor[1], anchor[3])
     kept = block.kept_covariance
-    covariance_x = (kept[0, 0, lane], kept[0, 1, lane], kept[0, 2, lane])
-    covariance_y = (kept[1, 0, lane], kept[1, 1, lane], kept[1, 2, lane])
+    covariance = (
+        kept[0, lane], kept[1, lane], kept[2, lane], kept[3, lane], kept[4, lane],
+        kept[5, lane], kept[6, lane], kept[7, lane], kept[8, lane], kept[9, lane],
+    )  # fmt: skip
     if parameters.reset_covariance:
-        covariance_x = covariance_y = IDENTITY
-    anchor_bank(bank, lane, anchor, radii, parameters.tau, covariance_x, covariance_y)
+        covariance = banks.IDENTITY
+    if parameters.oracle:
+        covariance = NOTHING
+    banks.begin(bank, lane, anchor, covariance, radii, parameters)
     block.tick[lane] = 0
     block.squared_error[lane] = 0.0
 
@@ -168,6 +167,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.truth[1, lane] = parameters.speed * math.cos(heading)
     block.truth[3, lane] = parameters.speed * math.sin(heading)
     draw_normals(block.random_state, scratch.normals, lane, lane + 1)
+    block.kept_covariance[:, lane] = 0.0
     for axis in range(2):
         variance = parameters.variance_x if axis == 0 else parameters.variance_y
         position_variance = parameters.initial_position * variance
@@ -177,9 +177,9 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
         block.estimate[2 * axis + 1, lane] = (
             block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
         )
-        block.kept_covariance[axis, 0, lane] = position_variance
-        block.kept_covariance[axis, 1, lane] = 0.0
-        block.kept_covariance[axis, 2, lane] = velocity_variance
+        first = 0 if axis == 0 else 7  # of the axis's own entries in the upper triangle
+        block.kept_covariance[first, lane] = position_variance
+        block.kept_covariance[4 if axis == 0 else 9, lane] = velocity_variance
     block.segment[lane] = 0
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
     block.terminated[lane] = 0
@@ -190,7 +190,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
 def _decide(
     block: Any,
     lane: int,
-    bank: Bank,
+    bank: Any,
     scratch: Any,
     parameters: Any,
     trace: NDArray[np.float64],
@@ -220,41 +220,20 @@ def _decide(
             block, scratch.normals, lane, lane + 1,
             parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
         )  # fmt: skip
-        step_alone(
-            bank, lane, chosen, block.measurement[0, lane], block.measurement[1, lane],
-            parameters.process_variance, parameters.variance_x, parameters.variance_y,
-        )  # fmt: skip
+        banks.follow(bank, lane, chosen, block.measurement, parameters)
         _account(block, lane, bank.hypotheses, trace)
     for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
         block.estimate[k, lane] = value
-    for axis in range(2):
-        for k, value in enumerate(covariance_of(bank.covariances, axis, chosen, lane)):
-            block.kept_covariance[axis, k, lane] = value
+    for k, value in enumerate(banks.covariance(bank, chosen, lane)):
+        block.kept_covariance[k, lane] = value
 
 
-@compiled
-def advance_tracks(reset: bool, world: int) -> int:
-    """One step of every track, or with `reset` a new episode on every track whose action is not 0.
-
-    In a step, a track that has terminated begins its next episode. Observations are written row by row; a
-    track that terminates keeps its row, the one on which the last decision was made.
-
-    Args:
-        world: address of a `track.PARAMETERS` record, whose arrays must live while this runs.
-
-    Returns:
-        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with nothing
-        done, if the action of track i is outside the space.
-    """
-    setting = carray(pointer(world), (1,), PARAMETERS)[0]
-    tracks, n, axes = setting.tracks, setting.radii_count, setting.axes
+@internal
+def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
+    tracks, n = setting.tracks, setting.radii_count
     number = (tracks + LANES - 1) // LANES
     actions = carray(pointer(setting.actions), (tracks,), np.int64)
     blocks = carray(pointer(setting.blocks), (number,), BLOCK)
-    hypotheses = carray(pointer(setting.hypotheses), (number, 2 * n + 1), HYPOTHESIS)
-    covariances = carray(pointer(setting.covariances), (number, axes, n + 1), COVARIANCE)
-    innovations = carray(pointer(setting.innovations), (2 * n + 1,), INNOVATION)
-    gains = carray(pointer(setting.gains), (axes, n + 1), GAIN)
     scratch = carray(pointer(setting.scratch), (1,), SCRATCH)[0]
     radii = carray(pointer(setting.radii), (n,), np.float64)
     table = carray(pointer(setting.table), (setting.table_rows, 3), np.float64)
@@ -268,7 +247,7 @@ def advance_tracks(reset: bool, world: int) -> int:
                 return -1 - i
     events = 0
     for b in range(number):
-        block, bank = blocks[b], Bank(hypotheses[b], covariances[b], innovations, gains)
+        block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = min(LANES, tracks - b * LANES)
         begun = resting = 0
         for lane in range(lanes):
@@ -325,3 +304,45 @@ def advance_tracks(reset: bool, world: int) -> int:
                         )  # fmt: skip
                     write_tick(row, block, lane, scratch, bank, setting.log_noise, setting.noise_whitener)
     return events
+
+
+@internal
+def _setting(world: int) -> Any:
+    return carray(pointer(world), (1,), PARAMETERS)[0]
+
+
+@compiled
+def advance_tracks(reset: bool, world: int) -> int:
+    """One step of every track, or with `reset` a new episode on every track whose action is not 0.
+
+    In a step, a track that has terminated begins its next episode. Observations are written row by row; a
+    track that terminates keeps its row, the one on which the last decision was made.
+
+    Args:
+        world: address of a `track.PARAMETERS` record, whose arrays must live while this runs.
+
+    Returns:
+        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with nothing
+        done, if the action of track i is outside the space.
+    """
+    setting = _setting(world)
+    n, axes, number = setting.radii_count, setting.axes, (setting.tracks + LANES - 1) // LANES
+    filters = Bank(
+        carray(pointer(setting.hypotheses), (number, 2 * n + 1), HYPOTHESIS),
+        carray(pointer(setting.covariances), (number, axes, n + 1), COVARIANCE),
+        carray(pointer(setting.innovations), (2 * n + 1,), INNOVATION),
+        carray(pointer(setting.gains), (axes, n + 1), GAIN),
+    )
+    return _advance(reset, setting, filters)
+
+
+@compiled
+def advance_aware_tracks(reset: bool, world: int) -> int:
+    """`advance_tracks` with the anchor-aware bank."""
+    setting = _setting(world)
+    hypotheses, number = 2 * setting.radii_count + 1, (setting.tracks + LANES - 1) // LANES
+    filters = AwareBank(
+        carray(pointer(setting.hypotheses), (number, hypotheses), AWARE),
+        carray(pointer(setting.innovations), (hypotheses,), INNOVATION),
+    )
+    return _advance(reset, setting, filters)

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.bank import Bank
 from hybrid_env.checks import reject
 from hybrid_env.compiled import internal
 from hybrid_env.elementary import exp, log
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
+LARGEST = 1e6  # innovations over their deviation are clipped here
 NEGLIGIBLE = -100.0  # exp of less changes no clipped log-probability
 
 # scales that bring the usual values to the order of one
@@ -128,10 +128,10 @@ def write_segment(
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
     base = 6 * M
     row[base + 3] = block.speed[lane]
-    for k in range(3):
-        row[base + 6 + k] = 0.5 * (
-            block.kept_covariance[0, k, lane] / variance_x + block.kept_covariance[1, k, lane] / variance_y
-        )
+    kept = block.kept_covariance
+    row[base + 6] = 0.5 * (kept[0, lane] / variance_x + kept[7, lane] / variance_y)
+    row[base + 7] = 0.5 * (kept[1, lane] / variance_x + kept[8, lane] / variance_y)
+    row[base + 8] = 0.5 * (kept[4, lane] / variance_x + kept[9, lane] / variance_y)
     row[base + 9] = log_noise
 
 
@@ -162,7 +162,7 @@ def write_tick(
     block: Any,
     lane: int,
     scratch: Any,
-    bank: Bank,
+    bank: Any,
     log_noise: float,
     noise_whitener: float,
 ) -> None:
@@ -178,7 +178,8 @@ def write_tick(
     top = scratch.top[lane]
     for h in range(M):
         innovation = bank.innovations[h]
-        white_x, white_y = innovation.white_x[lane], innovation.white_y[lane]
+        white_x = max(min(innovation.white_x[lane], LARGEST), -LARGEST)
+        white_y = max(min(innovation.white_y[lane], LARGEST), -LARGEST)
         row[h] = LOG_SCALE * max(bank.hypotheses[h].log_likelihood[lane] - top, LOG_FLOOR)
         row[M + h] = along_x * white_x + along_y * white_y
         row[2 * M + h] = along_x * white_y - along_y * white_x

@@ -30,8 +30,11 @@ class WorldOptions:
         measurement_variance: R of a measured coordinate [m^2], one number or (x, y).
         initial_error: (variance of the first estimate's position over R, variance of its velocity
             [m^2/s^2]), both normal; 0 starts at the true state.
-        reset_covariance: True starts every segment with P := I, as published; False keeps the
-            covariance of the chosen filter.
+        bank: "published" takes the anchor as exact; "anchor_aware" has its uncertainty in the state of every
+            turn, see `anchor_aware`; "oracle" is the published bank anchored at the true state, a bound for
+            evaluation that nobody has in practice.
+        reset_covariance: True starts every segment with P := I, as published; False keeps the covariance of
+            the chosen filter. None is True for the published bank and False for the anchor-aware one.
         delay_cost: cost of a step, in units of the reward of a right decision.
         correctness: "exact" asks for the hypothesis, "type" for straight, left or right only.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the likeliest.
@@ -47,7 +50,8 @@ class WorldOptions:
     process_variance: float = 0.001
     measurement_variance: float | tuple[float, float] = 0.1
     initial_error: float | tuple[float, float] = (0.3, 0.02)
-    reset_covariance: bool = True
+    bank: Literal["published", "anchor_aware", "oracle"] = "published"
+    reset_covariance: bool | None = None
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
     actions: Literal["all", "best"] = "all"
@@ -65,6 +69,9 @@ class WorldOptions:
             fix(self, "heading", check_number("heading", self.heading, "a finite angle [rad] or None"))
         noise_axes(self.measurement_variance)
         fix(self, "initial_error", self._check_initial_error())
+        check_choice("bank", self.bank, ("published", "anchor_aware", "oracle"))
+        if self.reset_covariance is None:
+            fix(self, "reset_covariance", self.bank == "published")
         check_flag("reset_covariance", self.reset_covariance)
         check_choice("correctness", self.correctness, ("exact", "type"))
         check_choice("actions", self.actions, ("all", "best"))
@@ -144,6 +151,7 @@ class WorldOptions:
             record[name] = getattr(self, name)
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
+        record["oracle"] = self.bank == "oracle"
         record["exact"] = self.correctness == "exact"
         record["action_count"] = self.action_count
         record["declare_best"] = self.actions == "best"

@@ -37,7 +37,7 @@ BLOCK = lanes_of(
     ("anchor", np.float64, (4,)),  # the estimate at the switch
     ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
     ("speed", np.float64, ()),  # of the anchor [m/s]
-    ("kept_covariance", np.float64, (2, 3)),  # of the estimate at the switch, per axis
+    ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("estimate", np.float64, (4,)),  # of the active filter
     ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
     ("reward", np.float64, ()),  # of this step
@@ -105,6 +105,7 @@ PARAMETERS = np.dtype(
         ("declare_best", np.bool_),  # action 1 declares the likeliest hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
+        ("oracle", np.bool_),  # the bank is anchored at the truth
         ("random_scheme", np.bool_),
         ("segments", np.int64),
         ("shortest", np.int64),

@@ -7,10 +7,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hybrid_env import bank, kernel
+from hybrid_env import kernel
+from hybrid_env.anchor_aware import AwareBank, aware_arrays
+from hybrid_env.bank import Bank, bank_arrays
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import ARRAYS, BLOCK, DECISION, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
+from hybrid_env.track import BLOCK, DECISION, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""
@@ -31,7 +33,12 @@ class World:
         self.options = options
         self.layout = Layout(options.hypotheses)
         blocks = -(-tracks // LANES)
-        self.bank = bank.bank_arrays(len(options.radii), options.variances.size, blocks)
+        n = len(options.radii)
+        self.bank: Bank | AwareBank
+        if options.bank == "anchor_aware":
+            self.bank = aware_arrays(n, blocks)
+        else:
+            self.bank = bank_arrays(n, options.variances.size, blocks)
         self.blocks = lane_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
@@ -53,9 +60,11 @@ class World:
             "table": self._table, "trace": self.trace, "observations": self.observations,
             "decisions": self.decisions,
         }  # fmt: skip
-        for name in ARRAYS:
-            self._parameters[name] = arrays[name].ctypes.data
+        for name, array in arrays.items():
+            self._parameters[name] = array.ctypes.data
         self._reward = self.blocks["reward"]
+        aware = self.options.bank == "anchor_aware"
+        self._advance = kernel.advance_aware_tracks if aware else kernel.advance_tracks
         self._address = self._parameters.ctypes.data
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -84,10 +93,7 @@ class World:
     @property
     def nbytes(self) -> int:
         """Memory of all tracks [bytes]."""
-        arrays = (
-            self.blocks, self.bank.hypotheses, self.bank.covariances, self.observations, self.decisions,
-            self.trace,
-        )  # fmt: skip
+        arrays = (*self.bank, self.blocks, self.observations, self.decisions, self.trace)
         return sum(array.nbytes for array in arrays)
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
@@ -99,7 +105,7 @@ class World:
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of the mask, (N,)."""
         self.actions[:] = mask
-        kernel.advance_tracks(True, self._address)
+        self._advance(True, self._address)
 
     def step(self) -> int:
         """One step of every track by `actions`; a terminated one begins its next episode.
@@ -110,7 +116,7 @@ class World:
         Raises:
             InvalidAction: nothing has been done then.
         """
-        events: int = kernel.advance_tracks(False, self._address)
+        events: int = self._advance(False, self._address)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events

@@ -43,3 +43,64 @@ class LiteralFilter:
         self.P = P - K @ self.H @ P
         quadratic = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
         self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * self.Sigma)))
+
+
+def move(state, tau):
+    """One tick of [x, vx, y, vy, centre_x, centre_y, turn_rate] without noise: Golubkov 2018, eq. (1)."""
+    x, vx, y, vy, cx, cy, w = state
+    c, s = math.cos(w * tau), math.sin(w * tau)
+    ratio = s / w if w else tau
+    return np.array(
+        [cx + c * (x - cx) + ratio * vx, c * vx - w * s * (x - cx),
+         cy + c * (y - cy) + ratio * vy, c * vy - w * s * (y - cy), cx, cy, w]
+    )  # fmt: skip
+
+
+def seven(anchor, signed_radius):
+    """[x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
+    x, vx, y, vy = anchor
+    v = math.hypot(vx, vy)
+    return np.array(
+        [x, vx, y, vy, x - signed_radius * vy / v, y + signed_radius * vx / v, v / abs(signed_radius)]
+    )
+
+
+def derivative(function, state):
+    """Jacobian by central differences."""
+    columns = []
+    for k in range(len(state)):
+        h = 1e-5 * max(1.0, abs(state[k]))
+        step = h * np.eye(len(state))[k]
+        columns.append((function(state + step) - function(state - step)) / (2 * h))
+    return np.array(columns).T
+
+
+class LiteralAware:
+    """Extended Kalman filter of seven states in matrices, its derivatives by differences."""
+
+    def __init__(self, anchor, P, signed_radius, tau, Q, R):
+        self.tau, self.R = tau, R
+        self.Q = np.diag([0, Q, 0, Q, 0, 0, 0])
+        self.log_likelihood = 0.0
+        if signed_radius == 0.0:
+            self.s = np.array([*anchor, 0.0, 0.0, 0.0])
+            J = np.eye(7)[:, :4]
+        else:
+            self.s = seven(anchor, signed_radius)
+            J = derivative(lambda state: seven(state, signed_radius), np.array(anchor))
+        self.P = J @ P @ J.T
+
+    def step(self, z):
+        F = derivative(lambda state: move(state, self.tau), self.s)
+        if self.s[6] == 0.0:  # the straight line has no turn rate to vary
+            F[:4, 6] = 0.0
+        s = move(self.s, self.tau)
+        P = F @ self.P @ F.T + self.Q
+        H = np.zeros((2, 7))
+        H[0, 0] = H[1, 2] = 1.0
+        Sigma = H @ P @ H.T + np.diag(self.R)
+        innovation = z - H @ s
+        K = P @ H.T @ np.linalg.inv(Sigma)
+        self.s, self.P = s + K @ innovation, P - K @ H @ P
+        quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+        self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
