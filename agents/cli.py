@@ -13,6 +13,7 @@ import tyro
 from agents.bench import Bench
 from agents.compare import Compare
 from agents.evaluate import Evaluate
+from agents.limits import Limits
 from agents.play import Play
 from agents.reproduce import Reproduce
 from agents.track import Track
@@ -25,6 +26,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Track, tyro.conf.subcommand("track")]
+    | Annotated[Limits, tyro.conf.subcommand("limits")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Play, tyro.conf.subcommand("play")]
 )

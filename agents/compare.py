@@ -13,7 +13,7 @@ from hybrid_env.checks import check_integer, reject
 class Compare(WorldArguments):
     """Train PPO for about half a minute and compare it with the classical rules on the same episodes."""
 
-    deciders: tuple[str, ...] = ("ate", "fixed", "ppo")
+    deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "ppo")
     """What to compare, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
     likeliest at the end), 'bayes' (fitted now), 'ppo' (trained now), or run folders."""
     accuracy: float | None = None

@@ -162,7 +162,7 @@ class Comparison:
         for row in self.bank_rows():
             table.add_row(
                 f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
-                f"{100 * row['worst']:+.1f}",
+                f"{100 * row['worst']:+.1f}" if np.isfinite(row["worst"]) else "-",
             )  # fmt: skip
         return table
 
@@ -216,7 +216,10 @@ class Comparison:
             "selection": {"seed": seeds.SELECTION, "episodes": SELECTION_EPISODES},
             "equal_time": self.equal_time,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
-            "bank": self.bank_rows(),
+            "bank": [
+                {name: value if np.isfinite(value) else None for name, value in row.items()}
+                for row in self.bank_rows()
+            ],
             "deciders": [self._entry_json(entry) for entry in self.entries],
         }
 

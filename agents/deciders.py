@@ -71,9 +71,7 @@ GAP = DeciderFamily(
     4.6,
     GapDecider,
 )
-LIKELIEST_AT_THE_END = DeciderFamily(
-    "ML at the end", "ticks", (LAST_TICK,), LAST_TICK, FIXED_TIME.make
-)
+LIKELIEST_AT_THE_END = DeciderFamily("ML at the end", "ticks", (LAST_TICK,), LAST_TICK, FIXED_TIME.make)
 CLASSICAL = {
     "ate": ATE,
     "fixed": FIXED_TIME,

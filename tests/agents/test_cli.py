@@ -16,6 +16,7 @@ WORLD_NONSENSE = [
     ("--radii 0", "radii=(0.0,)"),
     ("--radii 5 nan", "radii=(5.0, nan)"),
     ("--radii", "radii=()"),
+    ("--bank silver", "silver"),
     ("--speed 0", "speed=0.0"),
     ("--heading inf", "heading=inf"),
     ("--tau -1", "tau=-1.0"),
@@ -46,6 +47,15 @@ NONSENSE = [
     ("compare --deciders ate ate", "deciders=('ate', 'ate')"),
     ("compare --deciders ate oracle", "decider='oracle'"),
     ("compare --out bad.txt", "out="),
+    ("compare --accuracy 1", "accuracy=1.0"),
+    ("compare --accuracy nan", "accuracy=nan"),
+    ("limits --episodes 1", "episodes=1"),
+    ("limits --seed 1000000000", "seed=1000000000"),
+    ("limits --out bad.txt", "out="),
+    ("evaluate msprt:0", "alpha=0.0"),
+    ("evaluate gap:40", "gap=40.0"),
+    ("evaluate ml:0.5", "decider='ml:0.5'"),
+    ("evaluate bayes:-1", "delay_cost=-1.0"),
     ("train --steps 0", "steps=0"),
     ("train --num-envs 0", "num-envs=0"),
     ("train --rollout 0", "rollout=0"),
@@ -208,10 +218,10 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     ]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
-    for name in ("ATE", "fixed time", "PPO", "PPO against ATE"):
+    for name in ("ATE", "fixed time", "MSPRT", "PPO", "PPO against ATE", "Wrong decisions", "bank while all"):
         assert name in printed
     data = json.loads((out / "compare.json").read_text())
-    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "PPO"]
+    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "PPO"]
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png"]
