@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-Group = Literal["single", "vector", "bank", "study", "training", "growth", "startup"]
-ALL: tuple[Group, ...] = ("single", "vector", "bank", "study", "training", "growth", "startup")
+Group = Literal["single", "vector", "banks", "bank", "study", "training", "growth", "startup"]
+ALL: tuple[Group, ...] = ("single", "vector", "banks", "bank", "study", "training", "growth", "startup")
 
 
 @dataclass(kw_only=True)

@@ -160,6 +160,19 @@ def vector_environment() -> Iterator[Measurement]:
     yield faster("vector environment against CartPole in SyncVectorEnv", "3 hypotheses, 64 tracks", *times)
 
 
+def banks() -> Iterator[Measurement]:
+    """The anchor-aware bank against the published one, 1,024 tracks waiting."""
+    for name, radii in BANKS.items():
+        steps = []
+        for bank in ("anchor_aware", "published"):
+            env = make_vector_env("hybrid_env:HybridTrack-v0", 1024, radii=radii, bank=bank, tick_info=False)
+            env.reset(seed=0)
+            steps.append(_step(env, np.zeros(1024, np.int64)))
+        ours, theirs = in_turn(steps[0], steps[1])
+        goal = 0.25 if name == "3 hypotheses" else None
+        yield faster("anchor-aware bank against the published, 1,024 tracks", name, ours, theirs, goal)
+
+
 def _cartpoles(env: VectorEnv[Any, Any, Any]) -> Callable[[], Any]:
     env.reset(seed=0)
     return _step(env, np.random.default_rng(0).integers(0, 2, env.num_envs))
@@ -334,6 +347,7 @@ def start_up() -> Iterator[Measurement]:
 GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "single": single_environment,
     "vector": vector_environment,
+    "banks": banks,
     "bank": bank_step,
     "study": study_2018,
     "training": training,

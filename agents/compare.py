@@ -15,7 +15,7 @@ class Compare(WorldArguments):
 
     deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "ppo")
     """What to compare, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
-    likeliest at the end), 'bayes' (fitted now), 'ppo' (trained now), or run folders."""
+    likeliest at the end), 'bayes' (fitted now), 'ppo', 'sequence' (trained now), or run folders."""
     accuracy: float | None = None
     """Choose thresholds that reach this accuracy soonest, not those of the best reward."""
     episodes: int = 1500
@@ -25,7 +25,7 @@ class Compare(WorldArguments):
     steps: int = STEPS
     """Environment steps of PPO's training."""
     training_seeds: int = 1
-    """PPO policies to train, each with its own seed."""
+    """Agents of each kind to train, each with its own seed."""
     out: Path = Path("results")
     """Folder for compare.png and compare.json."""
 

@@ -9,7 +9,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from agents import seeds
-from agents.deciders import DeciderFamily, check_family, decider_family, policy_family
+from agents.deciders import DeciderFamily, check_family, decider_family, policy_family, sequence_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
     ACCURACY,
@@ -22,12 +22,15 @@ from agents.operating_curve import (
     sweep,
     ticks_at_accuracy,
 )
+from agents.sequence_training import train_sequence
+from agents.train_sequence import STEPS as SEQUENCE_STEPS
 from agents.training import TrainingProgress, TrainingRun
 from baselines.waited_paths import Paths, at_tick, waited_paths
 from hybrid_env.options import WorldOptions
 
 SELECTION_EPISODES = 1000
 LEVELS = (0.95, 0.98)
+TRAINED = {"ppo": "PPO", "sequence": "sequence"}
 BANK_TICKS = (2, 5, 10, 20, 40)
 
 
@@ -37,9 +40,9 @@ class Plan:
 
     Attributes:
         env_id, options: the world.
-        deciders: classical names, 'ppo', or run folders; the first is the reference.
+        deciders: classical names, 'ppo', 'sequence', or run folders; the first is the reference.
         episodes, seed: that the figures are reported on.
-        steps, training_seeds: of PPO.
+        steps: of PPO. training_seeds: of PPO and of the sequence agent.
         accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
     """
 
@@ -63,7 +66,7 @@ class Plan:
             ArgumentError: an unknown decider or option, or a policy for another bank.
         """
         world = self.world()
-        families = [None if name == "ppo" else decider_family(name, world) for name in self.deciders]
+        families = [None if name in TRAINED else decider_family(name, world) for name in self.deciders]
         for name, family in zip(self.deciders, families, strict=True):
             if family is not None:
                 check_family(family, name, world)
@@ -185,8 +188,10 @@ class Comparison:
             if "ticks_at_98" in gain:
                 parts.append(f"{_signed(gain['ticks_at_98'], 1)} ticks at 98 % accuracy")
             lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
-        trained = [entry for entry in self.entries if entry.name.startswith("PPO ")]
-        if len(trained) > 1:
+        for kind in TRAINED.values():
+            trained = [entry for entry in self.entries if entry.name.startswith(f"{kind} ")]
+            if len(trained) < 2:
+                continue
             spread = []
             for name, digits, values in (
                 ("reward", 3, [entry.reward.value for entry in trained]),
@@ -194,7 +199,7 @@ class Comparison:
             ):
                 low, mean, high = np.min(values), np.mean(values), np.max(values)
                 spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
-            lines.append(f"PPO over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
+            lines.append(f"{kind} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
         return lines
 
     def gains(self, entry: Entry) -> dict[str, Figure]:
@@ -264,9 +269,9 @@ def _signed(figure: Figure, digits: int) -> str:
 def compare(plan: Plan, progress: Progress) -> Comparison:
     """Carry out a plan, showing how it goes on."""
     families: list[DeciderFamily] = []
-    for family in plan.families():
+    for name, family in zip(plan.deciders, plan.families(), strict=True):
         if family is None:
-            families += [_train(plan, number, progress) for number in range(plan.training_seeds)]
+            families += [_train(name, plan, number, progress) for number in range(plan.training_seeds)]
         else:
             families.append(family)
     total = sum(2 * len(family.thresholds) for family in families)
@@ -293,13 +298,17 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     return Comparison(plan, world, equal_time, tuple(entries), waited)
 
 
-def _train(plan: Plan, number: int, progress: Progress) -> DeciderFamily:
-    name = "PPO" if plan.training_seeds == 1 else f"PPO {number + 1}"
-    task = progress.add_task(f"Training {name}", total=plan.steps, note="")
+def _train(kind: str, plan: Plan, number: int, progress: Progress) -> DeciderFamily:
+    name = TRAINED[kind] if plan.training_seeds == 1 else f"{TRAINED[kind]} {number + 1}"
+    steps = plan.steps if kind == "ppo" else SEQUENCE_STEPS
+    task = progress.add_task(f"Training {name}", total=steps, note="")
 
     def show(now: TrainingProgress) -> None:
         progress.update(task, completed=min(now.steps, now.total), note=now.note)
 
+    if kind == "sequence":
+        net = train_sequence(plan.env_id, [plan.options], steps, number, on_progress=show)
+        return sequence_family(name, net, plan.world())
     run = TrainingRun(plan.env_id, plan.options, seed=number, steps=plan.steps)
     return policy_family(name, run.train(show))
 

@@ -18,6 +18,7 @@ from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
     from agents.policy import PolicyDecider
+    from agents.sequence import SequenceNet
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,7 @@ LOG_ODDS = (
 
 
 BAYES = "bayes"
+SEQUENCE_CARD = "sequence.json"
 COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
 FITTING_EPISODES = 3000
 
@@ -128,6 +130,14 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
+def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
+    """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
+    from agents.sequence import SequenceDecider
+
+    by = "type" if world.correctness == "type" else "hypothesis"
+    return DeciderFamily(name, "alpha", DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, by))
+
+
 def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     """The family of a classical name or of a run folder, for a world."""
     if name in CLASSICAL:
@@ -135,6 +145,10 @@ def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     if name == BAYES:
         return bayes_family(world)
     folder = Path(name)
+    if name and (folder / SEQUENCE_CARD).is_file():
+        from agents.sequence import load_sequence
+
+        return sequence_family(folder.name, load_sequence(folder)[0], world)
     if name and folder.is_dir():
         from agents.policy import PolicyDecider, load_policy
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+CARDS = ("policy.json", "sequence.json")
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 
 
@@ -61,9 +62,9 @@ class WorldArguments:
 
 def read_card(decider: str) -> dict[str, Any] | None:
     """The card of a run folder, with an optional threshold behind its name; None for any other decider."""
-    for name in (decider, decider.rpartition(":")[0]):
-        path = Path(name) / "policy.json"
-        if name and path.is_file():
+    names = (decider, decider.rpartition(":")[0])
+    for path in (Path(name) / card for name in names if name for card in CARDS):
+        if path.is_file():
             try:
                 card = json.loads(path.read_text(encoding="utf-8"))
                 return {"environment": str(card["environment"]), "options": dict(card["options"])}

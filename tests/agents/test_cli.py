@@ -34,7 +34,7 @@ WORLD_NONSENSE = [
 ]
 NONSENSE = [
     (f"{command} {flags}", message)
-    for command in ("compare", "train", "evaluate", "play --out x.gif")
+    for command in ("compare", "train", "train-sequence", "evaluate", "play --out x.gif")
     for flags, message in WORLD_NONSENSE
 ] + [
     ("", "Expected one of"),
@@ -49,6 +49,16 @@ NONSENSE = [
     ("compare --out bad.txt", "out="),
     ("compare --accuracy 1", "accuracy=1.0"),
     ("compare --accuracy nan", "accuracy=nan"),
+    ("train-sequence --out .", "out='.'"),
+    ("train-sequence --steps 0", "steps=0"),
+    ("train-sequence --noise 0.1 0", "noise=0.0"),
+    ("train-sequence --noise 0.1 --measurement-variance 0.1", "noise=(0.1,)"),
+    ("train-sequence --tracks 0", "tracks=0"),
+    ("train-sequence --rollout 0", "rollout=0"),
+    ("train-sequence --hidden 0", "hidden=0"),
+    ("train-sequence --learning-rate nan", "learning_rate=nan"),
+    ("train-sequence --strictest 1", "strictest=1.0"),
+    ("train-sequence --latest 0", "latest=0"),
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
     ("limits --out bad.txt", "out="),

@@ -1,0 +1,144 @@
+"""The sequence agent: symmetries of its network, training that repeats, its file, and its decisions."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from agents.deciders import load_decider
+from agents.evaluation import evaluate
+from agents.sequence import SequenceDecider, SequenceNet, load_sequence, save_sequence
+from agents.sequence_training import SequenceSettings, train_sequence
+from baselines import FixedTimeDecider
+from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
+
+ENV = "hybrid_env:HybridTrack-v0"
+SMALL = SequenceSettings(tracks=32, rollout=16, hidden=12)
+
+
+def net_of_noise(seed=0, hidden=12):
+    torch.manual_seed(seed)
+    net = SequenceNet(hidden)
+    torch.nn.init.normal_(net.score.weight)
+    return net
+
+
+def mirrored(rows):
+    """The rows of the same flight seen in a mirror: left and right change places."""
+    layout = Layout.of_rows(rows)
+    M, n = layout.hypotheses, layout.hypotheses // 2
+    order = np.array([0, *range(n + 1, M), *range(1, n + 1)])
+    out = rows.copy()
+    for name in (
+        "log_ratio",
+        "innovation_along",
+        "innovation_across",
+        "log_variance",
+        "previous",
+        "curvature",
+    ):
+        out[:, layout.slices[name]] = rows[:, layout.slices[name]][:, order]
+    for name in ("innovation_across", "curvature", "displacement_across"):
+        out[:, layout.slices[name]] *= -1
+    return out, order
+
+
+def test_turns_are_scored_from_their_own_side():
+    # the straight line is its own mirror image, so its across features are the ones that may differ
+    env = HybridTrackVectorEnv(16, radii=(3.0, 5.0))
+    rows, _ = env.reset(seed=1)
+    rows[:, env.world.layout.slices["innovation_across"]][:, 0] = 0.0
+    net = net_of_noise()
+    reflected, order = mirrored(rows)
+    with torch.no_grad():
+        first, second = (net.features(torch.from_numpy(one))[..., :12] for one in (rows, reflected))
+    np.testing.assert_allclose(first[:, order][:, 1:], second[:, 1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
+def test_one_network_reads_any_bank_and_the_order_of_radii_does_not_matter(radii):
+    net = net_of_noise()
+    flights = []
+    for order in (radii, radii[::-1]):
+        env = HybridTrackVectorEnv(8, radii=order, scheme="S60 L60r5 S60")
+        rows, _ = env.reset(seed=3)
+        memory = torch.zeros(8, 2 * len(radii) + 1, 12)
+        for _ in range(12):
+            with torch.no_grad():
+                memory = net.remember(net.features(torch.from_numpy(rows)), memory)
+                posterior = net.log_posterior(torch.from_numpy(rows), memory)
+            rows = env.step(np.zeros(8, np.int64))[0]
+        flights.append(posterior.numpy())
+    n = len(radii)
+    back = [0, *range(n, 0, -1), *range(2 * n, n, -1)]
+    np.testing.assert_allclose(flights[0], flights[1][:, back], atol=1e-4)
+
+
+def test_memory_begins_anew_with_every_segment():
+    decider = SequenceDecider(net_of_noise(), alpha=1e-6)
+    env = HybridTrackVectorEnv(4, scheme="random 3x5")
+    rows, _ = env.reset(seed=2)
+    state = None
+    for _ in range(5):
+        _, state = decider.predict(rows, state)
+        rows = env.step(np.zeros(4, np.int64))[0]
+    first = decider.predict(rows, state)[1]
+    np.testing.assert_array_equal(first, decider.predict(rows, None)[1])
+
+
+def test_the_same_seed_gives_the_same_weights():
+    nets = [train_sequence(ENV, [{}], 2000, seed=4, settings=SMALL) for _ in range(2)]
+    for one, other in zip(*(net.state_dict().values() for net in nets), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_a_minute_of_training_would_be_too_long_here_but_seconds_beat_chance():
+    net = train_sequence(ENV, [{}], 150_000, settings=SequenceSettings(tracks=64, hidden=16))
+    learned = evaluate(SequenceDecider(net, 0.1), episodes=200, seed=7)
+    fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
+    assert learned.correct.mean() > fixed.correct.mean()
+
+
+def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
+    net = net_of_noise()
+    save_sequence(tmp_path, net, {"environment": ENV, "options": {}})
+    again, card = load_sequence(tmp_path)
+    assert card["hidden"] == 12
+    for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
+        assert torch.equal(one, other)
+    decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
+    assert decider.alpha == 0.05
+    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).by == "type"
+    card["observation_scales"]["ticks"] = 5.0
+    (tmp_path / "sequence.json").write_text(json.dumps(card))
+    with pytest.raises(ValueError, match="other scales"):
+        load_sequence(tmp_path)
+    (tmp_path / "sequence.safetensors").write_bytes(b"\x00")
+    with pytest.raises(ValueError, match="run="):
+        load_sequence(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"tracks": 0}, "tracks=0"),
+        ({"hidden": 1.5}, "hidden=1.5"),
+        ({"learning_rate": -1.0}, "learning_rate=-1.0"),
+        ({"strictest": 0.5}, "strictest=0.5"),
+        ({"latest": 0}, "latest=0"),
+    ],
+)
+def test_bad_settings_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        SequenceSettings(**arguments)
+
+
+def test_several_worlds_are_trained_on_at_once_and_need_tracks():
+    worlds = [{"measurement_variance": R} for R in (0.01, 1.0)]
+    train_sequence(ENV, worlds, 1000, settings=SMALL)
+    with pytest.raises(ValueError, match="tracks=1"):
+        train_sequence(ENV, worlds, 1000, settings=SequenceSettings(tracks=1))
+    for alpha in (0.0, 2.0, float("nan")):
+        with pytest.raises(ValueError, match="alpha="):
+            SequenceDecider(net_of_noise(), alpha)
