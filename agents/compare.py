@@ -65,6 +65,8 @@ class Compare(WorldArguments):
         console.print(result.table())
         for line in result.headlines():
             console.print(line, highlight=False, soft_wrap=True)
+        for line in result.missed_accuracy():
+            console.print(line, highlight=False)
         console.print(result.error_table())
         console.print(result.bank_table())
         draw_operating_curves(result, folder / "compare.png")

@@ -142,6 +142,15 @@ class Comparison:
             )  # fmt: skip
         return table
 
+    def missed_accuracy(self) -> list[str]:
+        """A line for each decider that no threshold took to the wanted accuracy on the reported episodes."""
+        wanted = self.plan.accuracy
+        return [
+            f"{entry.name} does not reach {wanted:.1%}: its most accurate threshold is shown"
+            for entry in self.entries
+            if wanted is not None and entry.curve.means[ACCURACY].max() < wanted
+        ]
+
     def error_table(self) -> Table:
         """How an error makes the next one likelier, by a spoiled anchor."""
         table = Table(title="Wrong decisions, %", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -294,7 +303,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
         entries.append(_entry(curve, index, equal_time))
         progress.advance(task)
     world = plan.world()
-    waited = waited_paths(plan.episodes, plan.seed, **vars(world))
+    waited = waited_paths(plan.episodes, plan.seed, max(BANK_TICKS), **vars(world))
     return Comparison(plan, world, equal_time, tuple(entries), waited)
 
 

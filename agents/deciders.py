@@ -13,7 +13,7 @@ from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
 from baselines.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.decider import Decider
 from baselines.waited_paths import Paths, waited_paths
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_positive, reject
 from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
@@ -116,7 +116,9 @@ def bayes_family(world: WorldOptions) -> DeciderFamily:
     def paths() -> Paths:
         return waited_paths(FITTING_EPISODES, seeds.FITTING, **vars(world))
 
+    @functools.cache
     def make(cost: float) -> Decider:
+        check_positive("cost", cost, allow_zero=True)
         waited = paths()
         return BayesRiskDecider(stopping_boundary(waited, cost), waited.by)
 
@@ -174,6 +176,8 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         raise reject("decider", name, "a number after the colon") from None
     family = decider_family(base if threshold is not None else name, options)
     whole = family.symbol == "ticks"
+    if threshold is not None and family is LIKELIEST_AT_THE_END:
+        raise reject("decider", name, "no number after 'ml', which waits to the end")
     if threshold is not None and (not np.isfinite(threshold) or (whole and threshold % 1)):
         allowed = "a whole number" if whole else "a finite number"
         raise reject("decider", name, f"{allowed} after the colon")

@@ -22,8 +22,14 @@ class Limits:
         """Measure, write the files."""
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
-        if self.seed + self.episodes > seeds.SELECTION:
-            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes")
+        from agents.limits_study import STATEMENT_EPISODES
+
+        if self.seed + max(self.episodes, STATEMENT_EPISODES) > seeds.SELECTION:
+            raise reject(
+                "seed",
+                self.seed,
+                f"at most {seeds.SELECTION} less the episodes, {STATEMENT_EPISODES} at least",
+            )
         from rich.console import Console
         from rich.markdown import Markdown
 

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from baselines.decider import Actions, Observations
 from baselines.msprt import read_doubt
 from baselines.waited_paths import Paths
-from hybrid_env.checks import check_positive
+from hybrid_env.checks import check_array, check_choice, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 
 FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])  # of the log-doubt
 RIDGE = 1e-6  # of the regression, in units of its weights' squares a path
 LEAST_PATHS = 200  # a regression on fewer says nothing
-SMOOTHING = 5  # ticks that the boundary is averaged over
+SMOOTHING = 5  # ticks of its running median
 
 
 def stopping_boundary(paths: Paths, delay_cost: float) -> FloatArray:
@@ -34,7 +34,9 @@ def stopping_boundary(paths: Paths, delay_cost: float) -> FloatArray:
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
     last = paths.doubt.shape[1]
     value = np.zeros(len(paths.length))
-    boundary = np.full(last, -np.inf)
+    if len(paths.length) < 5 * LEAST_PATHS:
+        raise reject("paths", len(paths.length), f"at least {5 * LEAST_PATHS} segments to fit a rule on")
+    boundary = np.zeros(last)
     grid = np.linspace(LOG_FLOOR, 0.0, 601)
     for k in range(last - 1, -1, -1):
         alive = paths.length > k
@@ -44,9 +46,7 @@ def stopping_boundary(paths: Paths, delay_cost: float) -> FloatArray:
         value[ending] = declared[ending]
         running = alive & ~ending
         if running.sum() < LEAST_PATHS:
-            boundary[k] = boundary[k + 1] if k + 1 < last else 0.0
-            if boundary[k] == -np.inf:
-                boundary[k] = 0.0
+            boundary[k] = 0.0  # few segments are that long, and soon end
         else:
             doubt = paths.doubt[running, k]
             # what declaring gains over waiting, where there are paths to say so
@@ -90,7 +90,8 @@ class BayesRiskDecider:
     """
 
     def __init__(self, boundary: FloatArray, by: Literal["hypothesis", "type"] = "hypothesis"):
-        self.boundary = np.asarray(boundary, dtype=np.float64)
+        self.boundary = check_array("boundary", boundary, (None,))
+        check_choice("by", by, ("hypothesis", "type"))
         self.by: Literal["hypothesis", "type"] = by
 
     def predict(

@@ -89,14 +89,14 @@ def _ratios_of_run(
             )
             bank.step_bank(running, 0, 1, measurement, process_variance, rx, ry)
             for h in range(1, hypotheses):
-                determinants[j, h] += 2.0 * (
-                    running.innovations[h].log_variance[0] - nominal.innovations[0].log_variance[0]
-                )
                 # logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's
                 log_psi[j, h] = running.hypotheses[h].log_likelihood[0] - (
                     straight.log_likelihood[0] - before[j]
                 )
                 if printed_sign:
+                    determinants[j, h] += 2.0 * (
+                        running.innovations[h].log_variance[0] - nominal.innovations[0].log_variance[0]
+                    )
                     log_psi[j, h] += determinants[j, h]
         for h in range(1, hypotheses):
             largest = log_psi[: k + 1, h].max()

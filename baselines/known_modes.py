@@ -55,7 +55,9 @@ def _filter_run(
         radius = np.array([abs(signed_radii[piece]) if signed_radii[piece] != 0.0 else 1.0])
         mode = 0 if signed_radii[piece] == 0.0 else (1 if signed_radii[piece] > 0.0 else 2)
         x, vx, y, vy = estimate
-        first, second = covariance if carry else np.stack((start_covariance, start_covariance))
+        if not carry:
+            covariance[:] = start_covariance
+        first, second = covariance
         bank.anchor_bank(
             filters, 0, (x, vx, y, vy), radius, tau,
             (first[0], first[1], first[2]), (second[0], second[1], second[2]),

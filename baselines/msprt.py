@@ -16,12 +16,13 @@ from hybrid_env.checks import check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 
 FloatArray = NDArray[np.float64]
+CLIPPED = LOG_FLOOR + 1e-3  # ratios here are the observation's floor, not likelihoods
 
 
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     """Posterior of straight, left and right, (..., 3), from log-likelihood ratios (..., M); equal priors."""
     n = log_ratio.shape[-1] // 2
-    weights = np.exp(log_ratio)
+    weights = np.where(log_ratio <= CLIPPED, 0.0, np.exp(log_ratio))
     types = np.stack(
         [weights[..., 0], weights[..., 1 : n + 1].sum(-1), weights[..., n + 1 :].sum(-1)], axis=-1
     )

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.msprt import read_doubt
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import check_integer, reject
+from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +23,7 @@ class Paths:
     Attributes:
         doubt: (S, T) log of the stated probability of being wrong at each tick.
         right: (S, T) whether a declaration would have been right.
-        length: (S,) ticks; what lies behind is meaningless.
+        length: (S,) ticks noted; what lies behind is meaningless.
         by: what must be right.
     """
 
@@ -32,31 +33,38 @@ class Paths:
     by: Literal["hypothesis", "type"]
 
 
-def waited_paths(episodes: int, seed: int, **options: Any) -> Paths:
+def waited_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> Paths:
     """Wait through episodes of a world; each segment is decided at its end, so anchors are mostly good.
 
     Args:
         episodes: at once, seeded seed, seed + 1, ...
-        options: of the world, see `hybrid_env.WorldOptions`.
+        ticks: of each segment that are noted, None for all.
+        options: of the world, see `hybrid_env.WorldOptions`; `undecided` is "likeliest" here.
     """
-    env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **options)
-    by: Literal["hypothesis", "type"] = "type" if env.options.correctness == "type" else "hypothesis"
-    n = len(env.options.radii)
+    check_integer("seed", seed, minimum=0)
+    world = WorldOptions.of(**options | {"undecided": "likeliest"})
+    env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
+    last = (
+        world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
+    )
+    by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
+    n = len(world.radii)
     kind = np.repeat([0, 1, 2], [1, n, n]) if by == "type" else np.arange(2 * n + 1)
-    shape = (episodes * env.options.segments, env.options.longest_segment)
+    shape = (episodes * world.segments, last)
     doubt, right, length = np.zeros(shape), np.zeros(shape, np.bool_), np.zeros(shape[0], np.int64)
     observation, _ = env.reset(seed=seed)
     wait = np.zeros(episodes, np.int64)
     going = np.ones(episodes, np.bool_)
-    first = np.arange(episodes) * env.options.segments
+    first = np.arange(episodes) * world.segments
     while going.any():
         rows = first + env.world.field("segment")
-        ticks = env.world.field("tick")
+        tick = env.world.field("tick")
         value, best = read_doubt(observation, by)
         good = kind[best] == kind[env.world.field("true_mode")]
-        doubt[rows[going], ticks[going] - 1] = value[going]
-        right[rows[going], ticks[going] - 1] = good[going]
-        length[rows[going]] = ticks[going]
+        noted = going & (tick <= last)
+        doubt[rows[noted], tick[noted] - 1] = value[noted]
+        right[rows[noted], tick[noted] - 1] = good[noted]
+        length[rows[noted]] = tick[noted]
         observation, _, terminated, _, _ = env.step(wait)
         going &= ~terminated
     return Paths(doubt, right, length, by)
@@ -83,9 +91,16 @@ class Calibration:
         return float(gap[np.abs(gap).argmax()]) if enough.any() else float("nan")
 
 
+def _with_tick(paths: Paths, tick: int) -> NDArray[np.bool_]:
+    """(S,) the segments that have a tick."""
+    if check_integer("tick", tick) > paths.length.max():
+        raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
+    return np.asarray(paths.length >= tick)
+
+
 def calibration(paths: Paths, tick: int) -> Calibration:
     """Calibration of the likeliest hypothesis, or type, after some ticks of each segment that has them."""
-    long_enough = paths.length >= tick
+    long_enough = _with_tick(paths, tick)
     stated = 1.0 - np.exp(paths.doubt[long_enough, tick - 1])
     right = paths.right[long_enough, tick - 1]
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
@@ -115,7 +130,7 @@ class Statement:
 
 def at_tick(paths: Paths, tick: int) -> Statement:
     """The bank's statement after some ticks, over the segments that have them."""
-    long_enough = paths.length >= tick
+    long_enough = _with_tick(paths, tick)
     return Statement(
         float(paths.right[long_enough, tick - 1].mean()),
         float(1.0 - np.exp(paths.doubt[long_enough, tick - 1]).mean()),

@@ -116,7 +116,7 @@ def anchor_aware(
 
 
 @formula
-def turn_derivatives(angle: float, tau: float) -> tuple[float, float, float, float]:
+def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
     """Cosine, sin(a)/a, a sin(a) and the derivative of sin(a)/a by a, for a = turn rate times tau."""
     sine, cosine = sine_cosine(angle)
     square = angle * angle
@@ -168,7 +168,7 @@ def step_hypothesis(
     for lane in range(np.uintp(first), np.uintp(last)):
         x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
         centre_x, centre_y, rate = kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane]
-        C, quotient, product, derivative = turn_derivatives(rate * tau, tau)
+        C, quotient, product, derivative = turn_derivatives(rate * tau)
         S, W = tau * quotient, product / tau  # sin / rate, rate * sin
         D = product * quotient / (1.0 + C) if C > 0.0 else 1.0 - C  # 1 - cos, without its cancellation
         from_x, from_y = x - centre_x, y - centre_y

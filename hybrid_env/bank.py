@@ -3,7 +3,7 @@
 Golubkov 2018, eq. (2) and (4). Process and measurement noise are diagonal, so the 4x4 filter of the paper
 is two filters (position, velocity), one an axis. Their covariances do not depend on the data, only on the
 turn rate, so a left and a right turn of one radius share them, and so do the axes where the measurement
-noise is equal on both. What is left per hypothesis is four numbers of state, two of innovation and one
+noise is equal on both. What is left per hypothesis is four numbers of state, the two of its centre and one
 log-likelihood.
 
 Every field holds one number a lane. Hypothesis 0 is straight, 1 .. n turn left, n + 1 .. 2n turn right.

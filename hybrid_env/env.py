@@ -23,7 +23,8 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
     velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Every tick its position is measured with
     noise. The moments at which it may switch are known, the new mode is not. A bank of Kalman filters, one
     per hypothesis, starts at each switch from the current estimate and is compared with the measurements
-    (eq. (2)). The agent reads how well each hypothesis explains them, and waits or declares one.
+    (eq. (2)); with `bank="anchor_aware"` they know how uncertain that estimate is. The agent reads how well
+    each hypothesis explains the measurements, and waits or declares one.
 
     An episode is one trajectory of several segments. A declaration ends the segment for the agent: the chosen
     filter follows the object alone to the segment's end within the same step, and its estimate is where the

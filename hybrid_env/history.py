@@ -57,7 +57,7 @@ class EpisodeHistory:
         """Forget the last episode and note the first tick of a new one.
 
         Args:
-            trace: (1, len(kernel.TRACE_COLUMNS)).
+            trace: (1, len(track.TRACE_COLUMNS)).
             info: of the environment's `reset`.
         """
         self.episode += 1
@@ -70,7 +70,7 @@ class EpisodeHistory:
         """Note the ticks of one step.
 
         Args:
-            trace: (ticks, len(kernel.TRACE_COLUMNS)), fast-forwarded ticks and the first of the next
+            trace: (ticks, len(track.TRACE_COLUMNS)), fast-forwarded ticks and the first of the next
                 segment included.
             info: of the environment's `step`.
         """
@@ -97,7 +97,7 @@ class EpisodeHistory:
 
     @property
     def trace(self) -> FloatArray:
-        """(T, len(kernel.TRACE_COLUMNS)), one row a tick."""
+        """(T, len(track.TRACE_COLUMNS)), one row a tick."""
         return _joined(self._traces)
 
     @property

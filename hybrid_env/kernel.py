@@ -32,8 +32,10 @@ from hybrid_env.track import BLOCK, DECISION, LANES, PARAMETERS, SCRATCH, TRACE_
 
 NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
-DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(5)  # of `DECISION`
-HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(5, 9)
+(
+    DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR,
+    HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED,
+) = range(len(DECISION))  # fmt: skip
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -254,13 +256,13 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
             i = b * LANES + lane
             action = actions[i]
             scratch.going[lane] = 1
-            if setting.trace_rows > 0:
-                block.traced[lane] = 0
             begins = reset or block.terminated[lane] != 0
             if reset and action == 0:
                 scratch.going[lane] = 0
                 resting += 1
                 continue
+            if setting.trace_rows > 0:
+                block.traced[lane] = 0
             if decisions[HAS_DECISION, i] != 0:
                 decisions[:, i] = 0
             if begins:

@@ -183,7 +183,7 @@ def write_tick(
         row[h] = LOG_SCALE * max(bank.hypotheses[h].log_likelihood[lane] - top, LOG_FLOOR)
         row[M + h] = along_x * white_x + along_y * white_y
         row[2 * M + h] = along_x * white_y - along_y * white_x
-        row[3 * M + h] = innovation.log_variance[lane] - log_noise
+        row[3 * M + h] = max(innovation.log_variance[lane] - log_noise, 0.0)  # less only by rounding
     shift_x = (block.measurement[0, lane] - block.anchor[0, lane]) * noise_whitener
     shift_y = (block.measurement[1, lane] - block.anchor[2, lane]) * noise_whitener
     base = 6 * M

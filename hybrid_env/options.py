@@ -34,7 +34,7 @@ class WorldOptions:
             turn, see `anchor_aware`; "oracle" is the published bank anchored at the true state, a bound for
             evaluation that nobody has in practice.
         reset_covariance: True starts every segment with P := I, as published; False keeps the covariance of
-            the chosen filter. None is True for the published bank and False for the anchor-aware one.
+            the chosen filter. None is True for the published bank and False for the others.
         delay_cost: cost of a step, in units of the reward of a right decision.
         correctness: "exact" asks for the hypothesis, "type" for straight, left or right only.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the likeliest.
@@ -70,9 +70,10 @@ class WorldOptions:
         noise_axes(self.measurement_variance)
         fix(self, "initial_error", self._check_initial_error())
         check_choice("bank", self.bank, ("published", "anchor_aware", "oracle"))
-        if self.reset_covariance is None:
-            fix(self, "reset_covariance", self.bank == "published")
-        check_flag("reset_covariance", self.reset_covariance)
+        if self.reset_covariance is not None:
+            check_flag("reset_covariance", self.reset_covariance)
+        if self.reset_covariance and self.bank == "oracle":
+            raise reject("reset_covariance", True, "False or None with bank='oracle', which has no doubt")
         check_choice("correctness", self.correctness, ("exact", "type"))
         check_choice("actions", self.actions, ("all", "best"))
         check_choice("undecided", self.undecided, ("likeliest", "keep"))
@@ -147,10 +148,12 @@ class WorldOptions:
         assert not isinstance(self.scheme, str)
         assert isinstance(self.initial_error, tuple)
         record = np.zeros(1, PARAMETERS)
-        for name in ("tau", "process_variance", "speed", "delay_cost", "reset_covariance", "segments"):
+        for name in ("tau", "process_variance", "speed", "delay_cost", "segments"):
             record[name] = getattr(self, name)
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
+        default = self.bank == "published"
+        record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"] = self.bank == "oracle"
         record["exact"] = self.correctness == "exact"
         record["action_count"] = self.action_count

@@ -34,7 +34,7 @@ BLOCK = lanes_of(
     ("true_centre", np.float64, (2,)),  # [m]
     ("true_motion", np.float64, (3,)),  # transition coefficients
     ("measurement", np.float64, (2,)),  # [m]
-    ("anchor", np.float64, (4,)),  # the estimate at the switch
+    ("anchor", np.float64, (4,)),  # what the bank starts from: the estimate, or the truth of an oracle
     ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
     ("speed", np.float64, ()),  # of the anchor [m/s]
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row

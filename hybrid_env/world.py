@@ -67,9 +67,18 @@ class World:
         self._advance = kernel.advance_aware_tracks if aware else kernel.advance_tracks
         self._address = self._parameters.ctypes.data
 
+    def __getstate__(self) -> dict[str, Any]:
+        bound = ("_parameters", "_address", "_advance", "_reward")
+        return {name: value for name, value in self.__dict__.items() if name not in bound}
+
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind()  # copied and unpickled arrays lie elsewhere
+        # copied and unpickled arrays lie elsewhere, maybe where the kernel must not write
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value = np.require(value, requirements=["C", "W"])
+            setattr(self, name, value)
+        self.bank = type(self.bank)(*(np.require(array, requirements=["C", "W"]) for array in self.bank))
+        self._bind()
 
     def field(self, name: str) -> NDArray[Any]:
         """A field of `BLOCK` or "log_likelihood" (cumulative since the switch): a copy, (N, ...)."""

@@ -10,6 +10,7 @@ from agents.evaluation import evaluate
 from baselines import MSPRTDecider
 from baselines.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.waited_paths import Paths, at_tick, calibration, waited_paths
+from hybrid_env.checks import ArgumentError
 
 DRIFT, LAST, COST = 0.35, 60, 0.02
 
@@ -98,3 +99,25 @@ def test_waited_paths_are_those_of_the_segments():
     assert paths.length.tolist() == [5, 7, 3] * 3
     assert paths.doubt.shape == (9, 7)
     assert (paths.doubt <= 0).all()
+
+
+def test_paths_are_noted_up_to_a_tick_and_wait_for_the_likeliest_whatever_the_world_does():
+    some, everything = waited_paths(20, 7, ticks=10), waited_paths(20, 7, undecided="keep")
+    np.testing.assert_array_equal(some.doubt, everything.doubt[:, :10])
+    assert (some.length == 10).all()
+
+
+def test_nonsense_is_refused_in_one_line():
+    paths = waited_paths(3, 7, scheme="S5 L7r5 S3")
+    for bad in (0, 2.5, 8):
+        with pytest.raises(ArgumentError, match="tick="):
+            at_tick(paths, bad)
+    with pytest.raises(ArgumentError, match="paths=9"):
+        stopping_boundary(paths, 0.02)
+    with pytest.raises(ArgumentError, match="seed=-1"):
+        waited_paths(3, -1)
+    for bad in ([], [np.nan], 3.0, "low"):
+        with pytest.raises(ArgumentError, match="boundary"):
+            BayesRiskDecider(bad)
+    with pytest.raises(ArgumentError, match="by="):
+        BayesRiskDecider([0.0], by="types")

@@ -172,3 +172,17 @@ def test_a_diverged_filter_loses_and_stays_finite():
     assert np.isfinite(found).all()
     assert found[0] > max(found[1:]) + 1000
     assert np.isfinite(bank.hypotheses["x"][:, 0]).all()
+
+
+@pytest.mark.parametrize("R", [0.01, 0.1, 3.0])
+def test_a_sure_anchor_gives_rows_inside_the_space(R):
+    # the variance of the first innovation is R itself there
+    for options in ({"bank": "oracle"}, {"initial_error": 0, "reset_covariance": False}):
+        env = HybridTrackVectorEnv(8, measurement_variance=R, **options)
+        rows, _ = env.reset(seed=0)
+        assert all(env.single_observation_space.contains(row) for row in rows)
+
+
+def test_an_oracle_cannot_be_told_to_doubt():
+    with pytest.raises(ValueError, match="reset_covariance=True"):
+        HybridTrackEnv(bank="oracle", reset_covariance=True)

@@ -155,3 +155,29 @@ def test_a_step_needs_a_reset_and_seeds_must_match_the_tracks():
         env.reset(seed=[1, 2, 3])
     rows, _ = env.reset(seed=[5, 5])
     np.testing.assert_array_equal(rows[0], rows[1])
+
+
+def test_an_environment_that_was_unpickled_from_memory_of_others_steps_in_its_own():
+    import pickle
+
+    env = HybridTrackVectorEnv(3, trace_rows=4)
+    env.reset(seed=5)
+    buffers = []
+    data = pickle.dumps(env, protocol=5, buffer_callback=buffers.append)
+    frozen = [bytes(buffer.raw()) for buffer in buffers]
+    before = [bytes(buffer) for buffer in frozen]
+    again = pickle.loads(data, buffers=frozen)
+    for _ in range(20):
+        rows = [one.step(np.zeros(3, np.int64))[0] for one in (env, again)]
+        np.testing.assert_array_equal(*rows)
+    assert frozen == before
+
+
+def test_a_reset_of_some_leaves_the_traces_of_the_others():
+    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", trace_rows=30)
+    env.reset(seed=5)
+    env.step(np.ones(3, np.int64))
+    lengths = [len(env.world.traced(k)) for k in range(3)]
+    assert min(lengths) > 1
+    env.reset(options={"reset_mask": np.array([False, True, False])})
+    assert [len(env.world.traced(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
