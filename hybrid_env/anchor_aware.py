@@ -31,6 +31,8 @@ AWARE = lanes_of(
 """One filter of the bank."""
 
 DIVERGED = 1e3  # loss of log-likelihood at a tick at which a filter has diverged
+LARGEST = 1e12  # m or m/s: a filter beyond it has diverged
+ROUNDING = 1e-6  # of a variance, below zero
 SERIES = 0.02  # below this angle a quotient of small numbers is taken from its series
 
 Ten = tuple[float, float, float, float, float, float, float, float, float, float]
@@ -247,8 +249,11 @@ def step_hypothesis(
         sound = (
             (sigma_x > 0.5 * variance_x)
             & (sigma_y > 0.5 * variance_y)
-            & (sigma_x + sigma_y < 1e100)
-            & (abs(innovation_x) + abs(innovation_y) < 1e100)
+            & (sigma_x + sigma_y < LARGEST * LARGEST)
+            & (predicted[7] + predicted[18] < LARGEST * LARGEST)
+            & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
+            & (corrected[7] > -ROUNDING * predicted[7])
+            & (corrected[18] > -ROUNDING * predicted[18])
         )
         kalman.x[lane] = new_x + k[0] * gain_x + m[0] * gain_y if sound else x
         kalman.vx[lane] = new_u + k[1] * gain_x + m[1] * gain_y if sound else u
@@ -259,7 +264,7 @@ def step_hypothesis(
         kalman.turn_rate[lane] = rate + k[6] * gain_x + m[6] * gain_y if sound else rate
         innovation.white_x[lane] = white_x if sound else 0.0
         innovation.white_y[lane] = white_y if sound else 0.0
-        innovation.log_variance[lane] = log_variance if sound else math.log(1e100)
+        innovation.log_variance[lane] = log_variance if sound else 2.0 * math.log(LARGEST)
         kalman.log_likelihood[lane] -= (
             LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y) if sound else DIVERGED
         )

@@ -129,9 +129,9 @@ def write_segment(
     base = 6 * M
     row[base + 3] = block.speed[lane]
     kept = block.kept_covariance
-    row[base + 6] = 0.5 * (kept[0, lane] / variance_x + kept[7, lane] / variance_y)
+    row[base + 6] = max(0.5 * (kept[0, lane] / variance_x + kept[7, lane] / variance_y), 0.0)
     row[base + 7] = 0.5 * (kept[1, lane] / variance_x + kept[8, lane] / variance_y)
-    row[base + 8] = 0.5 * (kept[4, lane] / variance_x + kept[9, lane] / variance_y)
+    row[base + 8] = max(0.5 * (kept[4, lane] / variance_x + kept[9, lane] / variance_y), 0.0)
     row[base + 9] = log_noise
 
 
