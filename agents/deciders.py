@@ -61,6 +61,22 @@ DOUBTS = (
     *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
+FEW_DOUBTS = (
+    0.5,
+    0.3,
+    0.2,
+    0.12,
+    0.08,
+    0.05,
+    0.03,
+    0.02,
+    0.01,
+    5e-3,
+    2e-3,
+    5e-4,
+    1e-4,
+    1e-5,
+)  # a network is slow
 MSPRT = DeciderFamily("MSPRT", "alpha", DOUBTS, 0.02, MSPRTDecider)
 TYPE_MSPRT = DeciderFamily(
     "MSPRT of types", "alpha", DOUBTS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
@@ -137,7 +153,7 @@ def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> Decid
     from agents.sequence import SequenceDecider
 
     by = "type" if world.correctness == "type" else "hypothesis"
-    return DeciderFamily(name, "alpha", DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, by))
+    return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, by))
 
 
 def decider_family(name: str, world: WorldOptions) -> DeciderFamily:

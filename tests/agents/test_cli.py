@@ -235,3 +235,26 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png"]
+
+
+def test_compare_trains_sequence_agents_and_gives_their_spread(tmp_path, capsys, monkeypatch):
+    import agents.comparison
+
+    monkeypatch.setattr(agents.comparison, "SEQUENCE_STEPS", 12_288)
+    monkeypatch.setattr(agents.comparison, "SELECTION_EPISODES", 20)
+    line = (
+        f"compare --deciders msprt sequence --training-seeds 2 --episodes 20 --accuracy 0.9 --out {tmp_path}"
+    )
+    assert main(line.split()) == 0
+    printed = capsys.readouterr().out
+    for words in ("sequence 1", "sequence 2", "sequence over 2 training seeds", "90.0% accuracy"):
+        assert words in printed
+
+
+def test_a_trained_sequence_agent_is_evaluated_in_its_own_world(tmp_path, capsys):
+    folder = tmp_path / "run"
+    line = f"train-sequence --noise 0.05 0.2 --steps 12288 --tracks 32 --rollout 32 --hidden 8 --out {folder}"
+    assert main(line.split()) == 0
+    assert main(["evaluate", str(folder), "--episodes", "5"]) == 0
+    assert "30 segments" in capsys.readouterr().out
+    assert main(f"train-sequence --out {folder}".split()) == 2
