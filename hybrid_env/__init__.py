@@ -7,9 +7,9 @@ from pathlib import Path
 
 from gymnasium.envs.registration import register, registry
 
-from hybrid_env.bank import KalmanBank
 from hybrid_env.compile_cache import drop_stale_cache
 from hybrid_env.env import HybridTrackEnv
+from hybrid_env.kalman_bank import KalmanBank
 from hybrid_env.kernel import advance_tracks
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
