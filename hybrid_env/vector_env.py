@@ -85,9 +85,9 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         if seed is None or isinstance(seed, (int, np.integer)):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
-            seeds = seed
-            if len(seeds) != self.num_envs:
+            if not isinstance(seed, (Sequence, np.ndarray)) or len(seed) != self.num_envs:
                 raise reject("seed", seed, f"an integer or {self.num_envs} of them")
+            seeds = [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
         if not (self.world.seeded | mask).all():
             raise gym.error.ResetNeeded(
                 "reset() of some tracks needs a reset() of all before: some never began"

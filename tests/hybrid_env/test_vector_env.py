@@ -181,3 +181,12 @@ def test_a_reset_of_some_leaves_the_traces_of_the_others():
     assert min(lengths) > 1
     env.reset(options={"reset_mask": np.array([False, True, False])})
     assert [len(env.world.traced(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
+
+
+@pytest.mark.parametrize("seed", [1.5, "one", (1, 2), (1, 2, 0.5), (1, 2, -3), object()])
+def test_bad_seeds_are_refused_and_arrays_of_them_taken(seed):
+    env = HybridTrackVectorEnv(3)
+    with pytest.raises(ValueError, match="seed="):
+        env.reset(seed=seed)
+    rows, _ = env.reset(seed=np.array([4, 5, 6]))
+    np.testing.assert_array_equal(rows, env.reset(seed=4)[0])
