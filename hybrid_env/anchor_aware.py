@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from hybrid_env.bank import INNOVATION, LOG_TWO_PI, Quadruple
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log, sine_cosine
+from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, turn_centre
-from hybrid_env.track import lane_zeros, lanes_of
+from hybrid_env.track import lanes_of
 
 AWARE = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -54,7 +55,7 @@ class AwareBank(NamedTuple):
 def aware_arrays(radii_count: int, *blocks: int) -> AwareBank:
     """A bank of zeros; with a number of blocks, what each block has of its own has that axis in front."""
     hypotheses = 2 * radii_count + 1
-    return AwareBank(lane_zeros((*blocks, hypotheses), AWARE), lane_zeros((hypotheses,), INNOVATION))
+    return AwareBank(aligned_zeros((*blocks, hypotheses), AWARE), aligned_zeros((hypotheses,), INNOVATION))
 
 
 @internal

@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.checks import check_array, check_positive
 from hybrid_env.compiled import compiled, formula, internal
 from hybrid_env.elementary import log
+from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.track import lane_zeros, lanes_of
+from hybrid_env.track import lanes_of
 
 FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -308,8 +309,8 @@ def bank_arrays(radii_count: int, axes: int, *blocks: int) -> Bank:
     hypotheses = 2 * radii_count + 1
     columns = radii_count + 1
     return Bank(
-        lane_zeros((*blocks, hypotheses), HYPOTHESIS),
-        lane_zeros((*blocks, axes, columns), COVARIANCE),
-        lane_zeros((hypotheses,), INNOVATION),
-        lane_zeros((axes, columns), GAIN),
+        aligned_zeros((*blocks, hypotheses), HYPOTHESIS),
+        aligned_zeros((*blocks, axes, columns), COVARIANCE),
+        aligned_zeros((hypotheses,), INNOVATION),
+        aligned_zeros((axes, columns), GAIN),
     )

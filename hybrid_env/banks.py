@@ -6,7 +6,6 @@ numba looks at the type of the argument when it compiles, so a kernel holds the 
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from hybrid_env.anchor_aware import (
@@ -18,7 +17,7 @@ from hybrid_env.anchor_aware import (
     step_hypothesis,
 )
 from hybrid_env.bank import Bank, Quadruple, anchor_bank, covariance_of, step_alone, step_bank
-from hybrid_env.compiled import internal
+from hybrid_env.compiled import internal, internal_overload
 
 IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I of the published algorithms, as an upper triangle."""
@@ -109,7 +108,7 @@ def _covariance_aware(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
     return anchor_covariance(bank.hypotheses, hypothesis, lane)
 
 
-@overload(bank_of_block)
+@internal_overload(bank_of_block)
 def _bank_of_block(banks, block):  # type: ignore[no-untyped-def]
     if banks.instance_class is Bank:
         return lambda banks, block: Bank(
@@ -118,7 +117,7 @@ def _bank_of_block(banks, block):  # type: ignore[no-untyped-def]
     return lambda banks, block: AwareBank(banks.hypotheses[block], banks.innovations)
 
 
-@overload(begin)
+@internal_overload(begin)
 def _begin(bank, lane, anchor, covariance, radii, setting):  # type: ignore[no-untyped-def]
     chosen = _begin_published if bank.instance_class is Bank else _begin_aware
     return lambda bank, lane, anchor, covariance, radii, setting: chosen(
@@ -126,13 +125,13 @@ def _begin(bank, lane, anchor, covariance, radii, setting):  # type: ignore[no-u
     )
 
 
-@overload(step)
+@internal_overload(step)
 def _step(bank, first, last, measurement, setting):  # type: ignore[no-untyped-def]
     chosen = _step_published if bank.instance_class is Bank else _step_aware
     return lambda bank, first, last, measurement, setting: chosen(bank, first, last, measurement, setting)
 
 
-@overload(follow)
+@internal_overload(follow)
 def _follow(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
     chosen = _follow_published if bank.instance_class is Bank else _follow_aware
     return lambda bank, lane, hypothesis, measurement, setting: chosen(
@@ -140,7 +139,7 @@ def _follow(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-un
     )
 
 
-@overload(covariance)
+@internal_overload(covariance)
 def _covariance(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
     chosen = _covariance_published if bank.instance_class is Bank else _covariance_aware
     return lambda bank, hypothesis, lane: chosen(bank, hypothesis, lane)

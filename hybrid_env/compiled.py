@@ -3,30 +3,81 @@
 NumPy's error model lets a division stand in such a loop without the branch that would raise.
 """
 
+import functools
 from typing import Any
 
 from numba import njit, types
 from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.extending import intrinsic, overload
+from numba.np.arrayobj import make_array, populate_array
 
 _options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+class _Ingredient(JITCodeLibrary):
+    """Code that is only ever linked into that of callers: neither optimised as a module nor made executable.
+
+    numba would do both for every function, which takes most of the time of a first start.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        pass
+
+
+class _Internal(Compiler):
+    def __init__(self, typing: Any, target: Any, library: Any, *rest: Any):
+        super().__init__(typing, target, _Ingredient(target.codegen(), "internal"), *rest)
+
 
 formula = njit(inline="always", **_options)
 """A scalar formula that becomes part of the loop it stands in; Python must not call it."""
 
-internal = njit(**_options)
+internal = njit(pipeline_class=_Internal, **_options)
 """A function for compiled code, and on disk a part of its caller; Python must not call it."""
+
+_internal_options: Any = _options | {"pipeline_class": _Internal}
+internal_overload: Any = functools.partial(overload, jit_options=_internal_options)
+"""Chooses an internal function by the types of its arguments, see `numba.extending.overload`."""
 
 compiled = njit(error_model="numpy", cache=True)
 """A function that Python calls; kept on disk."""
 
 
-def _pointer(_context: Any, address: Any) -> Any:
-    def cast(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+def _array_at(_typing: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    array = types.Array(dtype.dtype, len(shape), "C")
 
-    return types.voidptr(address), cast
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        made = make_array(array)(context, builder)
+        extents = [
+            context.cast(builder, extent, kind, types.intp)
+            for extent, kind in zip(cgutils.unpack_tuple(builder, arguments[1]), shape, strict=True)
+        ]
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(array.dtype)))
+        strides = [size]
+        for extent in reversed(extents[1:]):
+            strides.insert(0, builder.mul(strides[0], extent))
+        data = builder.inttoptr(arguments[0], made.data.type)
+        populate_array(made, data, extents, strides, size, None)
+        return made._getvalue()
+
+    return array(address, shape, dtype), build
 
 
-pointer: Any = intrinsic(_pointer)
-"""The memory at an address, for `numba.carray`."""
+array_at: Any = intrinsic(_array_at)
+"""The array of a shape and dtype that begins at an address; `numba.carray` compiles slower."""

@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import carray
 from numpy.typing import NDArray
 
 from hybrid_env import banks
@@ -24,18 +23,16 @@ from hybrid_env.bank import (
     likeliest,
     mode_type,
 )
-from hybrid_env.compiled import compiled, internal, pointer
+from hybrid_env.compiled import array_at, compiled, internal
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
-from hybrid_env.track import BLOCK, DECISION, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
+from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
 NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
-(
-    DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR,
-    HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED,
-) = range(len(DECISION))  # fmt: skip
+DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
+HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -197,6 +194,7 @@ def _decide(
     parameters: Any,
     trace: NDArray[np.float64],
     decisions: NDArray[np.int64],
+    flags: NDArray[np.bool_],
     i: int,
     chosen: int,
     forced: bool,
@@ -207,14 +205,14 @@ def _decide(
     exactly = chosen == true_mode
     of_type = mode_type(chosen, n) == mode_type(true_mode, n)
     correct = exactly if parameters.exact else of_type
-    decisions[HAS_DECISION, i] = 1
+    flags[HAS_DECISION, i] = True
     decisions[DECIDED_MODE, i] = chosen
     decisions[DECIDED_TRUE_MODE, i] = true_mode
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
-    decisions[CORRECT, i] = correct
-    decisions[TYPE_CORRECT, i] = of_type
-    decisions[FORCED, i] = forced
+    flags[CORRECT, i] = correct
+    flags[TYPE_CORRECT, i] = of_type
+    flags[FORCED, i] = forced
     block.reward[lane] = (1.0 if correct else -1.0) - parameters.delay_cost
     block.active_mode[lane] = chosen
     while block.tick[lane] < block.length[lane]:
@@ -234,15 +232,16 @@ def _decide(
 def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     tracks, n = setting.tracks, setting.radii_count
     number = (tracks + LANES - 1) // LANES
-    actions = carray(pointer(setting.actions), (tracks,), np.int64)
-    blocks = carray(pointer(setting.blocks), (number,), BLOCK)
-    scratch = carray(pointer(setting.scratch), (1,), SCRATCH)[0]
-    radii = carray(pointer(setting.radii), (n,), np.float64)
-    table = carray(pointer(setting.table), (setting.table_rows, 3), np.float64)
-    trace = carray(pointer(setting.trace), (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
-    observations = carray(pointer(setting.observations), (tracks, row_width(2 * n + 1)), np.float32)
-    decisions = carray(pointer(setting.decisions), (len(DECISION), tracks), np.int64)
-    squared_errors = carray(pointer(setting.decisions), decisions.shape, np.float64)[DECIDED_SQUARED_ERROR]
+    actions = array_at(setting.actions, (tracks,), np.int64)
+    blocks = array_at(setting.blocks, (number,), BLOCK)
+    scratch = array_at(setting.scratch, (1,), SCRATCH)[0]
+    radii = array_at(setting.radii, (n,), np.float64)
+    table = array_at(setting.table, (setting.table_rows, 3), np.float64)
+    trace = array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
+    observations = array_at(setting.observations, (tracks, row_width(2 * n + 1)), np.float32)
+    decisions = array_at(setting.decisions, (len(DECISION), tracks), np.int64)
+    flags = array_at(setting.decision_flags, (len(DECISION_FLAGS), tracks), np.bool_)
+    squared_errors = array_at(setting.decisions, decisions.shape, np.float64)[DECIDED_SQUARED_ERROR]
     if not reset:
         for i in range(tracks):
             if actions[i] < 0 or actions[i] >= setting.action_count:
@@ -263,8 +262,11 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                 continue
             if setting.trace_rows > 0:
                 block.traced[lane] = 0
-            if decisions[HAS_DECISION, i] != 0:
-                decisions[:, i] = 0
+            if flags[HAS_DECISION, i]:
+                for k in range(len(DECISION)):
+                    decisions[k, i] = 0
+                for k in range(len(DECISION_FLAGS)):
+                    flags[k, i] = False
             if begins:
                 _begin_episode(block, scratch, lane, setting)
             elif action == 0 and block.tick[lane] < block.length[lane]:
@@ -277,7 +279,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                     chosen = likeliest(bank.hypotheses, lane)
                 else:
                     chosen = action - 1
-                _decide(block, lane, bank, scratch, setting, trace[i], decisions, i, chosen, forced)
+                _decide(block, lane, bank, scratch, setting, trace[i], decisions, flags, i, chosen, forced)
                 squared_errors[i] = block.squared_error[lane]
                 events |= DECIDED
                 if block.segment[lane] + 1 == setting.segments:
@@ -310,7 +312,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
 
 @internal
 def _setting(world: int) -> Any:
-    return carray(pointer(world), (1,), PARAMETERS)[0]
+    return array_at(world, (1,), PARAMETERS)[0]
 
 
 @compiled
@@ -330,10 +332,10 @@ def advance_tracks(reset: bool, world: int) -> int:
     setting = _setting(world)
     n, axes, number = setting.radii_count, setting.axes, (setting.tracks + LANES - 1) // LANES
     filters = Bank(
-        carray(pointer(setting.hypotheses), (number, 2 * n + 1), HYPOTHESIS),
-        carray(pointer(setting.covariances), (number, axes, n + 1), COVARIANCE),
-        carray(pointer(setting.innovations), (2 * n + 1,), INNOVATION),
-        carray(pointer(setting.gains), (axes, n + 1), GAIN),
+        array_at(setting.hypotheses, (number, 2 * n + 1), HYPOTHESIS),
+        array_at(setting.covariances, (number, axes, n + 1), COVARIANCE),
+        array_at(setting.innovations, (2 * n + 1,), INNOVATION),
+        array_at(setting.gains, (axes, n + 1), GAIN),
     )
     return _advance(reset, setting, filters)
 
@@ -344,7 +346,7 @@ def advance_aware_tracks(reset: bool, world: int) -> int:
     setting = _setting(world)
     hypotheses, number = 2 * setting.radii_count + 1, (setting.tracks + LANES - 1) // LANES
     filters = AwareBank(
-        carray(pointer(setting.hypotheses), (number, hypotheses), AWARE),
-        carray(pointer(setting.innovations), (hypotheses,), INNOVATION),
+        array_at(setting.hypotheses, (number, hypotheses), AWARE),
+        array_at(setting.innovations, (hypotheses,), INNOVATION),
     )
     return _advance(reset, setting, filters)

@@ -11,8 +11,9 @@ from hybrid_env.bank import noise_axes
 from hybrid_env.checks import check_array, check_integer, check_positive, reject
 from hybrid_env.compiled import compiled
 from hybrid_env.kernel import move, turn
+from hybrid_env.memory import aligned_zeros
 from hybrid_env.scheme import FixedScheme, parse_scheme
-from hybrid_env.track import BLOCK, LANES, lane_zeros
+from hybrid_env.track import BLOCK, LANES
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def simulate(
         raise reject("scheme", scheme, "a scheme of given segments, not a random one")
     runs = check_integer("runs", runs)
     number = -(-runs // LANES)
-    blocks = lane_zeros((number,), BLOCK)
+    blocks = aligned_zeros((number,), BLOCK)
     sequence = np.random.SeedSequence(check_integer("seed", seed, minimum=0))
     streams = sequence.generate_state(4 * number * LANES, np.uint64)
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)

@@ -4,11 +4,9 @@ Tracks lie side by side in blocks of `LANES`: every field of a block holds the n
 so that a loop over lanes has a fixed length and constant strides, and becomes SIMD code.
 """
 
-import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 LANES = 8
 """Tracks of a block: eight float64 fill a cache line and the widest vector register."""
@@ -17,15 +15,6 @@ LANES = 8
 def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     """A record whose fields hold an array of a shape for each lane, lanes innermost."""
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
-
-
-def lane_zeros(shape: tuple[int, ...], record: np.dtype[Any]) -> NDArray[Any]:
-    """Zeroed records that begin on a cache line, so that the lanes of a field fill exactly one."""
-    line = 8 * LANES
-    memory = np.empty(math.prod(shape) * record.itemsize + line, np.uint8)
-    memory[:] = 0
-    start = -memory.ctypes.data % line
-    return memory[start : memory.size - line + start].view(record).reshape(shape)
 
 
 BLOCK = lanes_of(
@@ -66,12 +55,11 @@ DECISION = (
     "ticks",
     "decided_length",
     "decided_squared_error",  # a float64 among the integers
-    "has_decision",  # from here on 0 or 1
-    "correct",  # as rewarded, exact or by type
-    "type_correct",
-    "forced",
 )
 """Rows of the array in which the kernel notes the decisions of a step: a column a track, zero without one."""
+
+DECISION_FLAGS = ("has_decision", "correct", "type_correct", "forced")
+"""The same of what is true or false; "correct" as rewarded, exact or by type."""
 
 ARRAYS = (
     "actions",
@@ -86,6 +74,7 @@ ARRAYS = (
     "trace",
     "observations",
     "decisions",
+    "decision_flags",
 )
 """Arrays of a world that the kernel reads and writes."""
 

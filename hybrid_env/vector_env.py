@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from hybrid_env.checks import check_flag, check_integer, reject
 from hybrid_env.kernel import DECIDED, TERMINATED
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import DECISION
+from hybrid_env.track import DECISION, DECISION_FLAGS
 from hybrid_env.world import TICK_INFO, World
 
-_DECISION_MASKS = tuple(f"_{key}" for key in DECISION if key != "has_decision")
+_DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 
 
 class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
@@ -122,7 +122,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         events = world.step()
 
         ended = events & TERMINATED
-        terminated = world.field("terminated") if ended else np.zeros(self.num_envs, np.bool_)
+        terminated = world.terminated() if ended else np.zeros(self.num_envs, np.bool_)
         rewards = world.rewards()
         final: dict[str, Any] = {}
         if ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
@@ -156,6 +156,6 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             for held in values.values():
                 held[~mask] = 0
             decided &= mask
-        elif not np.count_nonzero(decided):
+        elif self.autoreset_mode is AutoresetMode.SAME_STEP and not decided.any():
             return {}  # the decisions are in `final_info`
         return values | dict.fromkeys(_DECISION_MASKS, decided)

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from hybrid_env import kernel
 from hybrid_env.anchor_aware import AwareBank, aware_arrays
 from hybrid_env.bank import Bank, bank_arrays
+from hybrid_env.memory import aligned_zeros
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import BLOCK, DECISION, LANES, SCRATCH, TRACE_COLUMNS, lane_zeros
+from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, SCRATCH, TRACE_COLUMNS
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""
-
-_ERROR, _HAS_DECISION = DECISION.index("decided_squared_error"), DECISION.index("has_decision")
 
 
 class World:
@@ -39,13 +38,14 @@ class World:
             self.bank = aware_arrays(n, blocks)
         else:
             self.bank = bank_arrays(n, options.variances.size, blocks)
-        self.blocks = lane_zeros((blocks,), BLOCK)
+        self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
-        self.observations = np.zeros((tracks, self.layout.width), np.float32)
+        self.observations = aligned_zeros((tracks, self.layout.width), np.float32)
         self.decisions = np.zeros((len(DECISION), tracks), np.int64)
+        self.decision_flags = np.zeros((len(DECISION_FLAGS), tracks), np.bool_)
         self.seeded = np.zeros(tracks, np.bool_)
-        self._scratch = lane_zeros((1,), SCRATCH)
+        self._scratch = aligned_zeros((1,), SCRATCH)
         self._radii = np.array(options.radii)
         self._table = options.table
         self._bind()
@@ -58,17 +58,17 @@ class World:
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "scratch": self._scratch, "radii": self._radii,
             "table": self._table, "trace": self.trace, "observations": self.observations,
-            "decisions": self.decisions,
+            "decisions": self.decisions, "decision_flags": self.decision_flags,
         }  # fmt: skip
         for name, array in arrays.items():
             self._parameters[name] = array.ctypes.data
-        self._reward = self.blocks["reward"]
+        self._reward, self._terminated = self.blocks["reward"], self.blocks["terminated"]
         aware = self.options.bank == "anchor_aware"
         self._advance = kernel.advance_aware_tracks if aware else kernel.advance_tracks
         self._address = self._parameters.ctypes.data
 
     def __getstate__(self) -> dict[str, Any]:
-        bound = ("_parameters", "_address", "_advance", "_reward")
+        bound = ("_parameters", "_address", "_advance", "_reward", "_terminated")
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -86,23 +86,29 @@ class World:
         values = source[name]
         by_track = values.swapaxes(1, 2) if values.ndim == 3 else values
         flat = by_track.reshape(-1, *by_track.shape[2:])[: self.actions.size]
-        return flat.astype(np.bool_ if name == "terminated" else flat.dtype)
+        return flat.copy()
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
-        """The fields `DECISION` of the last step, (N,) each, zero for a track without a decision; copies."""
-        values = self.decisions.copy()
-        rows = [*values[:_HAS_DECISION], *values[_HAS_DECISION:].astype(np.bool_)]
-        rows[_ERROR] = rows[_ERROR].view(np.float64)
-        return dict(zip(DECISION, rows, strict=True))
+        """`DECISION` and `DECISION_FLAGS` of the last step, (N,) each, zero without a decision; copies."""
+        rows, flags = self.decisions.copy(), self.decision_flags.copy()
+        values: dict[str, NDArray[Any]] = {key: rows[k] for k, key in enumerate(DECISION)}
+        values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
+        for k, key in enumerate(DECISION_FLAGS):
+            values[key] = flags[k]
+        return values
 
     def rewards(self) -> NDArray[np.float64]:
         """(N,) of the last step, a copy."""
         return self._reward.flatten()[: self.actions.size]
 
+    def terminated(self) -> NDArray[np.bool_]:
+        """(N,) whether the episode ended with the last step, a copy."""
+        return self._terminated.astype(np.bool_).ravel()[: self.actions.size]
+
     @property
     def nbytes(self) -> int:
         """Memory of all tracks [bytes]."""
-        arrays = (*self.bank, self.blocks, self.observations, self.decisions, self.trace)
+        arrays = (*self.bank, self.blocks, self.observations, self.decisions, self.decision_flags, self.trace)
         return sum(array.nbytes for array in arrays)
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
