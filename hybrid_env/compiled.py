@@ -6,12 +6,17 @@ NumPy's error model lets a division stand in such a loop without the branch that
 import functools
 from typing import Any
 
+import numpy as np
+from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
+
+from hybrid_env.memory import CACHE_LINE
 
 _options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -81,3 +86,26 @@ def _array_at(_typing: Any, address: Any, shape: Any, dtype: Any) -> Any:
 
 array_at: Any = intrinsic(_array_at)
 """The array of a shape and dtype that begins at an address; `numba.carray` compiles slower."""
+
+
+def _prefetch(_typing: Any, address: Any) -> Any:
+    def build(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
+        to_write, keep, data = number(1), number(3), number(1)
+        builder.call(function, [builder.inttoptr(arguments[0], cgutils.voidptr_t), to_write, keep, data])
+        return cgutils.get_null_value(cgutils.voidptr_t)
+
+    return types.voidptr(address), build
+
+
+_prefetch_line: Any = intrinsic(_prefetch)
+
+
+@internal
+def prefetch(array: NDArray[Any]) -> None:
+    """Ask for a C-ordered array that is needed soon, so that it comes while others are at work."""
+    start = np.uintp(array.ctypes.data)
+    for offset in range(0, array.nbytes, CACHE_LINE):
+        _prefetch_line(start + np.uintp(offset))

@@ -23,7 +23,7 @@ from hybrid_env.bank import (
     likeliest,
     mode_type,
 )
-from hybrid_env.compiled import array_at, compiled, internal
+from hybrid_env.compiled import array_at, compiled, internal, prefetch
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
@@ -33,6 +33,7 @@ NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
+IN_CACHE = 256  # blocks; the state of more does not stay in the cache of a core from step to step
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -250,6 +251,10 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     for b in range(number):
         block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = min(LANES, tracks - b * LANES)
+        if number > IN_CACHE and b + 1 < number:
+            prefetch(blocks[b + 1 : b + 2])
+            banks.prefetch_block(all_banks, b + 1)
+            prefetch(observations[(b + 1) * LANES : (b + 2) * LANES])
         begun = resting = 0
         for lane in range(lanes):
             i = b * LANES + lane
