@@ -135,11 +135,10 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         self._actions = self.world.actions
         self._observation = self.world.observations[0]
         self._log_likelihood = self.world.bank.hypotheses["log_likelihood"][0, :, 0]
-        self._reward = block["reward"]
+        self._reward, self._terminated = self.world.rewards, self.world.terminated
         self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
         self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
         self._anchor, self._estimate = block["anchor"][:, 0], block["estimate"][:, 0]
-        self._terminated = block["terminated"]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -181,7 +180,7 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
             self.history.add(self.world.traced(0), info)
             if self.render_mode == "human":
                 self.render()
-        return self._observation.copy(), self._reward.item(0), bool(self._terminated.item(0)), False, info
+        return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
 
     def _info(self) -> dict[str, Any]:
         return {

@@ -182,8 +182,6 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
         block.kept_covariance[4 if axis == 0 else 9, lane] = velocity_variance
     block.segment[lane] = 0
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
-    block.terminated[lane] = 0
-    block.reward[lane] = 0.0
 
 
 @internal
@@ -214,7 +212,6 @@ def _decide(
     flags[CORRECT, i] = correct
     flags[TYPE_CORRECT, i] = of_type
     flags[FORCED, i] = forced
-    block.reward[lane] = (1.0 if correct else -1.0) - parameters.delay_cost
     block.active_mode[lane] = chosen
     while block.tick[lane] < block.length[lane]:
         move(
@@ -240,6 +237,8 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     table = array_at(setting.table, (setting.table_rows, 3), np.float64)
     trace = array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
     observations = array_at(setting.observations, (tracks, row_width(2 * n + 1)), np.float32)
+    rewards = array_at(setting.rewards, (tracks,), np.float64)
+    terminated = array_at(setting.terminated, (tracks,), np.bool_)
     decisions = array_at(setting.decisions, (len(DECISION), tracks), np.int64)
     flags = array_at(setting.decision_flags, (len(DECISION_FLAGS), tracks), np.bool_)
     squared_errors = array_at(setting.decisions, decisions.shape, np.float64)[DECIDED_SQUARED_ERROR]
@@ -260,7 +259,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
             i = b * LANES + lane
             action = actions[i]
             scratch.going[lane] = 1
-            begins = reset or block.terminated[lane] != 0
+            begins = reset or terminated[i]
             if reset and action == 0:
                 scratch.going[lane] = 0
                 resting += 1
@@ -274,8 +273,10 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                     flags[k, i] = False
             if begins:
                 _begin_episode(block, scratch, lane, setting)
+                rewards[i] = 0.0
+                terminated[i] = False
             elif action == 0 and block.tick[lane] < block.length[lane]:
-                block.reward[lane] = -setting.delay_cost
+                rewards[i] = -setting.delay_cost
             else:
                 forced = action == 0
                 if forced and setting.keep_undecided:
@@ -285,10 +286,11 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                 else:
                     chosen = action - 1
                 _decide(block, lane, bank, scratch, setting, trace[i], decisions, flags, i, chosen, forced)
+                rewards[i] = (1.0 if flags[CORRECT, i] else -1.0) - setting.delay_cost
                 squared_errors[i] = block.squared_error[lane]
                 events |= DECIDED
                 if block.segment[lane] + 1 == setting.segments:
-                    block.terminated[lane] = 1
+                    terminated[i] = True
                     scratch.going[lane] = 0
                     resting += 1
                     events |= TERMINATED

@@ -29,13 +29,11 @@ BLOCK = lanes_of(
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("estimate", np.float64, (4,)),  # of the active filter
     ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
-    ("reward", np.float64, ()),  # of this step
     ("segment", np.int64, ()),
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
     ("length", np.int64, ()),  # of the segment in ticks
     ("true_mode", np.int64, ()),
     ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
-    ("terminated", np.int64, ()),
     ("traced", np.int64, ()),  # rows written to the trace in this call
 )
 """State of `LANES` tracks."""
@@ -73,6 +71,8 @@ ARRAYS = (
     "table",
     "trace",
     "observations",
+    "rewards",
+    "terminated",
     "decisions",
     "decision_flags",
 )

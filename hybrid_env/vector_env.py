@@ -114,7 +114,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
                 f"expected integers of shape ({self.num_envs},)"
             )
         world = self.world
-        if self.autoreset_mode is AutoresetMode.DISABLED and world.blocks["terminated"].any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and world.terminated.any():
             raise gym.error.ResetNeeded(
                 "step() needs reset() with a reset_mask first: a track has terminated"
             )
@@ -122,8 +122,8 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         events = world.step()
 
         ended = events & TERMINATED
-        terminated = world.terminated() if ended else np.zeros(self.num_envs, np.bool_)
-        rewards = world.rewards()
+        terminated = world.terminated.copy() if ended else np.zeros(self.num_envs, np.bool_)
+        rewards = world.rewards.copy()
         final: dict[str, Any] = {}
         if ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
             final_obs = np.full(self.num_envs, None, dtype=object)

@@ -42,6 +42,8 @@ class World:
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
         self.observations = aligned_zeros((tracks, self.layout.width), np.float32)
+        self.rewards = np.zeros(tracks)
+        self.terminated = np.zeros(tracks, np.bool_)
         self.decisions = np.zeros((len(DECISION), tracks), np.int64)
         self.decision_flags = np.zeros((len(DECISION_FLAGS), tracks), np.bool_)
         self.seeded = np.zeros(tracks, np.bool_)
@@ -58,17 +60,17 @@ class World:
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "scratch": self._scratch, "radii": self._radii,
             "table": self._table, "trace": self.trace, "observations": self.observations,
-            "decisions": self.decisions, "decision_flags": self.decision_flags,
+            "rewards": self.rewards, "terminated": self.terminated, "decisions": self.decisions,
+            "decision_flags": self.decision_flags,
         }  # fmt: skip
         for name, array in arrays.items():
             self._parameters[name] = array.ctypes.data
-        self._reward, self._terminated = self.blocks["reward"], self.blocks["terminated"]
         aware = self.options.bank == "anchor_aware"
         self._advance = kernel.advance_aware_tracks if aware else kernel.advance_tracks
         self._address = self._parameters.ctypes.data
 
     def __getstate__(self) -> dict[str, Any]:
-        bound = ("_parameters", "_address", "_advance", "_reward", "_terminated")
+        bound = ("_parameters", "_address", "_advance")
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -97,18 +99,13 @@ class World:
             values[key] = flags[k]
         return values
 
-    def rewards(self) -> NDArray[np.float64]:
-        """(N,) of the last step, a copy."""
-        return self._reward.flatten()[: self.actions.size]
-
-    def terminated(self) -> NDArray[np.bool_]:
-        """(N,) whether the episode ended with the last step, a copy."""
-        return self._terminated.astype(np.bool_).ravel()[: self.actions.size]
-
     @property
     def nbytes(self) -> int:
         """Memory of all tracks [bytes]."""
-        arrays = (*self.bank, self.blocks, self.observations, self.decisions, self.decision_flags, self.trace)
+        arrays = (
+            *self.bank, self.blocks, self.observations, self.rewards, self.terminated, self.decisions,
+            self.decision_flags, self.trace,
+        )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
