@@ -20,7 +20,7 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from agents.bench_peers import FilterpyBank, NumpyBank, has_filterpy
 from agents.evaluation import make_vector_env
-from agents.ppo_settings import PPOSettings
+from agents.recipe import PPOSettings, load_recipe
 from baselines import golubkov2018
 from hybrid_env import HybridTrackEnv, KalmanBank
 from hybrid_env.simulation import simulate
@@ -246,6 +246,8 @@ def training() -> Iterator[Measurement]:
     from agents.vec_env import HybridTrackVecEnv
 
     torch.set_num_threads(1)
+    recipe = load_recipe("ppo", "HybridTrack-v0").settings
+    assert isinstance(recipe, PPOSettings)
     tracks, rollout = 256, 64
     settings: dict[str, Any] = {
         "n_steps": rollout,
@@ -266,7 +268,7 @@ def training() -> Iterator[Measurement]:
 
     env.step_wait = timed  # type: ignore[method-assign]
     ours_model = PPO("MlpPolicy", env, gamma=1.0, **settings)
-    ours_model.policy.action_net.get_parameter("bias").data[0] = PPOSettings().wait_bias
+    ours_model.policy.action_net.get_parameter("bias").data[0] = recipe.wait_bias
     theirs_model = PPO("MlpPolicy", make_vec_env("CartPole-v1", tracks), **settings)
     steps = tracks * rollout
     ours_model.learn(steps)

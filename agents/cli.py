@@ -18,13 +18,11 @@ from agents.play import Play
 from agents.reproduce import Reproduce
 from agents.track import Track
 from agents.train import Train
-from agents.train_sequence import TrainSequence
 from hybrid_env.checks import ArgumentError
 
 Command = (
     Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Train, tyro.conf.subcommand("train")]
-    | Annotated[TrainSequence, tyro.conf.subcommand("train-sequence")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Track, tyro.conf.subcommand("track")]

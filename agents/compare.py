@@ -1,10 +1,9 @@
-"""The command `hybridtrack compare`: train PPO, sweep every decider, compare all on the same episodes."""
+"""The command `hybridtrack compare`: train agents, sweep every decider, compare all on the same episodes."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from agents import seeds
-from agents.ppo_settings import STEPS
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
 
@@ -13,26 +12,31 @@ from hybrid_env.checks import check_integer, reject
 class Compare(WorldArguments):
     """Train PPO for about half a minute and compare it with the classical rules on the same episodes."""
 
-    deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "ppo")
-    """What to compare, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
-    likeliest at the end), 'bayes' (fitted now), 'ppo', 'sequence' (trained now), or run folders."""
+    deciders: tuple[str, ...] = ("ate", "fixed", "msprt")
+    """Classical rules, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
+    likeliest at the end), 'bayes' (fitted now)."""
+    agents: tuple[str, ...] = ("ppo",)
+    """Learned deciders: recipes to train by now ('ppo', 'sequence' ...), 'shipped' (weights that come with
+    the package), or run folders."""
     accuracy: float | None = None
     """Choose thresholds that reach this accuracy soonest, not those of the best reward."""
     episodes: int = 1500
     """Episodes that every decider is measured on."""
     seed: int = 0
     """First seed of those episodes; training and the choice of thresholds use others."""
-    steps: int = STEPS
-    """Environment steps of PPO's training."""
+    steps: int | None = None
+    """Environment steps of each training; default the recipe's."""
     training_seeds: int = 1
-    """Agents of each kind to train, each with its own seed."""
+    """Agents to train by each recipe, each with its own seed."""
     out: Path = Path("results")
     """Folder for compare.png and compare.json."""
 
     def run(self) -> None:
         """Train, sweep, print the table, write figure and data."""
-        for name in ("episodes", "steps", "training_seeds"):
+        for name in ("episodes", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
+        if self.steps is not None:
+            check_integer("steps", self.steps)
         check_integer("seed", self.seed, minimum=0)
         if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
             raise reject("accuracy", self.accuracy, "a number between 0 and 1")
@@ -40,6 +44,8 @@ class Compare(WorldArguments):
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes")
         if not self.deciders or len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "one or more different names")
+        if len(set(self.agents)) != len(self.agents):
+            raise reject("agents", self.agents, "different names")
         from rich.console import Console
 
         from agents.comparison import Plan, compare
@@ -51,6 +57,7 @@ class Compare(WorldArguments):
             self.env_id,
             self.world_options(),
             self.deciders,
+            self.agents,
             self.episodes,
             self.seed,
             self.steps,

@@ -1,5 +1,6 @@
 """Deciders side by side: trained where asked, swept over their thresholds, measured on the same episodes."""
 
+import re
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from agents import seeds
-from agents.deciders import DeciderFamily, check_family, decider_family, policy_family, sequence_family
+from agents.deciders import CLASSICAL_NAMES, DeciderFamily, check_family, decider_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
     ACCURACY,
@@ -22,15 +23,15 @@ from agents.operating_curve import (
     sweep,
     ticks_at_accuracy,
 )
-from agents.sequence_training import train_sequence
-from agents.train_sequence import STEPS as SEQUENCE_STEPS
-from agents.training import TrainingProgress, TrainingRun
+from agents.recipe import Recipe, load_recipe, recipe_names
+from agents.training import TrainingProgress, make_run
 from baselines.waited_paths import Paths, at_tick, waited_paths
+from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 
 SELECTION_EPISODES = 1000
 LEVELS = (0.95, 0.98)
-TRAINED = {"ppo": "PPO", "sequence": "sequence"}
+SEED_SUFFIX = r"([ -]seed ?\d+)$"
 BANK_TICKS = (2, 5, 10, 20, 40)
 
 
@@ -40,18 +41,21 @@ class Plan:
 
     Attributes:
         env_id, options: the world.
-        deciders: classical names, 'ppo', 'sequence', or run folders; the first is the reference.
+        deciders: classical names; the first is the reference.
+        agents: recipes to train by, 'shipped', or run folders.
         episodes, seed: that the figures are reported on.
-        steps: of PPO. training_seeds: of PPO and of the sequence agent.
+        steps: of each training, None as many as its recipe has.
+        training_seeds: agents of each recipe.
         accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
     """
 
     env_id: str
     options: dict[str, Any]
     deciders: tuple[str, ...]
+    agents: tuple[str, ...]
     episodes: int
     seed: int
-    steps: int
+    steps: int | None
     training_seeds: int
     accuracy: float | None = None
 
@@ -59,18 +63,28 @@ class Plan:
         """The options of the world, the id's own included."""
         return make_vector_env(self.env_id, 1, **self.options).options
 
-    def families(self) -> list[DeciderFamily | None]:
-        """The families of the deciders, None where one is to be trained.
+    def families(self) -> list[DeciderFamily | Recipe]:
+        """What is compared: families of deciders, and recipes of agents that are to be trained.
 
         Raises:
-            ArgumentError: an unknown decider or option, or a policy for another bank.
+            ArgumentError: an unknown name or option, or a policy for another bank.
         """
         world = self.world()
-        families = [None if name in TRAINED else decider_family(name, world) for name in self.deciders]
-        for name, family in zip(self.deciders, families, strict=True):
-            if family is not None:
-                check_family(family, name, world)
-        return families
+        found: list[DeciderFamily | Recipe] = []
+        for name in self.deciders:
+            if name not in CLASSICAL_NAMES:
+                raise reject("deciders", name, ", ".join(CLASSICAL_NAMES))
+            found.append(decider_family(name, world))
+        for name in self.agents:
+            if name in recipe_names():
+                found.append(load_recipe(name, self.env_id))
+                continue
+            if name in CLASSICAL_NAMES:
+                raise reject("agents", name, "a recipe, 'shipped' or a run folder: it is a decider")
+            family = decider_family(name, world)
+            check_family(family, name, world)
+            found.append(family)
+        return found
 
 
 @dataclass(frozen=True)
@@ -197,8 +211,7 @@ class Comparison:
             if "ticks_at_98" in gain:
                 parts.append(f"{_signed(gain['ticks_at_98'], 1)} ticks at 98 % accuracy")
             lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
-        for kind in TRAINED.values():
-            trained = [entry for entry in self.entries if entry.name.startswith(f"{kind} ")]
+        for kind, trained in self.by_kind().items():
             if len(trained) < 2:
                 continue
             spread = []
@@ -210,6 +223,13 @@ class Comparison:
                 spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
             lines.append(f"{kind} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
         return lines
+
+    def by_kind(self) -> dict[str, list[Entry]]:
+        """The entries, those together that differ only in the seed of their training."""
+        kinds: dict[str, list[Entry]] = {}
+        for entry in self.entries:
+            kinds.setdefault(re.sub(SEED_SUFFIX, "", entry.name), []).append(entry)
+        return kinds
 
     def gains(self, entry: Entry) -> dict[str, Figure]:
         """Paired differences of an entry to the reference."""
@@ -278,11 +298,11 @@ def _signed(figure: Figure, digits: int) -> str:
 def compare(plan: Plan, progress: Progress) -> Comparison:
     """Carry out a plan, showing how it goes on."""
     families: list[DeciderFamily] = []
-    for name, family in zip(plan.deciders, plan.families(), strict=True):
-        if family is None:
-            families += [_train(name, plan, number, progress) for number in range(plan.training_seeds)]
+    for found in plan.families():
+        if isinstance(found, Recipe):
+            families += [_train(found, plan, number, progress) for number in range(plan.training_seeds)]
         else:
-            families.append(family)
+            families.append(found)
     total = sum(2 * len(family.thresholds) for family in families)
     task = progress.add_task("Evaluating", total=total, note="")
     curves, chosen = [], []
@@ -307,19 +327,16 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     return Comparison(plan, world, equal_time, tuple(entries), waited)
 
 
-def _train(kind: str, plan: Plan, number: int, progress: Progress) -> DeciderFamily:
-    name = TRAINED[kind] if plan.training_seeds == 1 else f"{TRAINED[kind]} {number + 1}"
-    steps = plan.steps if kind == "ppo" else SEQUENCE_STEPS
-    task = progress.add_task(f"Training {name}", total=steps, note="")
+def _train(recipe: Recipe, plan: Plan, number: int, progress: Progress) -> DeciderFamily:
+    name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
+    run = make_run(plan.env_id, plan.options, recipe, number, steps=plan.steps)
+    task = progress.add_task(f"Training {name}", total=run.steps, note="")
 
     def show(now: TrainingProgress) -> None:
         progress.update(task, completed=min(now.steps, now.total), note=now.note)
 
-    if kind == "sequence":
-        net = train_sequence(plan.env_id, [plan.options], steps, number, on_progress=show)
-        return sequence_family(name, net, plan.world())
-    run = TrainingRun(plan.env_id, plan.options, seed=number, steps=plan.steps)
-    return policy_family(name, run.train(show))
+    run.train(show)
+    return run.family(name)
 
 
 def _entry(curve: OperatingCurve, chosen: int, equal_time: float) -> Entry:

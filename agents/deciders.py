@@ -120,9 +120,12 @@ LOG_ODDS = (
 
 
 BAYES = "bayes"
-SEQUENCE_CARD = "sequence.json"
+SHIPPED = "shipped"
+SHIPPED_FOLDER = Path(__file__).parent / "shipped"
+RADIUS_WEIGHT = 0.1  # of a wrong radius where only the type is rewarded: it spoils the next anchor
 COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
 FITTING_EPISODES = 3000
+CLASSICAL_NAMES = (*CLASSICAL, BAYES)
 
 
 def bayes_family(world: WorldOptions) -> DeciderFamily:
@@ -152,27 +155,34 @@ def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> Decid
     """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
     from agents.sequence import SequenceDecider
 
-    by = "type" if world.correctness == "type" else "hypothesis"
-    return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, by))
+    radius = RADIUS_WEIGHT if world.correctness == "type" else 1.0
+    return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, radius))
 
 
 def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
-    """The family of a classical name or of a run folder, for a world."""
+    """The family of a classical name, of the shipped agent or of a run folder, for a world."""
     if name in CLASSICAL:
         return CLASSICAL[name]
     if name == BAYES:
         return bayes_family(world)
-    folder = Path(name)
-    if name and (folder / SEQUENCE_CARD).is_file():
+    folder = SHIPPED_FOLDER if name == SHIPPED else Path(name)
+    if name and folder.is_dir():
+        return learned_family(folder, world)
+    known = ", ".join(map(repr, (*CLASSICAL_NAMES, SHIPPED)))
+    raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
+
+
+def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
+    """The family of the policy in a run folder, whatever algorithm it was trained with."""
+    from agents.run_folder import load_policy
+
+    if load_policy(folder)[1].get("algo") == "sequence":
         from agents.sequence import load_sequence
 
         return sequence_family(folder.name, load_sequence(folder)[0], world)
-    if name and folder.is_dir():
-        from agents.policy import PolicyDecider, load_policy
+    from agents.policy import PolicyDecider, load_actor
 
-        return policy_family(folder.name, PolicyDecider(load_policy(folder)[0]))
-    known = ", ".join(map(repr, (*CLASSICAL, BAYES)))
-    raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
+    return policy_family(folder.name, PolicyDecider(load_actor(folder)[0]))
 
 
 def load_decider(name: str, options: WorldOptions) -> Decider:

@@ -15,8 +15,8 @@ class Evaluate(WorldArguments):
     """Measure one decider: accuracy, decision time, reward and tracking error, and what it confuses."""
 
     decider: tyro.conf.Positional[str] = "ate"
-    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes' or a run folder, also with a threshold:
-    'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, also with a
+    threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
     episodes: int = 1000
     """Episodes to measure on."""
     seed: int = 0

@@ -1,6 +1,5 @@
-"""A trained policy as a decider, and its file: safetensors with a JSON card beside it."""
+"""A trained actor as a decider, and its file."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,24 +7,45 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import Tensor
 
-from agents.writing import whole_file, write_json
+from agents.features import RowFeatures
+from agents.run_folder import load_policy, save_policy, unreadable
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import reject
-from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES, Layout
-
-WEIGHTS = "policy.safetensors"
-CARD = "policy.json"
+from hybrid_env.observation import Layout
 
 
 def make_policy(
-    observation_space: spaces.Space[Any], action_space: spaces.Space[Any], hidden: tuple[int, ...]
+    observation_space: spaces.Space[Any],
+    action_space: spaces.Space[Any],
+    policy_kwargs: dict[str, Any],
+    observe: tuple[str, ...] = (),
+    recurrent: bool = False,
 ) -> ActorCriticPolicy:
-    """Stable-Baselines3's actor and critic with the given hidden layers, untrained."""
-    return ActorCriticPolicy(observation_space, action_space, lambda _: 0.0, net_arch=list(hidden))
+    """An untrained actor and critic of Stable-Baselines3 or of sb3-contrib.
+
+    Args:
+        policy_kwargs: of the policy, such as net_arch.
+        observe: quantities that it sees, all if empty.
+        recurrent: with an LSTM.
+    """
+    kind: Any = ActorCriticPolicy
+    if recurrent:
+        from sb3_contrib.ppo_recurrent import MlpLstmPolicy
+
+        kind = MlpLstmPolicy
+    extractor: dict[str, Any] = {}
+    if observe:
+        extractor = {
+            "features_extractor_class": RowFeatures,
+            "features_extractor_kwargs": {"observe": observe},
+        }
+    policy: ActorCriticPolicy = kind(
+        observation_space, action_space, lambda _: 0.0, **policy_kwargs, **extractor
+    )
+    return policy
 
 
 class PolicyDecider:
@@ -35,7 +55,7 @@ class PolicyDecider:
     A policy with a declaration for every hypothesis declares the one that it prefers.
 
     Args:
-        policy: actor with 2 actions (wait, declare the likeliest) or M + 1.
+        policy: actor with 2 actions (wait, declare the likeliest) or M + 1; with or without an LSTM.
         threshold: on ln p(the declaration) - ln p(wait).
     """
 
@@ -56,10 +76,23 @@ class PolicyDecider:
         return Layout.of_width(shape[0]).hypotheses
 
     @torch.no_grad()
-    def logits(self, observation: Observations) -> NDArray[np.float64]:
-        """(N, actions) log-probabilities up to a constant."""
-        hidden = self.policy.mlp_extractor.forward_actor(torch.as_tensor(observation))
-        return self.policy.action_net(hidden).numpy().astype(np.float64)
+    def logits(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> tuple[NDArray[np.float64], Any]:
+        """(N, actions) log-probabilities up to a constant, and an LSTM's state, (layers, N, hidden) twice."""
+        rows = torch.as_tensor(observation)
+        lstm: Any = getattr(self.policy, "lstm_actor", None)
+        features: Tensor = self.policy.pi_features_extractor(rows)
+        if lstm is not None:
+            if state is None:
+                zeros = torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size)
+                state = (zeros, zeros)
+            starts = (
+                torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
+            )
+            features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
+        hidden = self.policy.mlp_extractor.forward_actor(features)
+        return self.policy.action_net(hidden).numpy().astype(np.float64), state
 
     def predict(
         self,
@@ -67,12 +100,12 @@ class PolicyDecider:
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `baselines.Decider.predict`; there is no state. Sampling ignores the threshold."""
+    ) -> tuple[Actions, Any]:
+        """See `baselines.Decider.predict`; only an LSTM has a state. Sampling ignores the threshold."""
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
             raise reject("observation shape", observation.shape, f"(N, *{expected}), of the bank trained on")
-        logits = self.logits(observation)
+        logits, state = self.logits(observation, state, episode_start)
         declare = logits[:, 1:].argmax(1)
         odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
         if deterministic:
@@ -84,44 +117,36 @@ class PolicyDecider:
         if logits.shape[1] == 2:
             layout = Layout.of_rows(observation)
             declare = layout.read(observation, "log_ratio").argmax(-1)
-        return np.where(declared, declare + 1, 0), None
+        return np.where(declared, declare + 1, 0), state
 
 
-def save_policy(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
+def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
     """Write weights and card, each whole or not at all."""
-    weights = {name: tensor.contiguous() for name, tensor in policy.state_dict().items()}
     shape = policy.observation_space.shape
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
-    card = card | {
-        "observation_width": shape[0],
-        "observation_scales": HYPOTHESIS_FEATURES | TRACK_FEATURES,
-        "actions": int(policy.action_space.n),
-        "hidden": list(policy.net_arch),
-    }
-    with whole_file(folder / WEIGHTS) as part:
-        save_file(weights, part)
-    write_json(folder / CARD, card)
+    card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
+    save_policy(folder, policy.state_dict(), card)
 
 
-def load_policy(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
-    """Read a policy and its card; nothing is unpickled.
+def load_actor(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
+    """Read a policy and its card.
 
     Raises:
-        ValueError: the folder holds no policy, or a damaged one.
+        ArgumentError: the folder holds no policy, or a damaged one.
     """
+    weights, card = load_policy(folder)
     try:
-        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
         space = spaces.Box(-np.inf, np.inf, (int(card["observation_width"]),), np.float32)
-        policy = make_policy(space, spaces.Discrete(int(card["actions"])), tuple(card["hidden"]))
-        policy.load_state_dict(load_file(folder / WEIGHTS))
-        scales = card["observation_scales"]
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
-        reason = str(error).splitlines()[0]
-        raise reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})") from None
-    if scales != HYPOTHESIS_FEATURES | TRACK_FEATURES:
-        raise reject(
-            "run", str(folder), "a policy trained on today's observation; this one read other scales"
-        )
+        entry = card["recipe"]["entry"]
+        policy = make_policy(
+            space, spaces.Discrete(int(card["actions"])), entry["policy_kwargs"],
+            tuple(entry.get("observe", ())), card["algo"] == "recurrent_ppo",
+        )  # fmt: skip
+        policy.load_state_dict(weights)
+    except ImportError:
+        raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise unreadable(folder, error) from None
     policy.set_training_mode(False)
     return policy, card

@@ -8,3 +8,6 @@ FITTING = 2_000_000_000
 
 TRAINING = 10**12
 """Tracks of a training are seeded from here on, 10^9 apart for each training seed."""
+
+LEARNING = 3_000_000_000
+"""A training is measured on its way on episodes from this seed on."""

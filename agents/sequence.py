@@ -6,24 +6,19 @@ with the same weights and corrects the log-likelihood ratio; the decider stops o
 Since weights are shared over hypotheses, and a turn is seen from its own side, one network reads any bank.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from agents.writing import whole_file, write_json
+from agents.run_folder import load_policy, save_policy, unreadable
 from baselines.decider import Actions, Observations
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
 
-WEIGHTS = "sequence.safetensors"
-CARD = "sequence.json"
 SINGLES, BLOCKS = list(TRACK_FEATURES), list(HYPOTHESIS_FEATURES)
 
 
@@ -39,6 +34,7 @@ class SequenceNet(nn.Module):
         self.hidden = hidden
         self.encoder = nn.Linear(len(BLOCKS) + len(SINGLES) + 1, hidden)
         self.memory = nn.GRUCell(2 * hidden, hidden)
+        self.mix = nn.Linear(2 * hidden, hidden)
         self.score = nn.Linear(hidden, 1)
         self.trust = nn.Parameter(torch.tensor(0.5))  # in the bank's own log-likelihood ratio
         nn.init.zeros_(self.score.weight)
@@ -56,9 +52,11 @@ class SequenceNet(nn.Module):
         curvature = own[..., BLOCKS.index("curvature")].unsqueeze(-1)
         side = torch.where(curvature < 0, -1.0, 1.0)
         own = torch.where(_is(BLOCKS, "innovation_across", "curvature"), own * side, own)
+        own = torch.where(_is(BLOCKS, "innovation_across", "innovation_along"), torch.asinh(own), own)
         shared = torch.where(_is(SINGLES, "displacement_across"), shared * side, shared)
-        encoded = torch.tanh(self.encoder(torch.cat([own, shared, (curvature == 0).float()], dim=-1)))
-        return torch.cat([encoded, encoded.mean(-2, keepdim=True).expand_as(encoded)], dim=-1)
+        return _beside_mean(
+            torch.tanh(self.encoder(torch.cat([own, shared, (curvature == 0).float()], dim=-1)))
+        )
 
     def remember(self, features: Tensor, memory: Tensor) -> Tensor:
         """The next memory, (N, M, hidden), from features (N, M, 2 hidden)."""
@@ -67,7 +65,13 @@ class SequenceNet(nn.Module):
     def log_posterior(self, rows: Tensor, memory: Tensor) -> Tensor:
         """(..., M) from rows and the memories after them."""
         ratio = rows[..., : memory.shape[-2]] / LOG_SCALE
-        return torch.log_softmax(self.score(memory).squeeze(-1) + self.trust * ratio, dim=-1)
+        score = self.score(torch.tanh(self.mix(_beside_mean(memory)))).squeeze(-1)
+        return torch.log_softmax(score + self.trust * ratio, dim=-1)
+
+
+def _beside_mean(values: Tensor) -> Tensor:
+    """(..., M, 2 F): the values of each hypothesis, and the mean over hypotheses."""
+    return torch.cat([values, values.mean(-2, keepdim=True).expand_as(values)], dim=-1)
 
 
 def _is(names: list[str], *wanted: str) -> Tensor:
@@ -79,19 +83,49 @@ def first_ticks(rows: Tensor) -> Tensor:
     return rows[..., -len(SINGLES) + SINGLES.index("ticks")] < 1.5 * TICK_SCALE
 
 
+def doubt_and_best(
+    posterior: NDArray[np.floating], radius: float | NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """How probable a wrong declaration is, and what to declare: the likeliest of the likeliest type.
+
+    Args:
+        posterior: (N, M).
+        radius: how much a wrong radius of the right type counts, from 0 (not at all) to 1 (as the wrong
+            type), for all or (N,).
+
+    Returns:
+        (N,) each.
+    """
+    n = posterior.shape[1] // 2
+    kind = np.repeat([0, 1, 2], [1, n, n])
+    types = np.stack([posterior[:, kind == k].sum(1, dtype=np.float64) for k in range(3)], axis=1)
+    likeliest = types.argmax(1)
+    by_type = np.where(kind == likeliest[:, None], posterior, -1.0).argmax(1)
+    best = np.where(np.broadcast_to(radius, likeliest.shape) == 1.0, posterior.argmax(1), by_type)
+    # sums of the others, because 1 - p would lose the digits of a small doubt
+    other_types = np.where(np.arange(3) == kind[best][:, None], 0.0, types).sum(1)
+    same_type = kind == kind[best][:, None]
+    same_type[np.arange(len(best)), best] = False
+    other_radii = np.where(same_type, posterior, 0.0).sum(1)
+    return other_types + radius * other_radii, best
+
+
 class SequenceDecider:
-    """Declares the hypothesis that the network finds likeliest when all others have at most alpha.
+    """Declares what the network finds likeliest, when all that would be wrong has at most alpha.
 
     Args:
         net: trained.
-        alpha: posterior of all others.
-        by: "type" counts other radii of the likeliest type as right, as where only the type is rewarded.
+        alpha: posterior of all that would be wrong.
+        radius: how much a wrong radius of the right type counts as wrong, from 0 to 1. Where only the type is
+            rewarded it spoils the next anchor all the same.
     """
 
-    def __init__(self, net: SequenceNet, alpha: float = 0.02, by: str = "hypothesis"):
+    def __init__(self, net: SequenceNet, alpha: float = 0.02, radius: float = 1.0):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
-        self.net, self.alpha, self.by = net, alpha, by
+        if radius not in (0.0, 1.0):
+            check_between("radius", radius, 0.0, 1.0)
+        self.net, self.alpha, self.radius = net, alpha, radius
 
     @torch.no_grad()
     def predict(
@@ -108,41 +142,25 @@ class SequenceDecider:
             state = torch.zeros(len(rows), layout.hypotheses, self.net.hidden)
         state = self.net.remember(self.net.features(rows), state * ~first_ticks(rows)[:, None, None])
         posterior = self.net.log_posterior(rows, state).exp().numpy()
-        sure = posterior
-        if self.by == "type":
-            n = layout.hypotheses // 2
-            kind = np.repeat([0, 1, 2], [1, n, n])
-            types = np.stack([posterior[:, kind == k].sum(-1) for k in range(3)], axis=-1)
-            sure = types
-            posterior = np.where(kind == types.argmax(-1)[:, None], posterior, -1.0)
-        doubt = np.sort(sure, axis=-1)[:, :-1].sum(-1)
-        return np.where(doubt <= self.alpha, posterior.argmax(-1) + 1, 0), state
+        doubt, best = doubt_and_best(posterior, self.radius)
+        return np.where(doubt <= self.alpha, best + 1, 0), state
 
 
 def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:
     """Write weights and card, each whole or not at all."""
-    with whole_file(folder / WEIGHTS) as part:
-        save_file({name: tensor.contiguous() for name, tensor in net.state_dict().items()}, part)
-    scales = HYPOTHESIS_FEATURES | TRACK_FEATURES
-    write_json(folder / CARD, card | {"hidden": net.hidden, "observation_scales": scales})
+    save_policy(folder, net.state_dict(), card | {"algo": "sequence", "hidden": net.hidden})
 
 
 def load_sequence(folder: Path) -> tuple[SequenceNet, dict[str, Any]]:
-    """Read a network and its card; nothing is unpickled.
+    """Read a network and its card.
 
     Raises:
-        ValueError: the folder holds none, or a damaged one.
+        ArgumentError: the folder holds none, or a damaged one.
     """
+    weights, card = load_policy(folder)
     try:
-        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
         net = SequenceNet(int(card["hidden"]))
-        net.load_state_dict(load_file(folder / WEIGHTS))
-        scales = card["observation_scales"]
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as error:
-        reason = str(error).splitlines()[0]
-        raise reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})") from None
-    if scales != HYPOTHESIS_FEATURES | TRACK_FEATURES:
-        raise reject(
-            "run", str(folder), "a network trained on today's observation; this one read other scales"
-        )
+        net.load_state_dict(weights)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise unreadable(folder, error) from None
     return net.eval(), card

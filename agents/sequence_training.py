@@ -1,15 +1,13 @@
 """Training of the sequence agent: a classification loss at every tick of streamed segments.
 
-Tracks are driven by the network itself, stopped at thresholds that are drawn anew for each segment, so that
-anchors are those of eager and of patient deciders, wrong ones included. Every rollout is one step of
-truncated backpropagation through time.
+Tracks are driven by the network itself, stopped at thresholds that are drawn anew for each segment, and now
+and then declare something else, so that anchors are those of eager and of patient deciders, wrong ones
+included. Every rollout is one step of truncated backpropagation through time.
 """
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,161 +16,213 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents import seeds
+from agents import run_folder, seeds
+from agents.deciders import DeciderFamily, sequence_family
 from agents.evaluation import make_vector_env
-from agents.sequence import SequenceNet, first_ticks, save_sequence
+from agents.learning_curve import LearningCurve
+from agents.recipe import Recipe, SequenceSettings, TrainedWorld, schedule
+from agents.sequence import SequenceNet, doubt_and_best, first_ticks, save_sequence
 from agents.training import TrainingProgress
-from agents.writing import output_folder
-from hybrid_env.checks import check_integer, check_positive, reject
-from hybrid_env.observation import TICK_SCALE, Layout
+from agents.writing import output_folder, write_json
+from hybrid_env.checks import reject
+from hybrid_env.observation import TICK_SCALE
+from hybrid_env.vector_env import HybridTrackVectorEnv
 
-SAVE_EVERY = 20.0  # seconds
-
-
-@dataclass(frozen=True)
-class SequenceSettings:
-    """Hyper-parameters of the sequence agent."""
-
-    tracks: int = 192
-    """Tracks, split evenly over the worlds."""
-    rollout: int = 64
-    """Ticks between updates."""
-    hidden: int = 40
-    """Width of the memory of a hypothesis."""
-    learning_rate: float = 5e-3
-    """Step size at the start; it falls to a fiftieth in a straight line."""
-    strictest: float = 1e-4
-    """Smallest doubt at which a track may stop; the largest is 0.3, drawn evenly in the logarithm."""
-    latest: int = 45
-    """Tick at which every track stops: later ones teach little."""
-
-    def __post_init__(self) -> None:
-        for name in ("tracks", "rollout", "hidden", "latest"):
-            check_integer(name, getattr(self, name))
-        check_positive("learning_rate", self.learning_rate)
-        if not 0.0 < self.strictest < 0.3:
-            raise reject("strictest", self.strictest, "a number between 0 and 0.3")
+EAGEREST = 0.3  # the largest doubt at which a track may stop
+SLOWEST = 0.02  # share of the learning rate that is left at the end
+LOG_EVERY = 1.0  # seconds
 
 
 class _Stream:
-    """The tracks of one world and what the network remembers of them."""
+    """Tracks of one or more worlds with one number of hypotheses, and what the network remembers of them."""
 
-    def __init__(self, env_id: str, options: Mapping[str, Any], tracks: int, seed: int, hidden: int):
-        self.env = make_vector_env(env_id, tracks, tick_info=False, **options)
-        self.rows, _ = self.env.reset(seed=seed)
-        self.layout: Layout = self.env.world.layout
-        self.memory = torch.zeros(tracks, self.layout.hypotheses, hidden)
-        self.limit = np.zeros(tracks)
-        self.fresh = np.ones(tracks, np.bool_)
+    def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int, hidden: int):
+        self.envs = envs
+        counts = [env.num_envs for env in envs]
+        self.cuts = np.cumsum(counts)[:-1]
+        self.rows: list[NDArray[np.float32]] = []
+        for env, count in zip(envs, counts, strict=True):
+            self.rows.append(env.reset(seed=first_seed)[0])
+            first_seed += count
+        self.tracks = sum(counts)
+        self.layout = envs[0].world.layout
+        self.memory = torch.zeros(self.tracks, self.layout.hypotheses, hidden)
+        by_type = [env.options.correctness == "type" for env in envs]
+        self.by_type = np.repeat(by_type, counts)
+        self.limit, self.radius = np.zeros(self.tracks), np.ones(self.tracks)
+        self.fresh = np.ones(self.tracks, np.bool_)
 
-    @torch.no_grad()
     def rollout(
         self, net: SequenceNet, settings: SequenceSettings, generator: np.random.Generator
-    ) -> tuple[Tensor, Tensor, Tensor, list[dict[str, Any]]]:
-        """Rows (T, N, width), true modes (T, N), the memory before them, and the decisions on the way."""
-        rows, modes, decisions = [], [], []
-        before, memory = self.memory, self.memory
-        for _ in range(settings.rollout):
-            count = int(self.fresh.sum())
-            self.limit[self.fresh] = generator.uniform(math.log(settings.strictest), math.log(0.3), count)
-            row = torch.from_numpy(self.rows)
-            rows.append(row)
-            modes.append(torch.from_numpy(self.env.world.field("true_mode")))
-            memory = net.remember(net.features(row), memory * ~first_ticks(row)[:, None, None])
-            posterior = net.log_posterior(row, memory).exp().numpy()
-            best = posterior.argmax(-1)
-            doubt = np.log(np.maximum(1.0 - posterior.max(-1), 1e-12))
-            late = self.layout.read(self.rows, "ticks") >= settings.latest - TICK_SCALE
-            actions = np.where((doubt <= self.limit) | late, best + 1, 0)
-            self.rows, _, _, _, info = self.env.step(actions)
-            self.fresh = actions > 0
-            if "correct" in info:
-                decisions.append(info)
+    ) -> tuple[Tensor, list[tuple[float, float]]]:
+        """Mean surprise at the true mode over ticks and tracks, and reward and ticks of each decision."""
+        memory = self.memory.detach()
+        scores, modes, decided = [], [], []
+        for _ in range(settings.n_steps):
+            self._draw_limits(settings, generator)
+            observation = np.concatenate(self.rows)
+            rows = torch.from_numpy(observation)
+            modes.append(
+                torch.from_numpy(np.concatenate([env.world.field("true_mode") for env in self.envs]))
+            )
+            memory = net.remember(net.features(rows), memory * ~first_ticks(rows)[:, None, None])
+            score = net.log_posterior(rows, memory)
+            scores.append(score)
+            doubt, best = doubt_and_best(score.detach().exp().numpy(), self.radius)
+            late = self.layout.read(observation, "ticks") >= settings.latest - TICK_SCALE
+            declares = (doubt <= self.limit) | late
+            stray = generator.random(self.tracks) < settings.stray
+            other = generator.integers(self.layout.hypotheses, size=self.tracks)
+            actions = np.where(declares, np.where(stray, other, best) + 1, 0)
+            self.fresh = declares
+            for k, (env, part) in enumerate(zip(self.envs, np.split(actions, self.cuts), strict=True)):
+                self.rows[k], _, _, _, info = env.step(part)
+                if "correct" in info:
+                    decided.append(_figures(info, env.options.delay_cost))
         self.memory = memory
-        return torch.stack(rows), torch.stack(modes), before, decisions
+        loss = nn.functional.nll_loss(torch.stack(scores).flatten(0, 1), torch.stack(modes).flatten())
+        return loss, decided
 
-    def loss(self, net: SequenceNet, rows: Tensor, modes: Tensor, memory: Tensor) -> Tensor:
-        """Mean over ticks and tracks of the surprise at the true mode."""
-        features = net.features(rows)
-        keep = ~first_ticks(rows)[..., None, None]
-        memories = []
-        for tick in range(len(rows)):
-            memory = net.remember(features[tick], memory * keep[tick])
-            memories.append(memory)
-        scores = net.log_posterior(rows, torch.stack(memories))
-        self.memory = memory.detach()
-        return nn.functional.nll_loss(scores.flatten(0, 1), modes.flatten())
+    def _draw_limits(self, settings: SequenceSettings, generator: np.random.Generator) -> None:
+        count = int(self.fresh.sum())
+        low, high = math.log(settings.strictest), math.log(EAGEREST)
+        self.limit[self.fresh] = np.exp(generator.uniform(low, high, count))
+        weight = generator.random(count) ** 2  # nearer to what is rewarded, the type
+        self.radius[self.fresh] = np.where(self.by_type[self.fresh], weight, 1.0)
 
 
-def train_sequence(
-    env_id: str,
-    worlds: Sequence[Mapping[str, Any]],
-    steps: int,
-    seed: int = 0,
-    settings: SequenceSettings | None = None,
-    folder: Path | None = None,
-    on_progress: Callable[[TrainingProgress], None] | None = None,
-) -> SequenceNet:
-    """Train a network on one or more worlds of an id.
-
-    Args:
-        worlds: options of each world, over those of the id.
-        steps: environment steps, summed over tracks.
-        seed: of weights, tracks and thresholds; the same seed gives the same weights.
-        folder: where weights and card are kept, every `SAVE_EVERY` seconds and at the end.
-    """
-    settings = settings or SequenceSettings()
-    check_integer("steps", steps)
-    check_integer("seed", seed, minimum=0)
-    if not worlds or settings.tracks < len(worlds):
-        raise reject("tracks", settings.tracks, f"at least one track for each of {len(worlds)} worlds")
-    torch.set_num_threads(1)
-    torch.manual_seed(seed)
-    generator = np.random.default_rng(seed)
-    net = SequenceNet(settings.hidden)
-    share = settings.tracks // len(worlds)
-    first = seeds.TRAINING + seed * 10**9
-    streams = [
-        _Stream(env_id, options, share, first + index * share, settings.hidden)
-        for index, options in enumerate(worlds)
-    ]
-    if folder is not None:
-        output_folder("out", folder)
-    card = {
-        "environment": env_id, "options": dict(worlds[0]), "worlds": [dict(world) for world in worlds],
-        "settings": asdict(settings), "steps": steps, "seed": seed,
-        "versions": {name: version(name) for name in ("hybrid-track", "torch", "numpy", "numba")},
-    }  # fmt: skip
-    optimizer = torch.optim.Adam(net.parameters(), lr=settings.learning_rate)
-    done, saved = 0, time.monotonic()
-    recent: list[tuple[float, float]] = []
-    while done < steps:
-        for group in optimizer.param_groups:
-            group["lr"] = settings.learning_rate * max(0.02, 1.0 - done / steps)
-        losses = []
-        for stream in streams:
-            rows, modes, memory, decisions = stream.rollout(net, settings, generator)
-            losses.append(stream.loss(net, rows, modes, memory))
-            recent = (recent + [_figures(info, stream) for info in decisions])[-200:]
-        optimizer.zero_grad()
-        torch.stack(losses).mean().backward()
-        nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        optimizer.step()
-        done += share * len(streams) * settings.rollout
-        if on_progress is not None:
-            reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
-            on_progress(TrainingProgress(done, steps, float(reward), float(ticks)))
-        if folder is not None and time.monotonic() - saved > SAVE_EVERY:
-            save_sequence(folder, net, card | {"trained": done})
-            saved = time.monotonic()
-    if folder is not None:
-        save_sequence(folder, net, card | {"trained": done})
-    return net.eval()
-
-
-def _figures(info: dict[str, Any], stream: _Stream) -> tuple[float, float]:
+def _figures(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
     """Mean reward and ticks of the decisions of a step."""
     decided: NDArray[np.bool_] = info["_correct"]
     ticks = info["ticks"][decided]
     right = np.where(info["correct"][decided], 1.0, -1.0)
-    return float((right - stream.env.options.delay_cost * ticks).mean()), float(ticks.mean())
+    return float((right - delay_cost * ticks).mean()), float(ticks.mean())
+
+
+class SequenceRun:
+    """One training of the sequence agent; see `agents.training.make_run` for the arguments.
+
+    Raises:
+        ArgumentError: a bad world, or a folder with a damaged checkpoint.
+    """
+
+    def __init__(
+        self,
+        env_id: str,
+        options: dict[str, Any],
+        recipe: Recipe,
+        seed: int,
+        folder: Path | None,
+        steps: int,
+        resume: bool = False,
+    ):
+        assert isinstance(recipe.settings, SequenceSettings)
+        self.env_id, self.options, self.recipe, self.settings = env_id, options, recipe, recipe.settings
+        self.seed, self.folder, self.steps = seed, folder, steps
+        self._done, self.seconds = 0, 0.0
+        torch.set_num_threads(1)  # small networks lose more to threads than they gain
+        torch.manual_seed(seed)
+        self.net = SequenceNet(self.settings.hidden)
+        self.world = make_vector_env(env_id, 1, **options).options
+        if self.world.actions != "all":
+            raise reject("actions", self.world.actions, "'all' for an agent that declares hypotheses")
+        self._streams()  # refuses a bad world before anything is made
+        self.rate, self.falls = schedule(self.settings.learning_rate)
+        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
+        self.curve = LearningCurve(env_id, options)
+        if folder is not None:
+            if resume:
+                numbers = run_folder.load_checkpoint(folder, self.net, self.optimizer)
+                self._done, self.seconds = int(numbers["steps"]), numbers["seconds"]
+                run_folder.drop_metrics_beyond(folder, self.done)
+            output_folder("out", folder)
+            config = {
+                "env": env_id, "options": options, "recipe": recipe.as_json(), "steps": steps, "seed": seed,
+            }  # fmt: skip
+            write_json(folder / run_folder.CONFIG, config)
+
+    @property
+    def done(self) -> int:
+        """Environment steps made."""
+        return self._done
+
+    def _streams(self) -> list[_Stream]:
+        """The tracks, those with as many hypotheses side by side; a resumed run has others."""
+        groups: dict[int, list[HybridTrackVectorEnv]] = {}
+        for world in self.settings.worlds:
+            env = self._make(world)
+            groups.setdefault(env.options.hypotheses, []).append(env)
+        first = seeds.TRAINING + self.seed * 10**9 + self.done
+        return [
+            _Stream(envs, first + k * 10**6, self.settings.hidden) for k, envs in enumerate(groups.values())
+        ]
+
+    def _make(self, world: TrainedWorld) -> HybridTrackVectorEnv:
+        options = dict(world.options) | self.options
+        return make_vector_env(world.env or self.env_id, world.n_envs, tick_info=False, **options)
+
+    def train(
+        self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
+    ) -> None:
+        """Train to the end, saving the run every so many seconds."""
+        generator = np.random.default_rng([self.seed, self.done])
+        streams = self._streams()
+        if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
+            self.save()  # a run killed before its first interval can go on, too
+        recent: list[tuple[float, float]] = []
+        begun = time.monotonic() - self.seconds
+        saved = logged = time.monotonic()
+        while self.done < self.steps:
+            left = max(SLOWEST, 1.0 - self.done / self.steps) if self.falls else 1.0
+            for group in self.optimizer.param_groups:
+                group["lr"] = self.rate * left
+            losses = []
+            for stream in streams:
+                loss, decided = stream.rollout(self.net, self.settings, generator)
+                losses.append(loss)
+                recent = (recent + decided)[-200:]
+            self.optimizer.zero_grad()
+            total = torch.stack(losses).mean()
+            total.backward()
+            nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+            self.optimizer.step()
+            self._done += self.settings.n_steps * sum(stream.tracks for stream in streams)
+            now = time.monotonic()
+            self.seconds = now - begun
+            reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
+            if on_progress is not None:
+                on_progress(TrainingProgress(self.done, self.steps, float(reward), float(ticks)))
+            if self.folder is None:
+                continue
+            if self.curve.due(self.seconds) or self.done >= self.steps:
+                point = self.curve.measure(self.family(""), self.seconds)
+                run_folder.append_metrics(self.folder, self.done, point)
+            if now - logged > LOG_EVERY:
+                figures = {"loss": float(total.detach()), "seconds": self.seconds}
+                run_folder.append_metrics(self.folder, self.done, figures)
+                logged = now
+            if now - saved > save_every:
+                self.save()
+                saved = now
+            begun = time.monotonic() - self.seconds  # what was measured and saved is not training
+        if self.folder is not None:
+            self.save()
+
+    def family(self, name: str) -> DeciderFamily:
+        """The agent as it stands, as a decider of the world that it is trained for."""
+        return sequence_family(name, self.net, self.world)
+
+    def save(self) -> None:
+        """Write checkpoint and policy."""
+        assert self.folder is not None
+        numbers = {"steps": self.done, "seconds": self.seconds}
+        run_folder.save_checkpoint(self.folder, self.net.state_dict(), self.optimizer, numbers)
+        save_sequence(self.folder, self.net, self.card())
+
+    def card(self) -> dict[str, Any]:
+        """What made the weights."""
+        return {
+            "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
+            "seed": self.seed, "steps": self.done, "seconds": round(self.seconds, 1),
+            "versions": run_folder.versions(),
+        }  # fmt: skip

@@ -1,31 +1,32 @@
-"""The command `hybridtrack train`: PPO into a run folder."""
+"""The command `hybridtrack train`: an agent into a run folder, by a recipe."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
-from agents.ppo_settings import STEPS, PPOSettings
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_positive, reject
 
 
 @dataclass(kw_only=True)
 class Train(WorldArguments):
-    """Train PPO into a run folder: weights, card, metrics and TensorBoard events."""
+    """Train an agent by a recipe into a run folder: weights, card, metrics, and its learning curve."""
 
+    recipe: str = "ppo"
+    """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many worlds),
+    'recurrent-ppo', three that fail ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a
+    YAML file."""
+    set: tuple[str, ...] = ()
+    """Hyper-parameters other than the recipe's, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Path | None = None
-    """Run folder, new or empty; default runs/<environment>-ppo-seed<seed>."""
+    """Run folder, new or empty; default runs/<environment>-<recipe>-seed<seed>."""
     resume: Path | None = None
-    """Go on with this run folder, with its own world and settings; only --steps may be given with it."""
+    """Go on with this run folder, with its own world and recipe; only --steps may be given with it."""
     steps: int | None = None
-    """Environment steps, summed over tracks; default 1,500,000 (half a minute), or the resumed run's."""
+    """Environment steps, summed over tracks; default the recipe's, or the resumed run's."""
     seed: int = 0
     """Of weights, tracks and mini-batches; the same seed gives the same weights."""
     save_every: float = 10.0
     """Seconds between checkpoints; a killed run loses no more than that and one rollout."""
-    ppo: tyro.conf.OmitArgPrefixes[PPOSettings] = field(default_factory=PPOSettings)
-    """Hyper-parameters."""
 
     def run(self) -> None:
         """Train with a live display and say where the run is."""
@@ -33,30 +34,38 @@ class Train(WorldArguments):
         check_positive("save-every", self.save_every)
         if self.steps is not None:
             check_integer("steps", self.steps)
-        name = self.env_id.rpartition(":")[2]
-        folder = self.resume or self.out or Path("runs") / f"{name}-ppo-seed{self.seed}"
+        from agents.recipe import load_recipe
+        from agents.training import TrainingProgress, make_run, resume_run
+
         if self.resume is not None:
+            folder = self.resume
             if self != Train(resume=self.resume, steps=self.steps, save_every=self.save_every):
                 raise reject("resume", str(folder), "no other flag than --steps and --save-every beside it")
-        elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise reject("out", str(folder), "a new or empty folder, or --resume to go on with a run")
+            run = resume_run(folder, self.steps)
+        else:
+            recipe = load_recipe(self.recipe, self.env_id, self.set)
+            name = self.env_id.rpartition(":")[2]
+            folder = self.out or Path("runs") / f"{name}-{recipe.name}-seed{self.seed}"
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                raise reject("out", str(folder), "a new or empty folder, or --resume to go on with a run")
+            run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
+        from agents.learning_curve import summary
+        from agents.learning_figure import draw_learning
         from agents.progress import progress_display
-        from agents.training import TrainingProgress, TrainingRun
+        from agents.run_folder import read_metrics
 
-        if self.resume is not None:
-            training = TrainingRun.resume(folder, self.steps)
-        else:
-            steps = STEPS if self.steps is None else self.steps
-            training = TrainingRun(self.env_id, self.world_options(), self.ppo, self.seed, folder, steps)
         console = Console()
         with progress_display(console) as display:
-            task = display.add_task("Training PPO", total=training.steps, note="")
+            task = display.add_task("Training", total=run.steps, note="")
 
             def show(now: TrainingProgress) -> None:
                 display.update(task, completed=min(now.steps, now.total), note=now.note)
 
-            training.train(show, self.save_every)
-        console.print(f"Run {folder}: {training.model.num_timesteps:,} steps", highlight=False)
+            run.train(show, self.save_every)
+        for line in summary(read_metrics(folder)):
+            console.print(line, highlight=False, soft_wrap=True)
+        draw_learning([folder], folder / "learning.png")
+        console.print(f"Run {folder}: {run.done:,} steps, learning.png", highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", highlight=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-CARDS = ("policy.json", "sequence.json")
+CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 
 
@@ -63,7 +63,7 @@ class WorldArguments:
 def read_card(decider: str) -> dict[str, Any] | None:
     """The card of a run folder, with an optional threshold behind its name; None for any other decider."""
     names = (decider, decider.rpartition(":")[0])
-    for path in (Path(name) / card for name in names if name for card in CARDS):
+    for path in (Path(name) / CARD for name in names if name):
         if path.is_file():
             try:
                 card = json.loads(path.read_text(encoding="utf-8"))

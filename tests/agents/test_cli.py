@@ -34,7 +34,7 @@ WORLD_NONSENSE = [
 ]
 NONSENSE = [
     (f"{command} {flags}", message)
-    for command in ("compare", "train", "train-sequence", "evaluate", "play --out x.gif")
+    for command in ("compare", "train", "evaluate", "play --out x.gif")
     for flags, message in WORLD_NONSENSE
 ] + [
     ("", "Expected one of"),
@@ -45,20 +45,10 @@ NONSENSE = [
     ("compare --training-seeds 0", "training-seeds=0"),
     ("compare --deciders", "deciders=()"),
     ("compare --deciders ate ate", "deciders=('ate', 'ate')"),
-    ("compare --deciders ate oracle", "decider='oracle'"),
+    ("compare --deciders ate oracle", "deciders='oracle'"),
     ("compare --out bad.txt", "out="),
     ("compare --accuracy 1", "accuracy=1.0"),
     ("compare --accuracy nan", "accuracy=nan"),
-    ("train-sequence --out .", "out='.'"),
-    ("train-sequence --steps 0", "steps=0"),
-    ("train-sequence --noise 0.1 0", "noise=0.0"),
-    ("train-sequence --noise 0.1 --measurement-variance 0.1", "noise=(0.1,)"),
-    ("train-sequence --tracks 0", "tracks=0"),
-    ("train-sequence --rollout 0", "rollout=0"),
-    ("train-sequence --hidden 0", "hidden=0"),
-    ("train-sequence --learning-rate nan", "learning_rate=nan"),
-    ("train-sequence --strictest 1", "strictest=1.0"),
-    ("train-sequence --latest 0", "latest=0"),
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
     ("limits --out bad.txt", "out="),
@@ -67,21 +57,26 @@ NONSENSE = [
     ("evaluate ml:0.5", "decider='ml:0.5'"),
     ("evaluate bayes:-1", "cost=-1.0"),
     ("train --steps 0", "steps=0"),
-    ("train --num-envs 0", "num-envs=0"),
-    ("train --rollout 0", "rollout=0"),
-    ("train --batch 100000000", "batch=100000000"),
-    ("train --batch 1", "batch=1"),
     ("train --out /dev/null/x", "out="),
+    ("train --recipe stew", "recipe='stew'"),
+    ("train --recipe bad.txt", "recipe='bad.txt'"),
+    ("train --recipe good.csv", "recipe='good.csv'"),
+    ("train --recipe sequence --set tracks=3", "hyper-parameter='tracks'"),
+    ("train --set n_envs", "set='n_envs'"),
+    ("train --set n_envs=[", "set='n_envs=['"),
+    ("train --set algo=magic", "algo='magic'"),
+    ("train --set policy=Nonsense", "recipe='ppo'"),
+    ("train --set policy_kwargs.depth=3", "policy_kwargs="),
+    ("train --set observe=[smell]", "observe='smell'"),
+    ("train --recipe sequence --set worlds=[]", "worlds=()"),
+    ("train --recipe sequence --set worlds=[3]", "worlds=[3]"),
+    ("compare --agents ppo ppo", "agents=('ppo', 'ppo')"),
+    ("compare --agents ate", "agents='ate'"),
+    ("compare --agents nowhere", "decider='nowhere'"),
     ("train --seed 5000000000", "seed=5000000000"),
     ("evaluate --scheme 'random 99999999999999999999x5'", "segments="),
     ("evaluate ''", "decider="),
     ("compare --seed 1000000000", "seed=1000000000"),
-    ("train --epochs -1", "epochs=-1"),
-    ("train --learning-rate nan", "learning-rate=nan"),
-    ("train --gae-lambda 2", "gae-lambda=2.0"),
-    ("train --entropy -1", "entropy=-1.0"),
-    ("train --hidden 0", "hidden=0"),
-    ("train --wait-bias inf", "wait-bias=inf"),
     ("train --save-every 0", "save-every=0.0"),
     ("train --resume nowhere", "resume='nowhere'"),
     ("train --resume nowhere --seed 3", "resume='nowhere'"),
@@ -146,10 +141,9 @@ def test_every_flag_of_every_command_is_in_the_list():
     from agents.reproduce import Reproduce
     from agents.track import Track
     from agents.train import Train
-    from agents.training import PPOSettings
 
     for command, kinds in {
-        "compare": (Compare,), "train": (Train, PPOSettings), "evaluate": (Evaluate,), "play": (Play,),
+        "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),
         "reproduce": (Reproduce,), "track": (Track,),
     }.items():  # fmt: skip
         lines = " ".join(line for line, _ in NONSENSE if line.startswith(command))
@@ -158,7 +152,6 @@ def test_every_flag_of_every_command_is_in_the_list():
                 positional = (kind, field.name) in {
                     (Track, "file"),
                     (Evaluate, "decider"),
-                    (Train, "ppo"),
                     (Reproduce, "papers"),
                 }
                 assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
@@ -183,13 +176,13 @@ def test_evaluate_prints_the_figures_and_writes_them(capsys, tmp_path):
 
 def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
     run = str(tmp_path / "run")
-    small = ["--num-envs", "8", "--rollout", "32", "--batch", "64", "--hidden", "8"]
-    assert main(["train", "--out", run, "--steps", "256", *small]) == 0
+    small = ["n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"]
+    assert main(["train", "--out", run, "--steps", "256", "--set", *small]) == 0
     assert main(["train", "--resume", run, "--steps", "512"]) == 0
     assert "512 steps" in capsys.readouterr().out
     assert main(["evaluate", run, "--episodes", "3", "--scheme", "S10 S10"]) == 0
     assert main(["train", "--out", run]) == 2
-    assert main(["train", "--resume", run, "--hidden", "8"]) == 2
+    assert main(["train", "--resume", run, "--set", "n_envs=8"]) == 2
     assert main(["evaluate", run, "--radii", "1", "2"]) == 2
 
 
@@ -221,6 +214,8 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
         "20",
         "--steps",
         "2048",
+        "--agents",
+        "ppo",
         "--scheme",
         "random 2x30-40",
         "--out",
@@ -228,33 +223,35 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     ]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
-    for name in ("ATE", "fixed time", "MSPRT", "PPO", "PPO against ATE", "Wrong decisions", "bank while all"):
+    for name in ("ATE", "fixed time", "MSPRT", "ppo", "ppo against ATE", "Wrong decisions", "bank while all"):
         assert name in printed
     data = json.loads((out / "compare.json").read_text())
-    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "PPO"]
+    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "ppo"]
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png"]
 
 
-def test_compare_trains_sequence_agents_and_gives_their_spread(tmp_path, capsys, monkeypatch):
+def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys, monkeypatch):
     import agents.comparison
 
-    monkeypatch.setattr(agents.comparison, "SEQUENCE_STEPS", 12_288)
     monkeypatch.setattr(agents.comparison, "SELECTION_EPISODES", 20)
     line = (
-        f"compare --deciders msprt sequence --training-seeds 2 --episodes 20 --accuracy 0.9 --out {tmp_path}"
+        "compare --deciders msprt --agents sequence --steps 12288 --training-seeds 2 --episodes 20 "
+        f"--accuracy 0.9 --out {tmp_path}"
     )
     assert main(line.split()) == 0
     printed = capsys.readouterr().out
-    for words in ("sequence 1", "sequence 2", "sequence over 2 training seeds", "90.0% accuracy"):
+    for words in ("sequence seed 0", "sequence seed 1", "sequence over 2 training seeds", "90.0% accuracy"):
         assert words in printed
 
 
-def test_a_trained_sequence_agent_is_evaluated_in_its_own_world(tmp_path, capsys):
+def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(tmp_path, capsys):
     folder = tmp_path / "run"
-    line = f"train-sequence --noise 0.05 0.2 --steps 12288 --tracks 32 --rollout 32 --hidden 8 --out {folder}"
-    assert main(line.split()) == 0
+    line = f"train --recipe sequence --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
+    assert main([*line.split(), "hidden=8", "worlds=[{n_envs: 16}]"]) == 0
+    assert main(f"train --resume {folder} --steps 8192".split()) == 0
+    assert "8,192 steps" in capsys.readouterr().out
     assert main(["evaluate", str(folder), "--episodes", "5"]) == 0
     assert "30 segments" in capsys.readouterr().out
-    assert main(f"train-sequence --out {folder}".split()) == 2
+    assert json.loads((folder / "policy.json").read_text())["options"] == {"measurement_variance": 0.2}

@@ -8,13 +8,20 @@ import torch
 
 from agents.deciders import load_decider
 from agents.evaluation import evaluate
-from agents.sequence import SequenceDecider, SequenceNet, load_sequence, save_sequence
-from agents.sequence_training import SequenceSettings, train_sequence
+from agents.recipe import load_recipe, recipe_of
+from agents.sequence import SequenceDecider, SequenceNet, doubt_and_best, load_sequence, save_sequence
+from agents.training import make_run, resume_run
 from baselines import FixedTimeDecider
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
-SMALL = SequenceSettings(tracks=32, rollout=16, hidden=12)
+SMALL = load_recipe("sequence", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
+
+
+def trained(recipe, steps, seed=0, **options):
+    run = make_run(ENV, options, recipe, seed, steps=steps)
+    run.train()
+    return run.net
 
 
 def net_of_noise(seed=0, hidden=12):
@@ -88,13 +95,13 @@ def test_memory_begins_anew_with_every_segment():
 
 
 def test_the_same_seed_gives_the_same_weights():
-    nets = [train_sequence(ENV, [{}], 2000, seed=4, settings=SMALL) for _ in range(2)]
+    nets = [trained(SMALL, 2000, seed=4) for _ in range(2)]
     for one, other in zip(*(net.state_dict().values() for net in nets), strict=True):
         assert torch.equal(one, other)
 
 
 def test_a_minute_of_training_would_be_too_long_here_but_seconds_beat_chance():
-    net = train_sequence(ENV, [{}], 150_000, settings=SequenceSettings(tracks=64, hidden=16))
+    net = trained(load_recipe("sequence", ENV, ("hidden=16",)), 150_000)
     learned = evaluate(SequenceDecider(net, 0.1), episodes=200, seed=7)
     fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
     assert learned.correct.mean() > fixed.correct.mean()
@@ -109,12 +116,12 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
     assert decider.alpha == 0.05
-    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).by == "type"
+    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).radius < 1.0
     card["observation_scales"]["ticks"] = 5.0
-    (tmp_path / "sequence.json").write_text(json.dumps(card))
+    (tmp_path / "policy.json").write_text(json.dumps(card))
     with pytest.raises(ValueError, match="other scales"):
         load_sequence(tmp_path)
-    (tmp_path / "sequence.safetensors").write_bytes(b"\x00")
+    (tmp_path / "policy.safetensors").write_bytes(b"\x00")
     with pytest.raises(ValueError, match="run="):
         load_sequence(tmp_path)
 
@@ -122,7 +129,10 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"tracks": 0}, "tracks=0"),
+        ({"n_steps": 0}, "n_steps=0"),
+        ({"stray": 1.0}, "stray=1.0"),
+        ({"worlds": [{"n_envs": 0}]}, "n_envs=0"),
+        ({"worlds": [{"tracks": 3}]}, "worlds="),
         ({"hidden": 1.5}, "hidden=1.5"),
         ({"learning_rate": -1.0}, "learning_rate=-1.0"),
         ({"strictest": 0.5}, "strictest=0.5"),
@@ -131,14 +141,54 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
 )
 def test_bad_settings_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
-        SequenceSettings(**arguments)
+        recipe_of("mine", SMALL.as_json()["entry"] | arguments)
 
 
-def test_several_worlds_are_trained_on_at_once_and_need_tracks():
-    worlds = [{"measurement_variance": R} for R in (0.01, 1.0)]
-    train_sequence(ENV, worlds, 1000, settings=SMALL)
-    with pytest.raises(ValueError, match="tracks=1"):
-        train_sequence(ENV, worlds, 1000, settings=SequenceSettings(tracks=1))
-    for alpha in (0.0, 2.0, float("nan")):
-        with pytest.raises(ValueError, match="alpha="):
-            SequenceDecider(net_of_noise(), alpha)
+def test_several_worlds_and_banks_are_trained_on_at_once():
+    worlds = [
+        {"n_envs": 8, "options": {"measurement_variance": 0.01}},
+        {"n_envs": 8, "options": {"measurement_variance": 1.0}},
+        {"n_envs": 4, "env": "hybrid_env:HybridTrackBank-v0"},
+    ]
+    recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
+    net = trained(recipe, 1000)
+    assert evaluate(SequenceDecider(net, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
+    with pytest.raises(ValueError, match="alpha="):
+        SequenceDecider(net, 0.0)
+    with pytest.raises(ValueError, match="radius="):
+        SequenceDecider(net, 0.1, radius=2.0)
+
+
+def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
+    folder = tmp_path / "run"
+    run = make_run(ENV, {}, SMALL, 0, folder, 4096)
+
+    def kill(progress):
+        if progress.steps == 2048:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.train(kill, save_every=1e-9)
+    resumed = resume_run(folder)
+    assert resumed.done == 1536  # the rollout in work is lost
+    for one, other in zip(
+        load_sequence(folder)[0].state_dict().values(), resumed.net.state_dict().values(), strict=True
+    ):
+        assert torch.equal(one, other)
+    resumed.train()
+    assert resumed.done == 4096
+    assert resume_run(folder, steps=5000).steps == 5000
+
+
+def test_doubt_is_what_would_be_wrong():
+    posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
+    doubt, best = doubt_and_best(posterior, 0.0)
+    np.testing.assert_allclose(doubt, [0.39, 0.6])
+    np.testing.assert_array_equal(best, [2, 0])
+    np.testing.assert_allclose(doubt_and_best(posterior, 1.0)[0], [0.69, 0.6])
+    np.testing.assert_allclose(doubt_and_best(posterior, 0.5)[0], [0.54, 0.6])
+    # the likeliest hypothesis need not be of the likeliest type
+    split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
+    assert [doubt_and_best(split, radius)[1][0] for radius in (0.0, 1.0)] == [1, 0]
+    small = np.array([[1.0, 1e-12, 1e-13]])
+    np.testing.assert_allclose(doubt_and_best(small, 1.0)[0], 1.1e-12)

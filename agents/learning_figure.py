@@ -1,0 +1,47 @@
+"""The picture of a training: reward against seconds and against steps."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+
+from agents.figures import COLOURS
+from agents.learning_curve import LEARNED, SPRT, learning_points
+from agents.run_folder import read_metrics
+from agents.writing import whole_file
+
+
+def draw_learning(folders: Sequence[Path], path: Path) -> None:
+    """Learning curves of runs, and the SPRT at its best threshold as a line, as PNG.
+
+    Args:
+        folders: of runs on one world.
+    """
+    canvas = Canvas(figsize=(10, 4), layout="constrained")
+    FigureCanvasAgg(canvas)
+    by_time, by_steps = canvas.subplots(1, 2, sharey=True)
+    best = np.nan
+    for index, folder in enumerate(folders):
+        points = learning_points(read_metrics(folder))
+        if not points:
+            continue
+        best = points[-1][SPRT]
+        rewards = [row[LEARNED] for row in points]
+        colour = COLOURS[(index + 2) % len(COLOURS)]
+        by_time.plot(
+            [row["seconds"] for row in points], rewards, "o-", ms=3.5, color=colour, label=folder.name
+        )
+        by_steps.plot([row["step"] / 1e6 for row in points], rewards, "o-", ms=3.5, color=colour)
+    for axes, unit in ((by_time, "seconds of training"), (by_steps, "million environment steps")):
+        if np.isfinite(best):
+            axes.axhline(best, color=COLOURS[0], linestyle="--", label="SPRT at its best threshold")
+        axes.set_xlabel(unit)
+        axes.set_xlim(left=0)
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    by_time.set_ylabel("mean reward a segment")
+    by_time.legend(frameon=False, loc="lower right")
+    with whole_file(path) as part:
+        canvas.savefig(part, dpi=120)

@@ -1,0 +1,142 @@
+"""What a run folder holds: config, checkpoint, metrics as JSON lines, and a policy with its card.
+
+The checkpoint has weights, optimizer and progress in one file, so that a killed run never mixes two of them.
+Nothing is ever unpickled.
+"""
+
+import json
+import platform
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+from torch.optim import Optimizer
+
+from agents.writing import whole_file, write_json
+from hybrid_env.checks import reject
+from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
+
+CONFIG = "config.json"
+CHECKPOINT = "checkpoint.safetensors"
+METRICS = "metrics.jsonl"
+WEIGHTS = "policy.safetensors"
+CARD = "policy.json"
+SCALES = HYPOTHESIS_FEATURES | TRACK_FEATURES
+
+
+def versions() -> dict[str, str]:
+    """Of what a training depends on."""
+    names = ("hybrid-track", "stable-baselines3", "torch", "numpy", "numba")
+    return {name: version(name) for name in names} | {"python": platform.python_version()}
+
+
+def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any]) -> None:
+    """Write weights and card, each whole or not at all."""
+    with whole_file(folder / WEIGHTS) as part:
+        save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
+    write_json(folder / CARD, dict(card) | {"observation_scales": SCALES})
+
+
+def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Weights and card.
+
+    Raises:
+        ArgumentError: the folder holds none, damaged ones, or such as read another observation.
+    """
+    try:
+        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
+        weights = load_file(folder / WEIGHTS)
+        scales = card["observation_scales"]
+    except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+        raise unreadable(folder, error) from None
+    if scales != SCALES:
+        raise reject(
+            "run", str(folder), "a policy trained on today's observation; this one read other scales"
+        )
+    return weights, card
+
+
+def unreadable(folder: Path, error: Exception) -> ValueError:
+    """The error for a run folder without a whole policy."""
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})")
+
+
+def save_checkpoint(
+    folder: Path, weights: Mapping[str, Tensor], optimizer: Optimizer, numbers: Mapping[str, float]
+) -> None:
+    """Write weights, optimizer and progress as one file."""
+    tensors = {f"policy.{name}": value.contiguous() for name, value in weights.items()}
+    for index, state in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
+    with whole_file(folder / CHECKPOINT) as part:
+        save_file(tensors, part, metadata={name: repr(value) for name, value in numbers.items()})
+
+
+def load_checkpoint(folder: Path, module: Any, optimizer: Optimizer) -> dict[str, float]:
+    """Put a checkpoint into a module and its optimizer; returns the progress that was saved with it.
+
+    Raises:
+        ArgumentError: there is none, or a damaged one.
+    """
+    try:
+        with safe_open(folder / CHECKPOINT, framework="pt") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            numbers = {name: float(value) for name, value in file.metadata().items()}
+        module.load_state_dict(
+            {name.removeprefix("policy."): t for name, t in tensors.items() if name.startswith("policy.")}
+        )
+        state: dict[int, dict[str, Tensor]] = {}
+        for name, value in tensors.items():
+            if name.startswith("optimizer."):
+                _, index, key = name.split(".")
+                state.setdefault(int(index), {})[key] = value
+        groups = optimizer.state_dict()["param_groups"]
+        optimizer.load_state_dict({"state": state, "param_groups": groups})
+        numbers["steps"] = int(numbers["steps"])
+    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
+        reason = str(error).splitlines()[0]
+        raise reject("resume", str(folder), f"a run folder with a whole {CHECKPOINT} ({reason})") from None
+    return numbers
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """The config of a run that is to go on.
+
+    Raises:
+        ArgumentError: there is none, or a damaged one.
+    """
+    try:
+        config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
+
+
+def append_metrics(folder: Path, step: int, figures: Mapping[str, Any]) -> None:
+    """One JSON object a line, so that a resumed run goes on where it stopped."""
+    with (folder / METRICS).open("a", encoding="utf-8") as file:
+        file.write(json.dumps({"step": step} | dict(figures)) + "\n")
+
+
+def read_metrics(folder: Path) -> list[dict[str, Any]]:
+    """The lines of the metrics file, without one cut off by a kill."""
+    path = folder / METRICS
+    if not path.is_file():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines if line.endswith("}")]
+
+
+def drop_metrics_beyond(folder: Path, steps: int) -> None:
+    """Forget what was logged after a checkpoint: it will be logged again."""
+    path = folder / METRICS
+    if path.is_file():
+        with suppress(ValueError), whole_file(path) as part:
+            kept = [row for row in read_metrics(folder) if row["step"] <= steps]
+            part.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")
