@@ -1,7 +1,8 @@
-"""The command `hybridtrack evaluate`: any decider, in numbers."""
+"""The command `hybridtrack evaluate`: deciders in numbers, at home and in other worlds."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
@@ -12,15 +13,18 @@ from hybrid_env.checks import check_integer, reject
 
 @dataclass(kw_only=True)
 class Evaluate(WorldArguments):
-    """Measure one decider: accuracy, decision time, reward and tracking error, and what it confuses."""
+    """Measure deciders: accuracy, decision time, reward, tracking error, confusions; or who degrades how."""
 
-    decider: tyro.conf.Positional[str] = "ate"
+    deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
     """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, also with a
     threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
     episodes: int = 1000
     """Episodes to measure on."""
     seed: int = 0
     """Of the first episode; the next have the next seeds."""
+    shifted: bool = False
+    """Compare them in worlds around this one (noise, radii, lengths, speed, outliers), at the thresholds that
+    are best here; no thresholds behind their names then."""
     out: Path | None = None
     """JSON file for the figures."""
 
@@ -30,40 +34,75 @@ class Evaluate(WorldArguments):
         check_integer("seed", self.seed, minimum=0)
         if self.out is not None and not self.out.parent.is_dir():
             raise reject("out", str(self.out), "a file in a folder that exists")
+        if not self.deciders or len(set(self.deciders)) != len(self.deciders):
+            raise reject("deciders", self.deciders, "one or more different names")
+        from agents.writing import write_json
+
+        figures = self._shifts() if self.shifted else [self._figures(name) for name in self.deciders]
+        if self.out is not None:
+            write_json(self.out, figures[0] if len(figures) == 1 else figures)
+            print(f"Data {self.out}")
+
+    def _shifts(self) -> list[dict[str, Any]]:
+        from rich.console import Console
+
+        from agents.deciders import check_family, decider_family
+        from agents.evaluation import make_vector_env
+        from agents.progress import progress_display
+        from agents.shifts import measure_shifts, shift_table, shifted_worlds
+
+        env_id, options = self.world_of(self.deciders[0])
+        world = make_vector_env(env_id, 1, **options).options
+        families = [decider_family(name, world) for name in self.deciders]
+        for family, name in zip(families, self.deciders, strict=True):
+            check_family(family, name, world)
+        console = Console()
+        with progress_display(console) as progress:
+            total = len(families) * (1 + len(shifted_worlds(world)))
+            task = progress.add_task("Evaluating", total=total, completed=-1, note="")
+            found = measure_shifts(
+                families, env_id, world, options, self.episodes, self.seed,
+                lambda note: progress.update(task, advance=1, note=note),
+            )  # fmt: skip
+            progress.update(task, completed=total, note="")
+        segments = self.episodes * world.segments
+        console.print(
+            shift_table(found, f"{env_id.rpartition(':')[2]} and around: {segments:,} segments each")
+        )
+        return [asdict(one) for one in found]
+
+    def _figures(self, name: str) -> dict[str, Any]:
         from rich.console import Console
         from rich.table import Table
 
         from agents.deciders import load_decider
         from agents.evaluation import evaluate, make_vector_env
         from agents.progress import progress_display
-        from agents.writing import write_json
         from hybrid_env.rendering import mode_name
 
-        env_id, options = self.world_of(self.decider)
+        env_id, options = self.world_of(name)
         world = make_vector_env(env_id, 1, **options).options
-        decider = load_decider(self.decider, world)
+        decider = load_decider(name, world)
         console = Console()
         with progress_display(console) as progress:
-            task = progress.add_task("Evaluating", total=1.0, note=self.decider)
+            task = progress.add_task("Evaluating", total=1.0, note=name)
             decisions = evaluate(
                 decider, env_id, self.episodes, self.seed,
                 lambda share: progress.update(task, completed=share), **options,
             )  # fmt: skip
         summary = decisions.summary()
 
-        table = Table(
-            title=f"{self.decider} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments"
-        )
+        table = Table(title=f"{name} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments")
         for head in ("figure", "mean", "95 % interval"):
             table.add_column(head, justify="left" if head == "figure" else "right")
-        names = {
+        titles = {
             "accuracy": "right decisions", "type_accuracy": "right type (S, L or R)",
             "ticks": "decision time, ticks", "reward": "reward a segment", "forced": "undecided at the end",
             "rmse": "position RMSE, m",
         }  # fmt: skip
-        for key, name in names.items():
+        for key, title in titles.items():
             low, high = summary[key]["interval"]
-            table.add_row(name, f"{summary[key]['mean']:.4f}", f"{low:.4f} to {high:.4f}")
+            table.add_row(title, f"{summary[key]['mean']:.4f}", f"{low:.4f} to {high:.4f}")
         console.print(table)
 
         modes = world.hypotheses
@@ -77,6 +116,4 @@ class Evaluate(WorldArguments):
             for mode in range(modes):
                 confusion.add_row(mode_name(mode, world.radii), *map(str, counts[mode]))
             console.print(confusion)
-        if self.out is not None:
-            write_json(self.out, {"decider": self.decider, "confusion": counts.tolist()} | summary)
-            console.print(f"Data {self.out}", highlight=False)
+        return {"decider": name, "confusion": counts.tolist()} | summary

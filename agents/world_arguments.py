@@ -30,6 +30,8 @@ class WorldArguments:
     """Q, variance added to each velocity every tick [m^2/s^2]."""
     measurement_variance: float | None = None
     """R, variance of a measured coordinate [m^2]."""
+    outliers: float | None = None
+    """Share of measurements with five times the deviation, of which the bank does not know."""
     delay_cost: float | None = None
     """Cost of a tick, in units of the reward of a right decision."""
     correctness: Literal["exact", "type"] | None = None

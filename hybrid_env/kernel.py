@@ -33,6 +33,7 @@ NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
+OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 IN_CACHE = 256  # blocks; the state of more does not stay in the cache of a core from step to step
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
@@ -61,13 +62,19 @@ def move(
     process_deviation: float,
     deviation_x: float,
     deviation_y: float,
+    outliers: float,
 ) -> None:
     """The objects of lanes first .. last - 1 move one tick and are measured. Golubkov 2018, eq. (1).
 
     normals: (4, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
-    each axis [m].
+    each axis [m]. outliers: share of measurements with `OUTLIER` times that deviation.
     """
     draw_normals(block.random_state, normals, first, last)
+    if outliers > 0.0:
+        for lane in range(first, last):
+            if uniform(block.random_state, lane) < outliers:
+                normals[2, lane] *= OUTLIER
+                normals[3, lane] *= OUTLIER
     truth = block.truth
     for lane in range(np.uintp(first), np.uintp(last)):
         cosine, sine_velocity, sine_position = (
@@ -94,6 +101,7 @@ def _tick(block: Any, bank: Any, scratch: Any, parameters: Any, first: int, last
     move(
         block, scratch.normals, first, last,
         parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
+        parameters.outliers,
     )  # fmt: skip
     banks.step(bank, first, last, block.measurement, parameters)
     weigh(scratch, bank.hypotheses, first, last)
@@ -217,6 +225,7 @@ def _decide(
         move(
             block, scratch.normals, lane, lane + 1,
             parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
+        parameters.outliers,
         )  # fmt: skip
         banks.follow(bank, lane, chosen, block.measurement, parameters)
         _account(block, lane, bank.hypotheses, trace)

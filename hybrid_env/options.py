@@ -28,6 +28,8 @@ class WorldOptions:
         tau: length of a tick [s].
         process_variance: Q, added to each velocity every tick [m^2/s^2].
         measurement_variance: R of a measured coordinate [m^2], one number or (x, y).
+        outliers: share of measurements, below 1, with five times the deviation (variance 25 R), of which the
+            bank does not know.
         initial_error: (variance of the first estimate's position over R, variance of its velocity
             [m^2/s^2]), both normal; 0 starts at the true state.
         bank: "published" takes the anchor as exact; "anchor_aware" has its uncertainty in the state of every
@@ -49,6 +51,7 @@ class WorldOptions:
     tau: float = 0.1
     process_variance: float = 0.001
     measurement_variance: float | tuple[float, float] = 0.1
+    outliers: float = 0.0
     initial_error: float | tuple[float, float] = (0.3, 0.02)
     bank: Literal["published", "anchor_aware", "oracle"] = "published"
     reset_covariance: bool | None = None
@@ -68,6 +71,8 @@ class WorldOptions:
         if self.heading is not None:
             fix(self, "heading", check_number("heading", self.heading, "a finite angle [rad] or None"))
         noise_axes(self.measurement_variance)
+        if check_positive("outliers", self.outliers, allow_zero=True) >= 1.0:
+            raise reject("outliers", self.outliers, "a number from 0 to below 1")
         fix(self, "initial_error", self._check_initial_error())
         check_choice("bank", self.bank, ("published", "anchor_aware", "oracle"))
         if self.reset_covariance is not None:
@@ -148,7 +153,7 @@ class WorldOptions:
         assert not isinstance(self.scheme, str)
         assert isinstance(self.initial_error, tuple)
         record = np.zeros(1, PARAMETERS)
-        for name in ("tau", "process_variance", "speed", "delay_cost", "segments"):
+        for name in ("tau", "process_variance", "speed", "delay_cost", "segments", "outliers"):
             record[name] = getattr(self, name)
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error

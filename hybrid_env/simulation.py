@@ -52,7 +52,7 @@ def _simulate(
             for lane in range(LANES):
                 turn(block, lane, signed_radii[piece], tau)
             for _ in range(lengths[piece]):
-                move(block, normals, 0, LANES, process_deviation, deviations[0], deviations[-1])
+                move(block, normals, 0, LANES, process_deviation, deviations[0], deviations[-1], 0.0)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]

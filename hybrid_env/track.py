@@ -102,6 +102,7 @@ PARAMETERS = np.dtype(
         ("process_deviation", np.float64),  # sqrt(Q) [m/s]
         ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
         ("deviation_y", np.float64),
+        ("outliers", np.float64),  # share of measurements
         ("log_noise", np.float64),  # ln R, geometric mean of the axes
         ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
         ("radii_count", np.int64),

@@ -25,6 +25,7 @@ WORLD_NONSENSE = [
     ("--measurement-variance nan", "measurement_variance=nan"),
     ("--measurement-variance loud", "--measurement-variance"),
     ("--delay-cost -1", "delay_cost=-1.0"),
+    ("--outliers 1", "outliers=1.0"),
     ("--correctness rough", "correctness"),
     ("--undecided shrug", "undecided"),
     ("--reset-covariance 2", "reset-covariance"),
@@ -85,6 +86,8 @@ NONSENSE = [
     ("evaluate ate:2", "alpha=2.0"),
     ("evaluate fixed:2.5", "decider='fixed:2.5'"),
     ("evaluate --episodes 0", "episodes=0"),
+    ("evaluate ate ate", "deciders=('ate', 'ate')"),
+    ("evaluate ate:1e-3 --shifted True", "decider='ate:1e-3'"),
     ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
     ("play --out x.mp4", "out='x.mp4'"),
     ("play --out x.gif --episodes 0", "episodes=0"),
@@ -151,7 +154,7 @@ def test_every_flag_of_every_command_is_in_the_list():
             for field in fields(kind):
                 positional = (kind, field.name) in {
                     (Track, "file"),
-                    (Evaluate, "decider"),
+                    (Evaluate, "deciders"),
                     (Reproduce, "papers"),
                 }
                 assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
@@ -255,3 +258,22 @@ def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(t
     assert main(["evaluate", str(folder), "--episodes", "5"]) == 0
     assert "30 segments" in capsys.readouterr().out
     assert json.loads((folder / "policy.json").read_text())["options"] == {"measurement_variance": 0.2}
+
+
+def test_evaluate_shows_who_degrades_in_other_worlds(tmp_path, capsys, monkeypatch):
+    import agents.shifts
+
+    monkeypatch.setattr(agents.shifts, "SELECTION_EPISODES", 10)
+    out = tmp_path / "shifts.json"
+    line = f"evaluate fixed msprt --shifted True --episodes 10 --scheme random\\ 2x20-30 --out {out}"
+    import shlex
+
+    assert main(shlex.split(line)) == 0
+    printed = capsys.readouterr().out
+    for words in ("as it is", "5 % outliers", "twice the radii", "half the length", "MSPRT"):
+        assert words in printed
+    rows = json.loads(out.read_text())
+    assert len(rows) == 20
+    assert all(row["low"] <= row["reward"] <= row["high"] for row in rows)
+    by_world = {row["world"]: row for row in rows if row["decider"] == "fixed time"}
+    assert by_world["half the length"]["ticks"] <= 15

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackEnv, KalmanBank, Layout
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, KalmanBank, Layout
 from hybrid_env.track import TRACE_COLUMNS
 
 
@@ -297,3 +297,20 @@ def test_modes_of_a_random_scheme_are_equally_likely():
         modes.append(info["decided_true_mode"])
     counts = np.bincount(modes, minlength=5)
     assert np.abs(counts - 400).max() < 4 * math.sqrt(2000 * 0.2 * 0.8)
+
+
+def test_outliers_are_as_frequent_and_as_wide_as_asked_and_leave_the_truth_alone():
+    worlds = [
+        HybridTrackVectorEnv(4000, outliers=share, measurement_variance=0.25, process_variance=0.0)
+        for share in (0.0, 0.1)
+    ]
+    errors = []
+    for world in worlds:
+        world.reset(seed=3)
+        info = world.step(np.zeros(4000, np.int64))[4]
+        errors.append((info["measurement"] - info["truth"][:, [0, 2]]) / 0.5)
+    assert np.abs(errors[0]).max() < 5.0
+    # variance 1 + 0.1 (25 - 1); both axes of a measurement are outliers together
+    assert errors[1].var() == pytest.approx(3.4, abs=4 * np.sqrt((0.1 * 625 * 3 + 0.9 * 3 - 3.4**2) / 4000))
+    beyond = (np.abs(errors[1]) > 5.0).mean()
+    assert beyond == pytest.approx(0.1 * 0.3173, abs=4 * np.sqrt(0.0317 / 4000))

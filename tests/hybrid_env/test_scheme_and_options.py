@@ -81,6 +81,7 @@ BAD_OPTIONS = [
     ("initial_error", 0.5), ("initial_error", (0.3,)), ("initial_error", (-0.3, 0.0)),
     ("initial_error", (NAN, 0.0)), ("initial_error", "none"), ("initial_error", None),
     ("initial_error", False),
+    ("outliers", -0.1), ("outliers", 1.0), ("outliers", None),
     ("bank", "aware"), ("bank", None), ("bank", 1), ("reset_covariance", 1), ("reset_covariance", "yes"),
     ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
     ("correctness", "approximate"), ("correctness", None),
