@@ -2,10 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agents import seeds
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from agents.comparison import Comparison
 
 
 @dataclass(kw_only=True)
@@ -29,7 +33,8 @@ class Compare(WorldArguments):
     training_seeds: int = 1
     """Agents to train by each recipe, each with its own seed."""
     out: Path = Path("results")
-    """Folder for compare.png and compare.json."""
+    """Folder for compare.png, duel.png (an episode on which the best agent and the reference differ) and
+    compare.json."""
 
     def run(self) -> None:
         """Train, sweep, print the table, write figure and data."""
@@ -77,5 +82,24 @@ class Compare(WorldArguments):
         console.print(result.error_table())
         console.print(result.bank_table())
         draw_operating_curves(result, folder / "compare.png")
+        self._draw_duel(result, folder)
         write_json(folder / "compare.json", result.as_json())
-        console.print(f"Figure {folder / 'compare.png'}, data {folder / 'compare.json'}", highlight=False)
+        pictures = "compare.png, duel.png" if result.learned else "compare.png"
+        console.print(f"Files in {folder}: {pictures}, compare.json", highlight=False)
+
+    def _draw_duel(self, result: "Comparison", folder: Path) -> None:
+        from agents.duel import draw_duel, fly
+
+        widest = result.widest()
+        if widest is None:
+            return
+        best, episode = widest
+        plan, seed = result.plan, self.seed + episode
+        flights = []
+        for entry in (result.entries[0], best):
+            family = entry.curve.family
+            decider = family.make(family.thresholds[entry.chosen])
+            flights.append(fly(entry.name, decider, plan.env_id, seed, **plan.options))
+        most = f"where they differ most of {plan.episodes:,} episodes"
+        title = f"{plan.env_id.rpartition(':')[2]}, seed {seed}: {most}"
+        draw_duel(flights[0], flights[1], result.world, title, folder / "duel.png")

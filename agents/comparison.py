@@ -231,6 +231,19 @@ class Comparison:
             kinds.setdefault(re.sub(SEED_SUFFIX, "", entry.name), []).append(entry)
         return kinds
 
+    @property
+    def learned(self) -> tuple[Entry, ...]:
+        """The entries of agents."""
+        return self.entries[len(self.plan.deciders) :]
+
+    def widest(self) -> tuple[Entry, int] | None:
+        """The best agent, and the episode on which it is ahead of the reference most; None without agents."""
+        if not self.learned:
+            return None
+        best = max(self.learned, key=lambda entry: entry.reward.value)
+        rewards = [entry.curve.decisions[entry.chosen].reward.mean(1) for entry in (best, self.entries[0])]
+        return best, int((rewards[0] - rewards[1]).argmax())
+
     def gains(self, entry: Entry) -> dict[str, Figure]:
         """Paired differences of an entry to the reference."""
         reference = self.entries[0]

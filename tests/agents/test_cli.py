@@ -232,7 +232,7 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "ppo"]
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png", "duel.png"]
 
 
 def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys, monkeypatch):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from agents.deciders import FIXED_TIME, DeciderFamily
+from agents.duel import fly
 from agents.evaluation import Decisions, evaluate, interval
 from agents.operating_curve import (
     ACCURACY,
@@ -111,3 +112,16 @@ def test_paired_differences_are_known_better_than_the_figures():
     assert paired.value == pytest.approx(other.value - one.value)
     unpaired = np.hypot(one.high - one.low, other.high - other.low)
     assert paired.high - paired.low < 0.85 * unpaired
+
+
+def test_a_flight_is_what_the_evaluation_counts():
+    decider = SPRTDecider(1e-3)
+    found = evaluate(decider, episodes=4, seed=10)
+    flight = fly("ATE", decider, "hybrid_env:HybridTrack-v0", 12)
+    np.testing.assert_array_equal(flight.correct, found.correct[2])
+    np.testing.assert_array_equal(np.diff(flight.ends, prepend=0), found.length[2])
+    np.testing.assert_array_equal(flight.decided - (flight.ends - found.length[2]), found.ticks[2])
+    assert flight.reward == pytest.approx(found.reward[2].mean())
+    assert len(flight.trace) == flight.ends[-1]
+    error = flight.column("estimate_x") - flight.column("x"), flight.column("estimate_y") - flight.column("y")
+    assert (error[0] ** 2 + error[1] ** 2).sum() == pytest.approx(found.squared_error[2].sum())
