@@ -1,7 +1,7 @@
 """Deciders side by side: trained where asked, swept over their thresholds, measured on the same episodes."""
 
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,7 @@ class Plan:
         steps: of each training, None as many as its recipe has.
         training_seeds: agents of each recipe.
         accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
+        curves: False reports all but the reference at the chosen threshold only.
     """
 
     env_id: str
@@ -58,6 +59,7 @@ class Plan:
     steps: int | None
     training_seeds: int
     accuracy: float | None = None
+    curves: bool = True
 
     def world(self) -> WorldOptions:
         """The options of the world, the id's own included."""
@@ -137,13 +139,16 @@ class Comparison:
             caption=(
                 f"{way} from other episodes; ± half of the 95 % interval.\n"
                 f"{self.equal_time:.1f} ticks: {first.name} at its default threshold."
+                if self.plan.curves
+                else f"{way} from other episodes; ± half of the 95 % interval."
             ),
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
         )
         heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
-        heads += [f"error at\n{self.equal_time:.1f} t, %"]
-        heads += [f"{level:.0%}\nat tick" for level in LEVELS]
+        if self.plan.curves:
+            heads += [f"error at\n{self.equal_time:.1f} t, %"]
+            heads += [f"{level:.0%}\nat tick" for level in LEVELS]
         for head in heads:
             table.add_column(head, justify="left" if head == "decider" else "right", no_wrap=True)
         for entry in self.entries:
@@ -151,10 +156,15 @@ class Comparison:
             table.add_row(
                 f"{entry.name}\n[bright_black]{family.symbol} {family.thresholds[entry.chosen]:g}[/]",
                 _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
-                _cell(entry.rmse, 1, 3), _cell(entry.equal_time_error, 100, 2),
-                *(_cell(entry.time_at[level], 1, 1) for level in LEVELS),
+                _cell(entry.rmse, 1, 3), *self._curve_cells(entry),
             )  # fmt: skip
         return table
+
+    def _curve_cells(self, entry: Entry) -> list[str]:
+        if not self.plan.curves:
+            return []
+        times = [_cell(entry.time_at[level], 1, 1) for level in LEVELS]
+        return [_cell(entry.equal_time_error, 100, 2), *times]
 
     def missed_accuracy(self) -> list[str]:
         """A line for each decider that no threshold took to the wanted accuracy on the reported episodes."""
@@ -215,10 +225,14 @@ class Comparison:
             if len(trained) < 2:
                 continue
             spread = []
-            for name, digits, values in (
-                ("reward", 3, [entry.reward.value for entry in trained]),
-                ("98 % accuracy at tick", 1, [entry.time_at[0.98].value for entry in trained]),
-            ):
+            figures = [("reward", 3, [entry.reward.value for entry in trained])]
+            if self.plan.curves:
+                for level in LEVELS:
+                    times = [entry.time_at[level].value for entry in trained]
+                    figures.append((f"{level:.0%} at tick", 1, times))
+                errors = [100 * entry.equal_time_error.value for entry in trained]
+                figures.append((f"error at {self.equal_time:.1f} ticks, %", 2, errors))
+            for name, digits, values in figures:
                 low, mean, high = np.min(values), np.mean(values), np.max(values)
                 spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
             lines.append(f"{kind} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
@@ -252,7 +266,7 @@ class Comparison:
                 reference.curve, at_threshold(REWARD, entry.chosen), at_threshold(REWARD, reference.chosen)
             )
         }
-        if all(np.isfinite(one.time_at[0.98].value) for one in (entry, reference)):
+        if self.plan.curves and all(np.isfinite(one.time_at[0.98].value) for one in (entry, reference)):
             gains["ticks_at_98"] = entry.curve.difference(reference.curve, ticks_at_accuracy(0.98))
         return gains
 
@@ -273,7 +287,9 @@ class Comparison:
     def _entry_json(self, entry: Entry) -> dict[str, Any]:
         family = entry.curve.family
         means = entry.curve.means
-        names = ("accuracy", "ticks", "reward", "rmse", "equal_time_error")
+        names = ["accuracy", "ticks", "reward", "rmse"]
+        if self.plan.curves:
+            names.append("equal_time_error")
         return {
             "name": entry.name,
             "threshold": {"symbol": family.symbol, "chosen": family.thresholds[entry.chosen]},
@@ -318,13 +334,18 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
             families.append(found)
     total = sum(2 * len(family.thresholds) for family in families)
     task = progress.add_task("Evaluating", total=total, note="")
-    curves, chosen = [], []
+    curves: list[OperatingCurve] = []
+    chosen = []
     for family in families:
         progress.update(task, note=family.name)
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
         selection = sweep(family, plan.env_id, SELECTION_EPISODES, seeds.SELECTION, **arguments)
         wanted = plan.accuracy
-        chosen.append(selection.best_index() if wanted is None else selection.soonest_index(wanted))
+        index = selection.best_index() if wanted is None else selection.soonest_index(wanted)
+        if not plan.curves and curves:
+            progress.advance(task, len(family.thresholds) - 1)
+            family, index = replace(family, thresholds=(family.thresholds[index],)), 0
+        chosen.append(index)
         curves.append(sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments))
     progress.update(task, note="")
     reference = curves[0].family

@@ -1,18 +1,20 @@
 """Figures of comparisons."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
 
 from agents.evaluation import interval
 from agents.operating_curve import ACCURACY, REWARD, TICKS
 from agents.writing import whole_file
 
 if TYPE_CHECKING:
-    from agents.comparison import Comparison
+    from agents.comparison import Comparison, Entry
 
 COLOURS = ("#4477AA", "#BBBBBB", "#EE6677", "#228833", "#CCBB44", "#66CCEE", "#AA3377")  # Tol's bright scheme
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
@@ -22,26 +24,26 @@ ERROR_TICKS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 def draw_operating_curves(result: "Comparison", path: Path) -> None:
     """Accuracy and reward against mean decision ticks, one curve a decider, as PNG.
 
-    Accuracy is drawn as the logarithm of the error, so that 98 % and 99 % stand apart. Bands are 95 %
-    bootstrap intervals over episodes, filled markers the thresholds chosen on other episodes.
+    Accuracy is drawn as the logarithm of the error, so that 98 % and 99 % stand apart. Agents that differ
+    only in the seed of their training are one curve, their mean, with their range as its band; other bands
+    are 95 % bootstrap intervals over episodes. Filled markers are thresholds chosen on other episodes.
     """
     canvas = Canvas(figsize=(11, 4.8), layout="constrained")
     FigureCanvasAgg(canvas)
     left, right = canvas.subplots(1, 2)
     ends = []
-    for index, entry in enumerate(result.entries):
+    for index, (kind, entries) in enumerate(result.by_kind().items()):
         colour, marker = COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
-        ticks, accuracy, reward = (entry.curve.means[row] for row in (TICKS, ACCURACY, REWARD))
-        segments = entry.curve.decisions[0].correct.size
+        means = np.mean([entry.curve.means for entry in entries], axis=0)
+        ticks, accuracy, reward = means[TICKS], means[ACCURACY], means[REWARD]
         # no error in n segments is drawn at half an error
-        error = np.maximum(1.0 - accuracy, 0.5 / segments)
-        bounds = np.array([interval(entry.curve.episodes[:, ACCURACY, k]) for k in range(len(ticks))])
-        low, high = (
-            np.maximum(1.0 - bounds[:, 1], 0.5 / segments),
-            np.maximum(1.0 - bounds[:, 0], 0.5 / segments),
+        least = 0.5 / entries[0].curve.decisions[0].correct.size
+        left.fill_between(
+            ticks, *np.maximum(1.0 - _band(entries, ACCURACY), least), color=colour, alpha=0.2, linewidth=0
         )
-        left.fill_between(ticks, low, high, color=colour, alpha=0.2, linewidth=0)
-        for axes, values in ((left, error), (right, reward)):
+        right.fill_between(ticks, *_band(entries, REWARD), color=colour, alpha=0.2, linewidth=0)
+        label = kind if len(entries) == 1 else f"{kind}, {len(entries)} seeds"
+        for axes, values in ((left, np.maximum(1.0 - accuracy, least)), (right, reward)):
             axes.plot(
                 ticks,
                 values,
@@ -49,11 +51,12 @@ def draw_operating_curves(result: "Comparison", path: Path) -> None:
                 marker=marker,
                 markersize=4.5,
                 markerfacecolor="white",
-                label=entry.name,
+                label=label,
             )
-            axes.plot(
-                ticks[entry.chosen], values[entry.chosen], color=colour, marker=marker, markersize=8, zorder=5
-            )
+        for entry in entries:
+            point = entry.curve.means[:, entry.chosen]
+            for axes, value in ((left, max(1.0 - point[ACCURACY], least)), (right, point[REWARD])):
+                axes.plot(point[TICKS], value, color=colour, marker=marker, markersize=8, zorder=5)
         ends.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
 
     latest = 1.05 * max(30.0, max(ends))
@@ -81,3 +84,12 @@ def draw_operating_curves(result: "Comparison", path: Path) -> None:
     )
     with whole_file(path) as part:
         canvas.savefig(part, dpi=120)
+
+
+def _band(entries: Sequence["Entry"], row: int) -> NDArray[np.float64]:
+    """(2, thresholds) bounds of a figure: over training seeds, or over episodes where there is one."""
+    if len(entries) > 1:
+        values = np.array([entry.curve.means[row] for entry in entries])
+        return np.array([values.min(0), values.max(0)])
+    episodes = entries[0].curve.episodes[:, row]
+    return np.array([interval(values) for values in episodes.T]).T

@@ -49,6 +49,7 @@ NONSENSE = [
     ("compare --deciders ate oracle", "deciders='oracle'"),
     ("compare --out bad.txt", "out="),
     ("compare --accuracy 1", "accuracy=1.0"),
+    ("compare --curves maybe", "curves"),
     ("compare --accuracy nan", "accuracy=nan"),
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
@@ -247,6 +248,21 @@ def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path,
     printed = capsys.readouterr().out
     for words in ("sequence seed 0", "sequence seed 1", "sequence over 2 training seeds", "90.0% accuracy"):
         assert words in printed
+
+
+def test_compare_without_curves_measures_the_chosen_thresholds_only(tmp_path, capsys, monkeypatch):
+    import agents.comparison
+
+    monkeypatch.setattr(agents.comparison, "SELECTION_EPISODES", 20)
+    out = tmp_path / "quick"
+    line = f"compare --deciders ate msprt --agents --curves False --episodes 20 --out {out}"
+    assert main(line.split()) == 0
+    assert "at tick" not in capsys.readouterr().out
+    first, second = json.loads((out / "compare.json").read_text())["deciders"]
+    assert len(first["curve"]["thresholds"]) > 10
+    assert second["curve"]["thresholds"] == [second["threshold"]["chosen"]]
+    assert "equal_time_error" not in second
+    assert not (out / "duel.png").exists()
 
 
 def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(tmp_path, capsys):
