@@ -8,6 +8,7 @@ included. Every rollout is one step of truncated backpropagation through time.
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ class _Stream:
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int, hidden: int):
         self.envs = envs
+        self.generator = np.random.default_rng(first_seed)
         counts = [env.num_envs for env in envs]
         self.cuts = np.cumsum(counts)[:-1]
         self.rows: list[NDArray[np.float32]] = []
@@ -52,38 +54,58 @@ class _Stream:
         self.limit, self.radius = np.zeros(self.tracks), np.ones(self.tracks)
         self.fresh = np.ones(self.tracks, np.bool_)
 
+    @torch.no_grad()
     def rollout(
-        self, net: SequenceNet, settings: SequenceSettings, generator: np.random.Generator
-    ) -> tuple[Tensor, list[tuple[float, float]]]:
-        """Mean surprise at the true mode over ticks and tracks, and reward and ticks of each decision."""
-        memory = self.memory.detach()
-        scores, modes, decided = [], [], []
+        self, net: SequenceNet, settings: SequenceSettings
+    ) -> tuple[Tensor, Tensor, list[tuple[float, float]]]:
+        """Rows (T, N, width), true modes (T, N), and reward and ticks of each decision on the way."""
+        memory = self.memory
+        rows, modes, decided = [], [], []
         for _ in range(settings.n_steps):
-            self._draw_limits(settings, generator)
+            self._draw_limits(settings)
             observation = np.concatenate(self.rows)
-            rows = torch.from_numpy(observation)
-            modes.append(
-                torch.from_numpy(np.concatenate([env.world.field("true_mode") for env in self.envs]))
-            )
-            memory = net.remember(net.features(rows), memory * ~first_ticks(rows)[:, None, None])
-            score = net.log_posterior(rows, memory)
-            scores.append(score)
-            doubt, best = doubt_and_best(score.detach().exp().numpy(), self.radius)
+            row = torch.from_numpy(observation)
+            rows.append(row)
+            true = np.concatenate([env.world.field("true_mode") for env in self.envs])
+            modes.append(torch.from_numpy(true))
+            memory = net.remember(net.features(row), memory * ~first_ticks(row)[:, None, None])
+            posterior = net.log_posterior(row, memory).exp().numpy()
+            doubt, best = doubt_and_best(posterior, self.radius)
             late = self.layout.read(observation, "ticks") >= settings.latest - TICK_SCALE
             declares = (doubt <= self.limit) | late
-            stray = generator.random(self.tracks) < settings.stray
-            other = generator.integers(self.layout.hypotheses, size=self.tracks)
+            stray = self.generator.random(self.tracks) < settings.stray
+            other = self.generator.integers(self.layout.hypotheses, size=self.tracks)
             actions = np.where(declares, np.where(stray, other, best) + 1, 0)
             self.fresh = declares
             for k, (env, part) in enumerate(zip(self.envs, np.split(actions, self.cuts), strict=True)):
                 self.rows[k], _, _, _, info = env.step(part)
                 if "correct" in info:
                     decided.append(_figures(info, env.options.delay_cost))
-        self.memory = memory
-        loss = nn.functional.nll_loss(torch.stack(scores).flatten(0, 1), torch.stack(modes).flatten())
-        return loss, decided
+        return torch.stack(rows), torch.stack(modes), decided
 
-    def _draw_limits(self, settings: SequenceSettings, generator: np.random.Generator) -> None:
+    def loss(self, net: SequenceNet, rows: Tensor, modes: Tensor) -> Tensor:
+        """Mean over ticks and tracks of the surprise at the true mode; keeps the memory behind them."""
+        features = net.features(rows)
+        keep = ~first_ticks(rows)[..., None, None]
+        memory, memories = self.memory, []
+        for tick in range(len(rows)):
+            memory = net.remember(features[tick], memory * keep[tick])
+            memories.append(memory)
+        self.memory = memory.detach()
+        scores = net.log_posterior(rows, torch.stack(memories))
+        return nn.functional.nll_loss(scores.flatten(0, 1), modes.flatten())
+
+    def learn(
+        self, net: SequenceNet, settings: SequenceSettings, share: float
+    ) -> tuple[list[Tensor], float, list[tuple[float, float]]]:
+        """Gradient of its share of the loss, the loss, and the decisions of a rollout."""
+        rows, modes, decided = self.rollout(net, settings)
+        loss = self.loss(net, rows, modes)
+        gradient = torch.autograd.grad(share * loss, list(net.parameters()))
+        return list(gradient), share * float(loss.detach()), decided
+
+    def _draw_limits(self, settings: SequenceSettings) -> None:
+        generator = self.generator
         count = int(self.fresh.sum())
         low, high = math.log(settings.strictest), math.log(EAGEREST)
         self.limit[self.fresh] = np.exp(generator.uniform(low, high, count))
@@ -165,28 +187,31 @@ class SequenceRun:
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
         """Train to the end, saving the run every so many seconds."""
-        generator = np.random.default_rng([self.seed, self.done])
         streams = self._streams()
+        tracks = sum(stream.tracks for stream in streams)
+        parameters = list(self.net.parameters())
         if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
             self.save()  # a run killed before its first interval can go on, too
         recent: list[tuple[float, float]] = []
         begun = time.monotonic() - self.seconds
         saved = logged = time.monotonic()
+        # one thread a stream: their arithmetic goes on side by side, and its sum does not depend on that
+        pool = ThreadPoolExecutor(len(streams))
         while self.done < self.steps:
             left = max(SLOWEST, 1.0 - self.done / self.steps) if self.falls else 1.0
             for group in self.optimizer.param_groups:
                 group["lr"] = self.rate * left
-            losses = []
-            for stream in streams:
-                loss, decided = stream.rollout(self.net, self.settings, generator)
-                losses.append(loss)
+            found = pool.map(
+                lambda stream: stream.learn(self.net, self.settings, stream.tracks / tracks), streams
+            )
+            gradients, losses, decisions = zip(*found, strict=True)
+            for parameter, *parts in zip(parameters, *gradients, strict=True):
+                parameter.grad = torch.stack(parts).sum(0)
+            for decided in decisions:
                 recent = (recent + decided)[-200:]
-            self.optimizer.zero_grad()
-            total = torch.stack(losses).mean()
-            total.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
             self.optimizer.step()
-            self._done += self.settings.n_steps * sum(stream.tracks for stream in streams)
+            self._done += self.settings.n_steps * tracks
             now = time.monotonic()
             self.seconds = now - begun
             reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
@@ -198,13 +223,14 @@ class SequenceRun:
                 point = self.curve.measure(self.family(""), self.seconds)
                 run_folder.append_metrics(self.folder, self.done, point)
             if now - logged > LOG_EVERY:
-                figures = {"loss": float(total.detach()), "seconds": self.seconds}
+                figures = {"loss": sum(losses), "seconds": self.seconds}
                 run_folder.append_metrics(self.folder, self.done, figures)
                 logged = now
             if now - saved > save_every:
                 self.save()
                 saved = now
             begun = time.monotonic() - self.seconds  # what was measured and saved is not training
+        pool.shutdown()
         if self.folder is not None:
             self.save()
 
