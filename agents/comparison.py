@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from agents import seeds
-from agents.deciders import CLASSICAL_NAMES, DeciderFamily, check_family, decider_family
+from agents.deciders import CLASSICAL_NAMES, SHIPPED, DeciderFamily, check_family, decider_family
 from agents.evaluation import make_vector_env
 from agents.operating_curve import (
     ACCURACY,
@@ -78,11 +79,12 @@ class Plan:
                 raise reject("deciders", name, ", ".join(CLASSICAL_NAMES))
             found.append(decider_family(name, world))
         for name in self.agents:
-            if name in recipe_names():
+            if name in recipe_names() or name.endswith(".yml"):
                 found.append(load_recipe(name, self.env_id))
                 continue
-            if name in CLASSICAL_NAMES:
-                raise reject("agents", name, "a recipe, 'shipped' or a run folder: it is a decider")
+            if name != SHIPPED and not Path(name).is_dir():
+                allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipe_names())}"
+                raise reject("agents", name, allowed)
             family = decider_family(name, world)
             check_family(family, name, world)
             found.append(family)
@@ -172,7 +174,7 @@ class Comparison:
         return [
             f"{entry.name} does not reach {wanted:.1%}: its most accurate threshold is shown"
             for entry in self.entries
-            if wanted is not None and entry.curve.means[ACCURACY].max() < wanted
+            if wanted is not None and self.plan.curves and entry.curve.means[ACCURACY].max() < wanted
         ]
 
     def error_table(self) -> Table:
@@ -239,11 +241,13 @@ class Comparison:
         return lines
 
     def by_kind(self) -> dict[str, list[Entry]]:
-        """The entries, those together that differ only in the seed of their training."""
-        kinds: dict[str, list[Entry]] = {}
+        """The entries, those together whose names differ only in the seed of their training."""
+        kinds: dict[tuple[str, str, int], list[Entry]] = {}
         for entry in self.entries:
-            kinds.setdefault(re.sub(SEED_SUFFIX, "", entry.name), []).append(entry)
-        return kinds
+            name = re.sub(SEED_SUFFIX, "", entry.name)
+            thresholds = len(entry.curve.family.thresholds)
+            kinds.setdefault((name, entry.curve.family.symbol, thresholds), []).append(entry)
+        return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in kinds.items()}
 
     @property
     def learned(self) -> tuple[Entry, ...]:
@@ -251,12 +255,12 @@ class Comparison:
         return self.entries[len(self.plan.deciders) :]
 
     def widest(self) -> tuple[Entry, int] | None:
-        """The best agent, and the episode on which it is ahead of the reference most; None without agents."""
+        """The best agent, and the episode on which it differs most from the reference; None without one."""
         if not self.learned:
             return None
         best = max(self.learned, key=lambda entry: entry.reward.value)
         rewards = [entry.curve.decisions[entry.chosen].reward.mean(1) for entry in (best, self.entries[0])]
-        return best, int((rewards[0] - rewards[1]).argmax())
+        return best, int(np.abs(rewards[0] - rewards[1]).argmax())
 
     def gains(self, entry: Entry) -> dict[str, Figure]:
         """Paired differences of an entry to the reference."""
@@ -288,13 +292,16 @@ class Comparison:
         family = entry.curve.family
         means = entry.curve.means
         names = ["accuracy", "ticks", "reward", "rmse"]
+        times: dict[str, Any] = {}
         if self.plan.curves:
             names.append("equal_time_error")
+            at = {f"{level:g}": entry.time_at[level].as_json() for level in LEVELS}
+            times = {"ticks_at_accuracy": at}
         return {
             "name": entry.name,
             "threshold": {"symbol": family.symbol, "chosen": family.thresholds[entry.chosen]},
             **{name: getattr(entry, name).as_json() for name in names},
-            "ticks_at_accuracy": {f"{level:g}": entry.time_at[level].as_json() for level in LEVELS},
+            **times,
             "error_after": [share if np.isfinite(share) else None for share in entry.error_after],
             "against_reference": {
                 name: figure.as_json()

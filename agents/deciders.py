@@ -61,22 +61,7 @@ DOUBTS = (
     *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
-FEW_DOUBTS = (
-    0.5,
-    0.3,
-    0.2,
-    0.12,
-    0.08,
-    0.05,
-    0.03,
-    0.02,
-    0.01,
-    5e-3,
-    2e-3,
-    5e-4,
-    1e-4,
-    1e-5,
-)  # a network is slow
+FEW_DOUBTS = (0.3, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 3e-3, 5e-4)  # a network is slow
 MSPRT = DeciderFamily("MSPRT", "alpha", DOUBTS, 0.02, MSPRTDecider)
 TYPE_MSPRT = DeciderFamily(
     "MSPRT of types", "alpha", DOUBTS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
@@ -122,7 +107,6 @@ LOG_ODDS = (
 BAYES = "bayes"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(__file__).parent / "shipped"
-RADIUS_WEIGHT = 0.1  # of a wrong radius where only the type is rewarded: it spoils the next anchor
 COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
 FITTING_EPISODES = 3000
 CLASSICAL_NAMES = (*CLASSICAL, BAYES)
@@ -155,7 +139,7 @@ def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> Decid
     """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
     from agents.sequence import SequenceDecider
 
-    radius = RADIUS_WEIGHT if world.correctness == "type" else 1.0
+    radius = 0.0 if world.correctness == "type" else 1.0
     return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, radius))
 
 
@@ -176,13 +160,14 @@ def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
     """The family of the policy in a run folder, whatever algorithm it was trained with."""
     from agents.run_folder import load_policy
 
-    if load_policy(folder)[1].get("algo") == "sequence":
+    weights, card = load_policy(folder)
+    if card["recipe"]["entry"]["algo"] == "sequence":
         from agents.sequence import load_sequence
 
-        return sequence_family(folder.name, load_sequence(folder)[0], world)
+        return sequence_family(folder.name, load_sequence(folder, weights, card), world)
     from agents.policy import PolicyDecider, load_actor
 
-    return policy_family(folder.name, PolicyDecider(load_actor(folder)[0]))
+    return policy_family(folder.name, PolicyDecider(load_actor(folder, weights, card)))
 
 
 def load_decider(name: str, options: WorldOptions) -> Decider:

@@ -2,13 +2,17 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tyro
 
+from agents import seeds
 from agents.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from baselines.decider import Decider
 
 
 @dataclass(kw_only=True)
@@ -38,7 +42,13 @@ class Evaluate(WorldArguments):
             raise reject("deciders", self.deciders, "one or more different names")
         from agents.writing import write_json
 
-        figures = self._shifts() if self.shifted else [self._figures(name) for name in self.deciders]
+        if self.shifted and self.seed + self.episodes > seeds.SELECTION:
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes, with --shifted")
+        if self.shifted:
+            figures = self._shifts()
+        else:
+            loaded = [self._load(name) for name in self.deciders]  # refuses before the first is measured
+            figures = [self._figures(*one) for one in loaded]
         if self.out is not None:
             write_json(self.out, figures[0] if len(figures) == 1 else figures)
             print(f"Data {self.out}")
@@ -53,6 +63,9 @@ class Evaluate(WorldArguments):
 
         env_id, options = self.world_of(self.deciders[0])
         world = make_vector_env(env_id, 1, **options).options
+        for name in self.deciders:
+            if ":" in name and not Path(name).is_dir():
+                raise reject("deciders", name, "no threshold behind a name with --shifted")
         families = [decider_family(name, world) for name in self.deciders]
         for family, name in zip(families, self.deciders, strict=True):
             check_family(family, name, world)
@@ -71,18 +84,22 @@ class Evaluate(WorldArguments):
         )
         return [asdict(one) for one in found]
 
-    def _figures(self, name: str) -> dict[str, Any]:
+    def _load(self, name: str) -> tuple[str, str, dict[str, Any], "Decider"]:
+        from agents.deciders import load_decider
+        from agents.evaluation import make_vector_env
+
+        env_id, options = self.world_of(name)
+        return name, env_id, options, load_decider(name, make_vector_env(env_id, 1, **options).options)
+
+    def _figures(self, name: str, env_id: str, options: dict[str, Any], decider: "Decider") -> dict[str, Any]:
         from rich.console import Console
         from rich.table import Table
 
-        from agents.deciders import load_decider
         from agents.evaluation import evaluate, make_vector_env
         from agents.progress import progress_display
         from hybrid_env.rendering import mode_name
 
-        env_id, options = self.world_of(name)
         world = make_vector_env(env_id, 1, **options).options
-        decider = load_decider(name, world)
         console = Console()
         with progress_display(console) as progress:
             task = progress.add_task("Evaluating", total=1.0, note=name)

@@ -1,5 +1,6 @@
 """What a policy sees of a row: some of its quantities by name, or the posterior made of them."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -35,9 +36,20 @@ class RowFeatures(BaseFeaturesExtractor):
         hypotheses = layout.hypotheses if POSTERIOR in observe else 0
         super().__init__(space, columns.size + hypotheses)
         self.columns: Any = torch.from_numpy(columns)
-        self.hypotheses = hypotheses
+        first = layout.slices["log_ratio"].start
+        self.ratios = slice(first, first + hypotheses)
 
     def forward(self, rows: Tensor) -> Tensor:
         """(N, features) of rows (N, width)."""
-        posterior = torch.softmax(rows[:, : self.hypotheses] / LOG_SCALE, dim=-1)
+        posterior = torch.softmax(rows[:, self.ratios] / LOG_SCALE, dim=-1)
         return torch.cat([posterior, rows[:, self.columns]], dim=-1)
+
+
+def policy_keywords(policy_kwargs: Mapping[str, Any], observe: tuple[str, ...]) -> dict[str, Any]:
+    """Keywords of a policy of Stable-Baselines3 that sees some quantities, all if none is named."""
+    if not observe:
+        return dict(policy_kwargs)
+    return dict(policy_kwargs) | {
+        "features_extractor_class": RowFeatures,
+        "features_extractor_kwargs": {"observe": observe},
+    }

@@ -1,9 +1,7 @@
 """The picture of a training: reward against seconds and against steps."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 
@@ -13,30 +11,20 @@ from agents.run_folder import read_metrics
 from agents.writing import whole_file
 
 
-def draw_learning(folders: Sequence[Path], path: Path) -> None:
-    """Learning curves of runs, and the SPRT at its best threshold as a line, as PNG.
-
-    Args:
-        folders: of runs on one world.
-    """
+def draw_learning(folder: Path, path: Path) -> None:
+    """The learning curve of a run, and the SPRT at its best threshold as a line, as PNG."""
     canvas = Canvas(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(canvas)
     by_time, by_steps = canvas.subplots(1, 2, sharey=True)
-    best = np.nan
-    for index, folder in enumerate(folders):
-        points = learning_points(read_metrics(folder))
-        if not points:
-            continue
-        best = points[-1][SPRT]
-        rewards = [row[LEARNED] for row in points]
-        colour = COLOURS[(index + 2) % len(COLOURS)]
-        by_time.plot(
-            [row["seconds"] for row in points], rewards, "o-", ms=3.5, color=colour, label=folder.name
-        )
-        by_steps.plot([row["step"] / 1e6 for row in points], rewards, "o-", ms=3.5, color=colour)
+    points = learning_points(read_metrics(folder))
+    rewards, colour = [row[LEARNED] for row in points], COLOURS[3]
+    by_time.plot([row["seconds"] for row in points], rewards, "o-", ms=3.5, color=colour, label=folder.name)
+    by_steps.plot([row["step"] / 1e6 for row in points], rewards, "o-", ms=3.5, color=colour)
     for axes, unit in ((by_time, "seconds of training"), (by_steps, "million environment steps")):
-        if np.isfinite(best):
-            axes.axhline(best, color=COLOURS[0], linestyle="--", label="SPRT at its best threshold")
+        if points:
+            axes.axhline(
+                points[-1][SPRT], color=COLOURS[0], linestyle="--", label="SPRT at its best threshold"
+            )
         axes.set_xlabel(unit)
         axes.set_xlim(left=0)
         axes.grid(alpha=0.25)

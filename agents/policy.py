@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
-from agents.features import RowFeatures
-from agents.run_folder import load_policy, save_policy, unreadable
+from agents.features import policy_keywords
+from agents.run_folder import save_policy, unreadable
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
@@ -36,14 +36,8 @@ def make_policy(
         from sb3_contrib.ppo_recurrent import MlpLstmPolicy
 
         kind = MlpLstmPolicy
-    extractor: dict[str, Any] = {}
-    if observe:
-        extractor = {
-            "features_extractor_class": RowFeatures,
-            "features_extractor_kwargs": {"observe": observe},
-        }
     policy: ActorCriticPolicy = kind(
-        observation_space, action_space, lambda _: 0.0, **policy_kwargs, **extractor
+        observation_space, action_space, lambda _: 0.0, **policy_keywords(policy_kwargs, observe)
     )
     return policy
 
@@ -129,19 +123,18 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) ->
     save_policy(folder, policy.state_dict(), card)
 
 
-def load_actor(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
-    """Read a policy and its card.
+def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
+    """The policy of the weights and card that `run_folder.load_policy` read in a folder.
 
     Raises:
-        ArgumentError: the folder holds no policy, or a damaged one.
+        ArgumentError: they do not fit together.
     """
-    weights, card = load_policy(folder)
     try:
         space = spaces.Box(-np.inf, np.inf, (int(card["observation_width"]),), np.float32)
         entry = card["recipe"]["entry"]
         policy = make_policy(
             space, spaces.Discrete(int(card["actions"])), entry["policy_kwargs"],
-            tuple(entry.get("observe", ())), card["algo"] == "recurrent_ppo",
+            tuple(entry.get("observe", ())), entry["algo"] == "recurrent_ppo",
         )  # fmt: skip
         policy.load_state_dict(weights)
     except ImportError:
@@ -149,4 +142,4 @@ def load_actor(folder: Path) -> tuple[ActorCriticPolicy, dict[str, Any]]:
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable(folder, error) from None
     policy.set_training_mode(False)
-    return policy, card
+    return policy

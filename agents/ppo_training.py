@@ -11,17 +11,17 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from torch import nn
+from torch.optim import Optimizer
 
 from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, policy_family
-from agents.features import RowFeatures
-from agents.learning_curve import LearningCurve
+from agents.features import policy_keywords
 from agents.policy import PolicyDecider, save_actor
 from agents.recipe import PPOSettings, Recipe, schedule
-from agents.training import TrainingProgress
+from agents.training import Run, TrainingProgress
 from agents.vec_env import HybridTrackVecEnv
-from agents.writing import output_folder, write_json
-from hybrid_env.checks import reject
+from hybrid_env.checks import ArgumentError, reject
 
 
 class _MetricsFile(KVWriter):
@@ -87,7 +87,7 @@ def _model_class(algo: str) -> Any:
     return RecurrentPPO
 
 
-class PPORun:
+class PPORun(Run):
     """One PPO or RecurrentPPO run; see `agents.training.make_run` for the arguments.
 
     `steps` is rounded up to whole rollouts.
@@ -106,48 +106,42 @@ class PPORun:
         steps: int,
         resume: bool = False,
     ):
+        super().__init__(env_id, options, recipe, seed, folder, steps)
         settings = recipe.settings
         assert isinstance(settings, PPOSettings)
-        self.env_id, self.options, self.recipe, self.settings = env_id, options, recipe, settings
-        self.seed, self.folder, self.steps = seed, folder, steps
-        self.seconds = 0.0
-        torch.set_num_threads(1)  # small networks lose more to threads than they gain
+        self.settings = settings
+        kind = _model_class(recipe.algo)
         env = HybridTrackVecEnv(env_id, settings.n_envs, **options)
         self.segments = env.env.options.segments
         rate, falls = schedule(settings.learning_rate)
-        extractor = {}
-        if settings.observe:
-            extractor = {
-                "features_extractor_class": RowFeatures,
-                "features_extractor_kwargs": {"observe": settings.observe},
-            }
         try:
-            self.model = _model_class(recipe.algo)(
+            self.model = kind(
                 settings.policy, env, learning_rate=lambda left: rate * max(left, 0.0) if falls else rate,
                 n_steps=settings.n_steps, batch_size=settings.batch_size, n_epochs=settings.n_epochs,
                 gamma=settings.gamma, gae_lambda=settings.gae_lambda, ent_coef=settings.ent_coef,
-                seed=seed, device="cpu", policy_kwargs=dict(settings.policy_kwargs) | extractor,
+                seed=seed, device="cpu",
+                policy_kwargs=policy_keywords(settings.policy_kwargs, settings.observe),
             )  # fmt: skip
-        except (TypeError, KeyError) as error:
-            raise reject(
-                "policy_kwargs", dict(settings.policy_kwargs), f"keywords of the policy ({error})"
-            ) from None
-        except ValueError as error:
-            raise reject("recipe", recipe.name, str(error)) from None
+        except ArgumentError:
+            raise
+        except (TypeError, KeyError, ValueError, AttributeError, AssertionError) as error:
+            keywords = dict(settings.policy_kwargs)
+            raise reject("policy_kwargs", keywords, f"keywords of {settings.policy} ({error})") from None
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
-        self.curve = LearningCurve(env_id, options)
-        if folder is not None:
-            if resume:
-                policy = self.model.policy
-                numbers = run_folder.load_checkpoint(folder, policy, policy.optimizer)
-                self.model.num_timesteps, self.seconds = int(numbers["steps"]), numbers["seconds"]
-                run_folder.drop_metrics_beyond(folder, self.done)
-            output_folder("out", folder)
-            config = {
-                "env": env_id, "options": options, "recipe": recipe.as_json(), "steps": steps, "seed": seed,
-            }  # fmt: skip
-            write_json(folder / run_folder.CONFIG, config)
+        self.model.num_timesteps = self.begin(resume)
+
+    @property
+    def network(self) -> nn.Module:
+        """What is trained."""
+        policy: nn.Module = self.model.policy
+        return policy
+
+    @property
+    def optimizer(self) -> Optimizer:
+        """What trains it."""
+        optimizer: Optimizer = self.model.policy.optimizer
+        return optimizer
 
     @property
     def done(self) -> int:
@@ -180,8 +174,7 @@ class PPORun:
         # with other streams than those used up, the same at every resumption.
         self.model.set_random_seed((self.seed + self.done) % 2**32)
         self.model.env.seed(self.track_seeds()[0])
-        if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
-            self.save()  # a run killed before its first interval can go on, too
+        self.save_if_new()
         left = self.steps - self.done
         try:
             if left > 0:
@@ -190,27 +183,15 @@ class PPORun:
                 self.seconds = time.monotonic() - watch.begun
         finally:
             self.model.logger.close()
-        if self.folder is not None:
+        if self.folder is not None and left > 0:
             self.measure()
             self.save()
 
     def measure(self) -> None:
-        """A point of the learning curve, into the metrics."""
-        if self.options.get("actions", "all") != "all":
-            return  # its episodes cannot be run by a decider
-        assert self.folder is not None
-        point = self.curve.measure(self.family(""), self.seconds)
-        run_folder.append_metrics(self.folder, self.done, point)
+        """A point of the learning curve, if its episodes can be run by a decider."""
+        if self.model.env.env.options.actions == "all":
+            super().measure()
 
-    def save(self) -> None:
-        """Write checkpoint and policy."""
-        assert self.folder is not None
-        policy = self.model.policy
-        numbers = {"steps": self.done, "seconds": self.seconds}
-        run_folder.save_checkpoint(self.folder, policy.state_dict(), policy.optimizer, numbers)
-        card = {
-            "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "seed": self.seed, "steps": self.done, "seconds": round(self.seconds, 1),
-            "versions": run_folder.versions(),
-        }  # fmt: skip
-        save_actor(self.folder, policy, card | {"algo": self.recipe.algo})
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the agent as it stands."""
+        save_actor(folder, self.model.policy, card)

@@ -1,11 +1,12 @@
-"""Recipes of training: YAML in the format of Stable-Baselines3's zoo, one file a recipe.
+"""Recipes of training: YAML in the manner of Stable-Baselines3's zoo, one file a recipe.
 
 A file has an entry for an environment's id, or `default` for any; an entry names the algorithm (`algo`), the
 steps (`n_timesteps`) and the hyper-parameters by the names that the algorithm gives them. `lin_6e-3` is a
-learning rate that falls to nothing in a straight line.
+learning rate that falls in a straight line. Unlike in the zoo, nothing is evaluated as Python.
 """
 
 import dataclasses
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,9 +16,11 @@ from typing import Any
 import yaml
 
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.options import WorldOptions
 
 FOLDER = Path(__file__).parent / "recipes"
-ALL_FEATURES: tuple[str, ...] = ()
+POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
+EAGEREST = 0.3  # the largest doubt at which a track of the sequence agent may stop
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +48,7 @@ class PPOSettings:
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     gamma: float = 1.0
     wait_bias: float = 5.0
-    observe: tuple[str, ...] = ALL_FEATURES
+    observe: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("n_envs", "n_steps", "n_epochs"):
@@ -53,16 +56,20 @@ class PPOSettings:
         check_integer("batch_size", self.batch_size, minimum=2)
         schedule(self.learning_rate)
         for name in ("gae_lambda", "gamma"):
-            if getattr(self, name) != 1.0:
+            if isinstance(getattr(self, name), bool) or getattr(self, name) != 1.0:
                 check_between(name, getattr(self, name), 0.0, 1.0)
         check_positive("ent_coef", self.ent_coef, allow_zero=True)
         check_number("wait_bias", self.wait_bias)
         if self.n_envs * self.n_steps % self.batch_size:
             samples = self.n_envs * self.n_steps
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
+        if not isinstance(self.policy_kwargs, Mapping):
+            raise reject("policy_kwargs", self.policy_kwargs, "a mapping")
         layers = self.policy_kwargs.get("net_arch", [1])
-        if not layers or any(not isinstance(units, int) or units < 1 for units in layers):
-            raise reject("net_arch", layers, "one or more layers, each of one or more units")
+        if not isinstance(layers, list) or not layers:
+            raise reject("net_arch", layers, "a list of one or more layers")
+        for units in layers:
+            check_integer("net_arch", units)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,13 +78,21 @@ class TrainedWorld:
 
     Attributes:
         env: registered id; None is the id that the training is for.
-        options: over those of the id.
+        options: over those of the id and those that the training is for.
         n_envs: tracks.
     """
 
     n_envs: int
     env: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_integer("n_envs", self.n_envs)
+        if self.env is not None and not isinstance(self.env, str):
+            raise reject("env", self.env, "a registered id")
+        known = [one.name for one in dataclasses.fields(WorldOptions)]
+        if not isinstance(self.options, Mapping) or any(name not in known for name in self.options):
+            raise reject("options", self.options, f"a mapping of {', '.join(known)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +122,9 @@ class SequenceSettings:
             check_integer(name, getattr(self, name))
         if not self.worlds:
             raise reject("worlds", self.worlds, "one or more worlds")
-        for world in self.worlds:
-            check_integer("n_envs", world.n_envs)
         schedule(self.learning_rate)
-        if not 0.0 < check_number("strictest", self.strictest) < 0.3:
-            raise reject("strictest", self.strictest, "a number between 0 and 0.3")
+        if not 0.0 < check_number("strictest", self.strictest) < EAGEREST:
+            raise reject("strictest", self.strictest, f"a number between 0 and {EAGEREST}")
         if not 0.0 <= check_number("stray", self.stray) < 1.0:
             raise reject("stray", self.stray, "a number from 0 to below 1")
 
@@ -199,6 +212,8 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
         *outer, last = key.split(".")
         place = entry
         for part in outer:
+            if not isinstance(place.get(part, {}), dict):
+                raise reject("set", change, f"a value for {part} as a whole")
             place[part] = place = dict(place.get(part, {}))
         place[last] = value
     return recipe_of(path.stem, entry)
@@ -212,7 +227,7 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     """
     entry = dict(entry)
     algo = entry.pop("algo", None)
-    if algo not in ALGORITHMS:
+    if not isinstance(algo, str) or algo not in ALGORITHMS:
         raise reject("algo", algo, ", ".join(ALGORITHMS))
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None))
     kind = ALGORITHMS[algo]
@@ -232,8 +247,18 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     if "worlds" in entry:
         entry["worlds"] = _worlds(entry["worlds"])
     if "observe" in entry:
-        entry["observe"] = tuple(entry["observe"])
-    return Recipe(name, algo, steps, kind(**entry))
+        names = entry["observe"]
+        if not isinstance(names, (list, tuple)) or not all(isinstance(one, str) for one in names):
+            raise reject("observe", names, "a list of names")
+        entry["observe"] = tuple(names)
+    if "policy" in entry and entry["policy"] != POLICIES[algo]:
+        raise reject("policy", entry["policy"], POLICIES[algo])
+    recipe = Recipe(name, algo, steps, kind(**entry))
+    try:
+        json.dumps(recipe.as_json(), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise reject("recipe", name, f"plain values ({error})") from None
+    return recipe
 
 
 def _worlds(value: Any) -> tuple[TrainedWorld, ...]:

@@ -51,7 +51,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     try:
         card = json.loads((folder / CARD).read_text(encoding="utf-8"))
         weights = load_file(folder / WEIGHTS)
-        scales = card["observation_scales"]
+        scales, _ = card["observation_scales"], card["recipe"]["entry"]["algo"]
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable(folder, error) from None
     if scales != SCALES:
@@ -63,8 +63,11 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 def unreadable(folder: Path, error: Exception) -> ValueError:
     """The error for a run folder without a whole policy."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})")
+    return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({_reason(error)})")
+
+
+def _reason(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def save_checkpoint(
@@ -99,9 +102,11 @@ def load_checkpoint(folder: Path, module: Any, optimizer: Optimizer) -> dict[str
         groups = optimizer.state_dict()["param_groups"]
         optimizer.load_state_dict({"state": state, "param_groups": groups})
         numbers["steps"] = int(numbers["steps"])
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
-        reason = str(error).splitlines()[0]
-        raise reject("resume", str(folder), f"a run folder with a whole {CHECKPOINT} ({reason})") from None
+    except (
+        OSError, AttributeError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError,
+    ) as error:  # fmt: skip
+        allowed = f"a run folder with a whole {CHECKPOINT} ({_reason(error)})"
+        raise reject("resume", str(folder), allowed) from None
     return numbers
 
 
@@ -125,18 +130,23 @@ def append_metrics(folder: Path, step: int, figures: Mapping[str, Any]) -> None:
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
-    """The lines of the metrics file, without one cut off by a kill."""
+    """The lines of the metrics file, without those cut off or damaged."""
     path = folder / METRICS
     if not path.is_file():
         return []
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return [json.loads(line) for line in lines if line.endswith("}")]
+    rows = []
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        with suppress(ValueError):
+            row = json.loads(line)
+            if isinstance(row, dict) and "step" in row:
+                rows.append(row)
+    return rows
 
 
 def drop_metrics_beyond(folder: Path, steps: int) -> None:
     """Forget what was logged after a checkpoint: it will be logged again."""
     path = folder / METRICS
     if path.is_file():
-        with suppress(ValueError), whole_file(path) as part:
+        with whole_file(path) as part:
             kept = [row for row in read_metrics(folder) if row["step"] <= steps]
             part.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.run_folder import load_policy, save_policy, unreadable
+from agents.run_folder import save_policy, unreadable
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
@@ -148,19 +148,18 @@ class SequenceDecider:
 
 def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:
     """Write weights and card, each whole or not at all."""
-    save_policy(folder, net.state_dict(), card | {"algo": "sequence", "hidden": net.hidden})
+    save_policy(folder, net.state_dict(), card)
 
 
-def load_sequence(folder: Path) -> tuple[SequenceNet, dict[str, Any]]:
-    """Read a network and its card.
+def load_sequence(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> SequenceNet:
+    """The network of the weights and card that `run_folder.load_policy` read in a folder.
 
     Raises:
-        ArgumentError: the folder holds none, or a damaged one.
+        ArgumentError: they do not fit together.
     """
-    weights, card = load_policy(folder)
     try:
-        net = SequenceNet(int(card["hidden"]))
+        net = SequenceNet(int(card["recipe"]["entry"]["hidden"]))
         net.load_state_dict(weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable(folder, error) from None
-    return net.eval(), card
+    return net.eval()

@@ -1,7 +1,7 @@
 """Training of the sequence agent: a classification loss at every tick of streamed segments.
 
-Tracks are driven by the network itself, stopped at thresholds that are drawn anew for each segment, and now
-and then declare something else, so that anchors are those of eager and of patient deciders, wrong ones
+Tracks are driven by the network itself, stopped at thresholds that are drawn anew after each declaration, and
+now and then declare something else, so that anchors are those of eager and of patient deciders, wrong ones
 included. Every rollout is one step of truncated backpropagation through time.
 """
 
@@ -20,16 +20,13 @@ from torch import Tensor, nn
 from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, sequence_family
 from agents.evaluation import make_vector_env
-from agents.learning_curve import LearningCurve
-from agents.recipe import Recipe, SequenceSettings, TrainedWorld, schedule
+from agents.recipe import EAGEREST, Recipe, SequenceSettings, TrainedWorld, schedule
 from agents.sequence import SequenceNet, doubt_and_best, first_ticks, save_sequence
-from agents.training import TrainingProgress
-from agents.writing import output_folder, write_json
+from agents.training import Run, TrainingProgress
 from hybrid_env.checks import reject
 from hybrid_env.observation import TICK_SCALE
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-EAGEREST = 0.3  # the largest doubt at which a track may stop
 SLOWEST = 0.02  # share of the learning rate that is left at the end
 LOG_EVERY = 1.0  # seconds
 
@@ -121,7 +118,7 @@ def _figures(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
     return float((right - delay_cost * ticks).mean()), float(ticks.mean())
 
 
-class SequenceRun:
+class SequenceRun(Run):
     """One training of the sequence agent; see `agents.training.make_run` for the arguments.
 
     Raises:
@@ -138,117 +135,101 @@ class SequenceRun:
         steps: int,
         resume: bool = False,
     ):
+        super().__init__(env_id, options, recipe, seed, folder, steps)
         assert isinstance(recipe.settings, SequenceSettings)
-        self.env_id, self.options, self.recipe, self.settings = env_id, options, recipe, recipe.settings
-        self.seed, self.folder, self.steps = seed, folder, steps
-        self._done, self.seconds = 0, 0.0
-        torch.set_num_threads(1)  # small networks lose more to threads than they gain
+        self.settings = recipe.settings
         torch.manual_seed(seed)
         self.net = SequenceNet(self.settings.hidden)
-        self.world = make_vector_env(env_id, 1, **options).options
-        if self.world.actions != "all":
-            raise reject("actions", self.world.actions, "'all' for an agent that declares hypotheses")
-        self._streams()  # refuses a bad world before anything is made
         self.rate, self.falls = schedule(self.settings.learning_rate)
-        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
-        self.curve = LearningCurve(env_id, options)
-        if folder is not None:
-            if resume:
-                numbers = run_folder.load_checkpoint(folder, self.net, self.optimizer)
-                self._done, self.seconds = int(numbers["steps"]), numbers["seconds"]
-                run_folder.drop_metrics_beyond(folder, self.done)
-            output_folder("out", folder)
-            config = {
-                "env": env_id, "options": options, "recipe": recipe.as_json(), "steps": steps, "seed": seed,
-            }  # fmt: skip
-            write_json(folder / run_folder.CONFIG, config)
+        self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
+        self.world = make_vector_env(env_id, 1, **options).options
+        envs = [self._make(world) for world in self.settings.worlds]
+        for world in (self.world, *(env.options for env in envs)):
+            if world.actions != "all":
+                raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
+        self._done = self.begin(resume)
+        self._streams = self._group(envs)
 
     @property
     def done(self) -> int:
         """Environment steps made."""
         return self._done
 
-    def _streams(self) -> list[_Stream]:
+    @property
+    def network(self) -> SequenceNet:
+        """What is trained."""
+        return self.net
+
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """What trains it."""
+        return self._optimizer
+
+    def _group(self, envs: list[HybridTrackVectorEnv]) -> list[_Stream]:
         """The tracks, those with as many hypotheses side by side; a resumed run has others."""
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
-        for world in self.settings.worlds:
-            env = self._make(world)
+        for env in envs:
             groups.setdefault(env.options.hypotheses, []).append(env)
         first = seeds.TRAINING + self.seed * 10**9 + self.done
         return [
-            _Stream(envs, first + k * 10**6, self.settings.hidden) for k, envs in enumerate(groups.values())
+            _Stream(group, first + k * 10**6, self.settings.hidden) for k, group in enumerate(groups.values())
         ]
 
     def _make(self, world: TrainedWorld) -> HybridTrackVectorEnv:
-        options = dict(world.options) | self.options
+        options = self.options | dict(world.options)
         return make_vector_env(world.env or self.env_id, world.n_envs, tick_info=False, **options)
 
     def train(
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
         """Train to the end, saving the run every so many seconds."""
-        streams = self._streams()
+        streams = self._streams
         tracks = sum(stream.tracks for stream in streams)
         parameters = list(self.net.parameters())
-        if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
-            self.save()  # a run killed before its first interval can go on, too
+        self.save_if_new()
         recent: list[tuple[float, float]] = []
         begun = time.monotonic() - self.seconds
         saved = logged = time.monotonic()
         # one thread a stream: their arithmetic goes on side by side, and its sum does not depend on that
-        pool = ThreadPoolExecutor(len(streams))
-        while self.done < self.steps:
-            left = max(SLOWEST, 1.0 - self.done / self.steps) if self.falls else 1.0
-            for group in self.optimizer.param_groups:
-                group["lr"] = self.rate * left
-            found = pool.map(
-                lambda stream: stream.learn(self.net, self.settings, stream.tracks / tracks), streams
-            )
-            gradients, losses, decisions = zip(*found, strict=True)
-            for parameter, *parts in zip(parameters, *gradients, strict=True):
-                parameter.grad = torch.stack(parts).sum(0)
-            for decided in decisions:
-                recent = (recent + decided)[-200:]
-            nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-            self.optimizer.step()
-            self._done += self.settings.n_steps * tracks
-            now = time.monotonic()
-            self.seconds = now - begun
-            reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
-            if on_progress is not None:
-                on_progress(TrainingProgress(self.done, self.steps, float(reward), float(ticks)))
-            if self.folder is None:
-                continue
-            if self.curve.due(self.seconds) or self.done >= self.steps:
-                point = self.curve.measure(self.family(""), self.seconds)
-                run_folder.append_metrics(self.folder, self.done, point)
-            if now - logged > LOG_EVERY:
-                figures = {"loss": sum(losses), "seconds": self.seconds}
-                run_folder.append_metrics(self.folder, self.done, figures)
-                logged = now
-            if now - saved > save_every:
-                self.save()
-                saved = now
-            begun = time.monotonic() - self.seconds  # what was measured and saved is not training
-        pool.shutdown()
-        if self.folder is not None:
-            self.save()
+        with ThreadPoolExecutor(len(streams)) as pool:
+            while self.done < self.steps:
+                left = max(SLOWEST, 1.0 - self.done / self.steps) if self.falls else 1.0
+                for group in self.optimizer.param_groups:
+                    group["lr"] = self.rate * left
+                found = pool.map(
+                    lambda stream: stream.learn(self.net, self.settings, stream.tracks / tracks), streams
+                )
+                gradients, losses, decisions = zip(*found, strict=True)
+                for parameter, *parts in zip(parameters, *gradients, strict=True):
+                    parameter.grad = torch.stack(parts).sum(0)
+                for decided in decisions:
+                    recent = (recent + decided)[-200:]
+                nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+                self.optimizer.step()
+                self._done += self.settings.n_steps * tracks
+                now = time.monotonic()
+                self.seconds = now - begun
+                reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
+                if on_progress is not None:
+                    on_progress(TrainingProgress(self.done, self.steps, float(reward), float(ticks)))
+                if self.folder is None:
+                    continue
+                if now - logged > LOG_EVERY:
+                    figures = {"loss": sum(losses), "seconds": self.seconds}
+                    run_folder.append_metrics(self.folder, self.done, figures)
+                    logged = now
+                over = self.done >= self.steps
+                if over or self.curve.due(self.seconds):
+                    self.measure()
+                if over or now - saved > save_every:
+                    self.save()
+                    saved = now
+                begun = time.monotonic() - self.seconds  # what was measured and saved is not training
 
     def family(self, name: str) -> DeciderFamily:
         """The agent as it stands, as a decider of the world that it is trained for."""
         return sequence_family(name, self.net, self.world)
 
-    def save(self) -> None:
-        """Write checkpoint and policy."""
-        assert self.folder is not None
-        numbers = {"steps": self.done, "seconds": self.seconds}
-        run_folder.save_checkpoint(self.folder, self.net.state_dict(), self.optimizer, numbers)
-        save_sequence(self.folder, self.net, self.card())
-
-    def card(self) -> dict[str, Any]:
-        """What made the weights."""
-        return {
-            "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "seed": self.seed, "steps": self.done, "seconds": round(self.seconds, 1),
-            "versions": run_folder.versions(),
-        }  # fmt: skip
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the agent as it stands."""
+        save_sequence(folder, self.net, card)

@@ -20,7 +20,7 @@ class Train(WorldArguments):
     out: Path | None = None
     """Run folder, new or empty; default runs/<environment>-<recipe>-seed<seed>."""
     resume: Path | None = None
-    """Go on with this run folder, with its own world and recipe; only --steps may be given with it."""
+    """Go on with this run folder, its own world and recipe; only --steps and --save-every beside."""
     steps: int | None = None
     """Environment steps, summed over tracks; default the recipe's, or the resumed run's."""
     seed: int = 0
@@ -66,6 +66,6 @@ class Train(WorldArguments):
             run.train(show, self.save_every)
         for line in summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
-        draw_learning([folder], folder / "learning.png")
+        draw_learning(folder, folder / "learning.png")
         console.print(f"Run {folder}: {run.done:,} steps, learning.png", highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", highlight=False)

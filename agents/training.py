@@ -1,14 +1,21 @@
 """What every training has in common: a run that is made from a recipe or goes on, and how it stands."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
+
+import torch
+from torch import nn
+from torch.optim import Optimizer
 
 from agents import run_folder
 from agents.deciders import DeciderFamily
+from agents.learning_curve import LearningCurve
 from agents.recipe import Recipe, recipe_of
+from agents.writing import output_folder, write_json
 from hybrid_env.checks import check_integer, reject
 
 
@@ -33,30 +40,100 @@ class TrainingProgress:
         return "" if math.isnan(self.reward) else f"reward {self.reward:+.3f}, {self.ticks:.1f} ticks"
 
 
-class Run(Protocol):
-    """One training, of any algorithm.
+class Run(ABC):
+    """One training, of any algorithm, and its folder; see `make_run` for the arguments.
 
     Attributes:
         steps: environment steps wanted.
         seconds: of training so far, measurements apart.
+        measured: the last point of the learning curve.
     """
 
-    steps: int
-    seconds: float
+    def __init__(
+        self,
+        env_id: str,
+        options: dict[str, Any],
+        recipe: Recipe,
+        seed: int,
+        folder: Path | None,
+        steps: int,
+    ):
+        self.env_id, self.options, self.recipe = env_id, options, recipe
+        self.seed, self.folder, self.steps = seed, folder, steps
+        self.seconds = 0.0
+        self.measured: dict[str, float] = {}
+        self.curve = LearningCurve(env_id, options)
+        torch.set_num_threads(1)  # small networks lose more to threads than they gain
 
     @property
+    @abstractmethod
     def done(self) -> int:
         """Environment steps made."""
-        raise NotImplementedError
 
+    @property
+    @abstractmethod
+    def network(self) -> nn.Module:
+        """What is trained."""
+
+    @property
+    @abstractmethod
+    def optimizer(self) -> Optimizer:
+        """What trains it."""
+
+    @abstractmethod
+    def family(self, name: str) -> DeciderFamily:
+        """The agent as it stands, as a decider."""
+
+    @abstractmethod
     def train(
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
         """Train to the end, saving the run every so many seconds."""
 
-    def family(self, name: str) -> DeciderFamily:
-        """The agent as it stands, as a decider."""
-        raise NotImplementedError
+    @abstractmethod
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the agent as it stands."""
+
+    def begin(self, resume: bool) -> int:
+        """Make the folder, or read its checkpoint; returns the steps that were made before."""
+        done = 0
+        if self.folder is None:
+            return done
+        if resume:
+            numbers = run_folder.load_checkpoint(self.folder, self.network, self.optimizer)
+            done, self.seconds = int(numbers["steps"]), numbers["seconds"]
+            run_folder.drop_metrics_beyond(self.folder, done)
+        output_folder("out", self.folder)
+        config = {
+            "env": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
+            "steps": self.steps, "seed": self.seed,
+        }  # fmt: skip
+        write_json(self.folder / run_folder.CONFIG, config)
+        return done
+
+    def measure(self) -> None:
+        """A point of the learning curve, into the metrics."""
+        assert self.folder is not None
+        self.measured = self.curve.measure(self.family(""), self.seconds)
+        run_folder.append_metrics(self.folder, self.done, self.measured)
+        self.measured["steps"] = self.done
+
+    def save(self) -> None:
+        """Write checkpoint and policy."""
+        assert self.folder is not None
+        numbers = {"steps": self.done, "seconds": self.seconds}
+        run_folder.save_checkpoint(self.folder, self.network.state_dict(), self.optimizer, numbers)
+        card = {
+            "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
+            "seed": self.seed, "steps": self.done, "seconds": round(self.seconds, 1),
+            "measured": self.measured, "versions": run_folder.versions(),
+        }  # fmt: skip
+        self.save_agent(self.folder, card)
+
+    def save_if_new(self) -> None:
+        """The first checkpoint, so that a run killed before its first interval can go on, too."""
+        if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
+            self.save()
 
 
 def make_run(

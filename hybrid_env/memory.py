@@ -21,12 +21,15 @@ def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize
     memory: NDArray[np.uint8]
+    line = CACHE_LINE
     if size >= LARGE_PAGE // 2 and hasattr(mmap, "MADV_HUGEPAGE"):
-        pages = mmap.mmap(-1, -(-size // LARGE_PAGE) * LARGE_PAGE)
+        line = LARGE_PAGE
+        # private: a forked process has its own tracks, and only such memory gets large pages
+        pages = mmap.mmap(-1, size + 2 * LARGE_PAGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
         with suppress(OSError):  # a system without them
             pages.madvise(mmap.MADV_HUGEPAGE)
         memory = np.frombuffer(pages, np.uint8)
     else:
         memory = np.zeros(size + CACHE_LINE, np.uint8)
-    start = -memory.ctypes.data % CACHE_LINE
+    start = -memory.ctypes.data % line
     return memory[start : start + size].view(kind).reshape(shape)

@@ -9,9 +9,10 @@ import torch
 from agents.deciders import load_decider
 from agents.evaluation import evaluate
 from agents.recipe import load_recipe, recipe_of
+from agents.run_folder import load_policy
 from agents.sequence import SequenceDecider, SequenceNet, doubt_and_best, load_sequence, save_sequence
 from agents.training import make_run, resume_run
-from baselines import FixedTimeDecider
+from baselines import FixedTimeDecider, SPRTDecider
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -109,9 +110,9 @@ def test_a_minute_of_training_would_be_too_long_here_but_seconds_beat_chance():
 
 def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
     net = net_of_noise()
-    save_sequence(tmp_path, net, {"environment": ENV, "options": {}})
-    again, card = load_sequence(tmp_path)
-    assert card["hidden"] == 12
+    save_sequence(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
+    weights, card = load_policy(tmp_path)
+    again = load_sequence(tmp_path, weights, card)
     for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
@@ -120,10 +121,13 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
     card["observation_scales"]["ticks"] = 5.0
     (tmp_path / "policy.json").write_text(json.dumps(card))
     with pytest.raises(ValueError, match="other scales"):
-        load_sequence(tmp_path)
+        load_policy(tmp_path)
+    card["recipe"]["entry"]["hidden"] = 7
+    with pytest.raises(ValueError, match="run="):
+        load_sequence(tmp_path, weights, card)
     (tmp_path / "policy.safetensors").write_bytes(b"\x00")
     with pytest.raises(ValueError, match="run="):
-        load_sequence(tmp_path)
+        load_policy(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +137,9 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
         ({"stray": 1.0}, "stray=1.0"),
         ({"worlds": [{"n_envs": 0}]}, "n_envs=0"),
         ({"worlds": [{"tracks": 3}]}, "worlds="),
+        ({"worlds": [{"n_envs": 3, "options": 3}]}, "options=3"),
+        ({"worlds": [{"n_envs": 3, "options": {"bad": 1}}]}, "options="),
+        ({"worlds": [{"n_envs": 3, "env": 3}]}, "env=3"),
         ({"hidden": 1.5}, "hidden=1.5"),
         ({"learning_rate": -1.0}, "learning_rate=-1.0"),
         ({"strictest": 0.5}, "strictest=0.5"),
@@ -172,7 +179,9 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     resumed = resume_run(folder)
     assert resumed.done == 1536  # the rollout in work is lost
     for one, other in zip(
-        load_sequence(folder)[0].state_dict().values(), resumed.net.state_dict().values(), strict=True
+        load_sequence(folder, *load_policy(folder)).state_dict().values(),
+        resumed.net.state_dict().values(),
+        strict=True,
     ):
         assert torch.equal(one, other)
     resumed.train()
@@ -192,3 +201,37 @@ def test_doubt_is_what_would_be_wrong():
     assert [doubt_and_best(split, radius)[1][0] for radius in (0.0, 1.0)] == [1, 0]
     small = np.array([[1.0, 1e-12, 1e-13]])
     np.testing.assert_allclose(doubt_and_best(small, 1.0)[0], 1.1e-12)
+
+
+def test_what_a_world_of_the_recipe_says_stands_above_the_flags():
+    worlds = [{"n_envs": 8, "options": {"measurement_variance": 0.5}}, {"n_envs": 8}]
+    recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
+    run = make_run(ENV, {"measurement_variance": 0.2}, recipe, steps=1)
+    envs = [env for stream in run._streams for env in stream.envs]
+    assert [env.options.measurement_variance for env in envs] == [0.5, 0.2]
+    worlds[0]["options"]["actions"] = "best"
+    with pytest.raises(ValueError, match="actions='best'"):
+        make_run(ENV, {}, recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds}), steps=1)
+
+
+@pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])
+def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
+    decider = load_decider("shipped", WorldOptions(**options))
+    learned = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
+    for alpha in (0.1, 1e-2, 1e-3, 1e-6):
+        gain = learned - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
+        assert gain.mean() > 4 * gain.std() / 10
+
+
+def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses_that_it_never_saw():
+    world = {
+        "radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()),
+        "correctness": "type",
+        "delay_cost": 0.01,
+    }
+    options = WorldOptions(**world)
+    assert options.hypotheses == 101
+    learned = evaluate(load_decider("shipped", options), episodes=30, seed=50, **world).reward.mean(1)
+    for alpha in (1e-3, 1e-6):
+        gain = learned - evaluate(SPRTDecider(alpha), episodes=30, seed=50, **world).reward.mean(1)
+        assert gain.mean() > 3 * gain.std(ddof=1) / np.sqrt(30)

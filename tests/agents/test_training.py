@@ -56,7 +56,7 @@ def test_a_run_folder_holds_config_metrics_events_and_a_policy_that_decides_alik
     assert [row["step"] for row in rows if "evaluation/reward" in row] == [1024]
     assert any(path.name.startswith("events.out.tfevents") for path in folder.iterdir())
     assert not list(folder.glob("*.part*"))
-    loaded = PolicyDecider(load_actor(folder)[0])
+    loaded = PolicyDecider(load_actor(folder, *load_policy(folder)))
     rows = np.random.default_rng(0).normal(0, 1, (50, 28)).astype(np.float32)
     np.testing.assert_array_equal(loaded.logits(rows)[0], run.decider.logits(rows)[0])
 
@@ -139,14 +139,20 @@ BAD = [
     ("learning_rate", 2.0), ("learning_rate", "log_3"), ("gae_lambda", 1.5), ("gamma", -1.0),
     ("ent_coef", -1.0),
     ("policy_kwargs", {"net_arch": []}), ("policy_kwargs", {"net_arch": [0]}), ("wait_bias", float("inf")),
-    ("n_timesteps", 0), ("algo", "magic"), ("taste", 3),
+    ("n_timesteps", 0), ("n_timesteps", True), ("algo", "magic"), ("algo", [1]), ("taste", 3),
+    ("gamma", True),
+    ("policy", "CnnPolicy"), ("policy_kwargs", 3), ("policy_kwargs", {"net_arch": 3}),
+    ("policy_kwargs", {"net_arch": [True]}), ("observe", 5), ("observe", "posterior"), ("observe", [3]),
+    ("policy_kwargs", {"log_std_init": float("nan")}),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "value"), BAD)
 def test_bad_settings_are_refused_in_one_line_that_names_them(name, value):
     entry = PPO.as_json()["entry"] | {name: value}
-    named = {"policy_kwargs": "net_arch", "taste": "hyper-parameter='taste'"}.get(name, name)
+    named = {"policy_kwargs": "net_arch|policy_kwargs|recipe", "taste": "hyper-parameter='taste'"}.get(
+        name, name
+    )
     with pytest.raises(ArgumentError, match=named) as caught:
         recipe_of("mine", entry)
     assert "expected" in str(caught.value)

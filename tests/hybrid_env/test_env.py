@@ -2,6 +2,7 @@
 
 import copy
 import math
+import os
 import pickle
 
 import gymnasium as gym
@@ -314,3 +315,15 @@ def test_outliers_are_as_frequent_and_as_wide_as_asked_and_leave_the_truth_alone
     assert errors[1].var() == pytest.approx(3.4, abs=4 * np.sqrt((0.1 * 625 * 3 + 0.9 * 3 - 3.4**2) / 4000))
     beyond = (np.abs(errors[1]) > 5.0).mean()
     assert beyond == pytest.approx(0.1 * 0.3173, abs=4 * np.sqrt(0.0317 / 4000))
+
+
+def test_a_forked_process_has_its_own_tracks():
+    env = HybridTrackVectorEnv(4096)  # large enough for large pages
+    env.reset(seed=0)
+    child = os.fork()
+    if child == 0:
+        for _ in range(5):
+            env.step(np.zeros(4096, np.int64))
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert (env.world.field("tick") == 1).all()
