@@ -30,7 +30,6 @@ from baselines.waited_paths import Paths, at_tick, waited_paths
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 
-SELECTION_EPISODES = 1000
 LEVELS = (0.95, 0.98)
 SEED_SUFFIX = r"([ -]seed ?\d+)$"
 BANK_TICKS = (2, 5, 10, 20, 40)
@@ -278,7 +277,7 @@ class Comparison:
         """Everything that table and figure show, and every point of the curves."""
         return {
             "plan": asdict(self.plan),
-            "selection": {"seed": seeds.SELECTION, "episodes": SELECTION_EPISODES},
+            "selection": {"seed": seeds.SELECTION, "episodes": seeds.SELECTION_EPISODES},
             "equal_time": self.equal_time,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
             "bank": [
@@ -346,7 +345,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     for family in families:
         progress.update(task, note=family.name)
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
-        selection = sweep(family, plan.env_id, SELECTION_EPISODES, seeds.SELECTION, **arguments)
+        selection = sweep(family, plan.env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **arguments)
         wanted = plan.accuracy
         index = selection.best_index() if wanted is None else selection.soonest_index(wanted)
         if not plan.curves and curves:

@@ -17,6 +17,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 from torch.optim import Optimizer
 
+from agents.world_arguments import CARD
 from agents.writing import whole_file, write_json
 from hybrid_env.checks import reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
@@ -25,7 +26,6 @@ CONFIG = "config.json"
 CHECKPOINT = "checkpoint.safetensors"
 METRICS = "metrics.jsonl"
 WEIGHTS = "policy.safetensors"
-CARD = "policy.json"
 SCALES = HYPOTHESIS_FEATURES | TRACK_FEATURES
 
 

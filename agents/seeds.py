@@ -3,6 +3,9 @@
 SELECTION = 1_000_000_000
 """Thresholds are chosen on episodes from this seed on; those reported count from small seeds."""
 
+SELECTION_EPISODES = 1000
+"""As many are used to choose a threshold."""
+
 FITTING = 2_000_000_000
 """Stopping rules are fitted on episodes from this seed on."""
 

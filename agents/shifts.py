@@ -15,7 +15,6 @@ from agents.operating_curve import sweep
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
-SELECTION_EPISODES = 1000
 HOME = "as it is"
 
 
@@ -77,7 +76,7 @@ def measure_shifts(
     found = []
     for family in families:
         on_progress(f"{family.name}: threshold")
-        home = sweep(family, env_id, SELECTION_EPISODES, seeds.SELECTION, **options)
+        home = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **options)
         threshold = family.thresholds[home.best_index()]
         for name, change in shifted_worlds(world).items():
             on_progress(f"{family.name}: {name}")

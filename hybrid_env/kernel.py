@@ -225,7 +225,7 @@ def _decide(
         move(
             block, scratch.normals, lane, lane + 1,
             parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
-        parameters.outliers,
+            parameters.outliers,
         )  # fmt: skip
         banks.follow(bank, lane, chosen, block.measurement, parameters)
         _account(block, lane, bank.hypotheses, trace)

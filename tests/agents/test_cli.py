@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from agents import seeds
 from agents.cli import main
 
 WORLD_NONSENSE = [
@@ -241,9 +242,7 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
 
 
 def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys, monkeypatch):
-    import agents.comparison
-
-    monkeypatch.setattr(agents.comparison, "SELECTION_EPISODES", 20)
+    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
     line = (
         "compare --deciders msprt --agents sequence --steps 12288 --training-seeds 2 --episodes 20 "
         f"--accuracy 0.9 --out {tmp_path}"
@@ -255,9 +254,7 @@ def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path,
 
 
 def test_compare_without_curves_measures_the_chosen_thresholds_only(tmp_path, capsys, monkeypatch):
-    import agents.comparison
-
-    monkeypatch.setattr(agents.comparison, "SELECTION_EPISODES", 20)
+    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
     out = tmp_path / "quick"
     line = f"compare --deciders ate msprt --agents --curves False --episodes 20 --out {out}"
     assert main(line.split()) == 0
@@ -281,9 +278,7 @@ def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(t
 
 
 def test_evaluate_shows_who_degrades_in_other_worlds(tmp_path, capsys, monkeypatch):
-    import agents.shifts
-
-    monkeypatch.setattr(agents.shifts, "SELECTION_EPISODES", 10)
+    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 10)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted True --episodes 10 --scheme random\\ 2x20-30 --out {out}"
     import shlex
