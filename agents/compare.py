@@ -28,6 +28,8 @@ class Compare(WorldArguments):
     """False measures all but the reference at their chosen thresholds only: half the time."""
     episodes: int = 1500
     """Episodes that every decider is measured on."""
+    selection_episodes: int = seeds.SELECTION_EPISODES
+    """Other episodes, on which thresholds are chosen."""
     seed: int = 0
     """First seed of those episodes; training and the choice of thresholds use others."""
     steps: int | None = None
@@ -40,7 +42,7 @@ class Compare(WorldArguments):
 
     def run(self) -> None:
         """Train, sweep, print the table, write figure and data."""
-        for name in ("episodes", "training_seeds"):
+        for name in ("episodes", "selection_episodes", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
         if self.steps is not None:
             check_integer("steps", self.steps)
@@ -71,6 +73,7 @@ class Compare(WorldArguments):
             self.training_seeds,
             self.accuracy,
             self.curves,
+            self.selection_episodes,
         )
         plan.families()  # refuses what cannot be compared, before anything is made
         folder = output_folder("out", self.out)

@@ -47,6 +47,7 @@ class Plan:
         steps: of each training, None as many as its recipe has.
         training_seeds: agents of each recipe.
         accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
+        selection_episodes: that thresholds are chosen on, from another seed on.
         curves: False reports all but the reference at the chosen threshold only.
     """
 
@@ -60,6 +61,7 @@ class Plan:
     training_seeds: int
     accuracy: float | None = None
     curves: bool = True
+    selection_episodes: int = seeds.SELECTION_EPISODES
 
     def world(self) -> WorldOptions:
         """The options of the world, the id's own included."""
@@ -277,7 +279,7 @@ class Comparison:
         """Everything that table and figure show, and every point of the curves."""
         return {
             "plan": asdict(self.plan),
-            "selection": {"seed": seeds.SELECTION, "episodes": seeds.SELECTION_EPISODES},
+            "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
             "equal_time": self.equal_time,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
             "bank": [
@@ -345,7 +347,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     for family in families:
         progress.update(task, note=family.name)
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
-        selection = sweep(family, plan.env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **arguments)
+        selection = sweep(family, plan.env_id, plan.selection_episodes, seeds.SELECTION, **arguments)
         wanted = plan.accuracy
         index = selection.best_index() if wanted is None else selection.soonest_index(wanted)
         if not plan.curves and curves:

@@ -16,6 +16,7 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
 RESAMPLES = 2000
+WORTH = 0.8  # finished tracks are left out once no more than this share is still running
 
 
 @dataclass(frozen=True)
@@ -165,9 +166,19 @@ def evaluate(
     done = np.zeros(episodes, np.int64)  # decisions noted of each track
     state: Any = None
     start = np.ones(episodes, np.bool_)
+    running = np.arange(episodes)  # tracks that the decider is asked about
+    keep = getattr(decider, "keep", None)
+    actions = np.zeros(episodes, np.int64)
     while True:
-        actions, state = decider.predict(observation, state=state, episode_start=start, deterministic=True)
-        observation, _, start, _, info = env.step(np.asarray(actions))
+        unfinished = done[running] < segments
+        if keep is not None and np.count_nonzero(unfinished) < WORTH * running.size:
+            state, running = keep(state, unfinished), running[unfinished]
+            actions[:] = 0
+        asked, state = decider.predict(
+            observation[running], state=state, episode_start=start[running], deterministic=True
+        )
+        actions[running] = asked
+        observation, _, start, _, info = env.step(actions)
         decided = info.get("_decided_mode")
         if decided is None:
             continue

@@ -113,6 +113,10 @@ class PolicyDecider:
             declare = layout.read(observation, "log_ratio").argmax(-1)
         return np.where(declared, declare + 1, 0), state
 
+    def keep(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+        """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
+        return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
+
 
 def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
     """Write weights and card, each whole or not at all."""

@@ -145,6 +145,10 @@ class SequenceDecider:
         doubt, best = doubt_and_best(posterior, self.radius)
         return np.where(doubt <= self.alpha, best + 1, 0), state
 
+    def keep(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
+        """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
+        return state[torch.from_numpy(tracks)]
+
 
 def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:
     """Write weights and card, each whole or not at all."""

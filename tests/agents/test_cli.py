@@ -45,6 +45,7 @@ NONSENSE = [
     ("compare --episodes many", "many"),
     ("compare --steps 0", "steps=0"),
     ("compare --training-seeds 0", "training-seeds=0"),
+    ("compare --selection-episodes 0", "selection-episodes=0"),
     ("compare --deciders", "deciders=()"),
     ("compare --deciders ate ate", "deciders=('ate', 'ate')"),
     ("compare --deciders ate oracle", "deciders='oracle'"),
@@ -241,11 +242,10 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png", "duel.png"]
 
 
-def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
+def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys):
     line = (
-        "compare --deciders msprt --agents sequence --steps 12288 --training-seeds 2 --episodes 20 "
-        f"--accuracy 0.9 --out {tmp_path}"
+        "compare --selection-episodes 20 --deciders msprt --agents sequence --steps 12288 "
+        f"--training-seeds 2 --episodes 20 --accuracy 0.9 --out {tmp_path}"
     )
     assert main(line.split()) == 0
     printed = capsys.readouterr().out
@@ -253,11 +253,10 @@ def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path,
         assert words in printed
 
 
-def test_compare_without_curves_measures_the_chosen_thresholds_only(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
+def test_compare_without_curves_measures_the_chosen_thresholds_only(tmp_path, capsys):
     out = tmp_path / "quick"
-    line = f"compare --deciders ate msprt --agents --curves False --episodes 20 --out {out}"
-    assert main(line.split()) == 0
+    line = "compare --selection-episodes 20 --deciders ate msprt --agents --curves False --episodes 20"
+    assert main([*line.split(), "--out", str(out)]) == 0
     assert "at tick" not in capsys.readouterr().out
     first, second = json.loads((out / "compare.json").read_text())["deciders"]
     assert len(first["curve"]["thresholds"]) > 10

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.deciders import FIXED_TIME, DeciderFamily
+from agents.deciders import FIXED_TIME, DeciderFamily, load_decider
 from agents.duel import fly
 from agents.evaluation import Decisions, evaluate, interval
 from agents.operating_curve import (
@@ -16,7 +16,7 @@ from agents.operating_curve import (
     ticks_at_accuracy,
 )
 from baselines import FixedTimeDecider, SPRTDecider
-from hybrid_env import HybridTrackEnv
+from hybrid_env import HybridTrackEnv, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
 
@@ -125,3 +125,15 @@ def test_a_flight_is_what_the_evaluation_counts():
     assert len(flight.trace) == flight.ends[-1]
     error = flight.column("estimate_x") - flight.column("x"), flight.column("estimate_y") - flight.column("y")
     assert (error[0] ** 2 + error[1] ** 2).sum() == pytest.approx(found.squared_error[2].sum())
+
+
+def test_leaving_out_finished_tracks_changes_no_decision(monkeypatch):
+    import agents.evaluation
+
+    decider = load_decider("shipped:0.1", WorldOptions())
+    found = []
+    for share in (1.0, 0.0):
+        monkeypatch.setattr(agents.evaluation, "WORTH", share)
+        found.append(evaluate(decider, episodes=30, seed=3))
+    np.testing.assert_array_equal(found[0].ticks, found[1].ticks)
+    np.testing.assert_array_equal(found[0].decided_mode, found[1].decided_mode)
