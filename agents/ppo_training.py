@@ -18,7 +18,7 @@ from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, policy_family
 from agents.features import policy_keywords
 from agents.policy import PolicyDecider, save_actor
-from agents.recipe import PPOSettings, Recipe, schedule
+from agents.recipe import PPOSettings, schedule
 from agents.training import Run, TrainingProgress
 from agents.vec_env import HybridTrackVecEnv
 from hybrid_env.checks import ArgumentError, reject
@@ -96,22 +96,13 @@ class PPORun(Run):
         ArgumentError: a bad world or recipe, or a folder with a damaged checkpoint.
     """
 
-    def __init__(
-        self,
-        env_id: str,
-        options: dict[str, Any],
-        recipe: Recipe,
-        seed: int,
-        folder: Path | None,
-        steps: int,
-        resume: bool = False,
-    ):
-        super().__init__(env_id, options, recipe, seed, folder, steps)
-        settings = recipe.settings
+    def build(self) -> None:
+        """Make model and tracks."""
+        settings = self.recipe.settings
         assert isinstance(settings, PPOSettings)
         self.settings = settings
-        kind = _model_class(recipe.algo)
-        env = HybridTrackVecEnv(env_id, settings.n_envs, **options)
+        kind = _model_class(self.recipe.algo)
+        env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
         self.segments = env.env.options.segments
         rate, falls = schedule(settings.learning_rate)
         try:
@@ -119,7 +110,7 @@ class PPORun(Run):
                 settings.policy, env, learning_rate=lambda left: rate * max(left, 0.0) if falls else rate,
                 n_steps=settings.n_steps, batch_size=settings.batch_size, n_epochs=settings.n_epochs,
                 gamma=settings.gamma, gae_lambda=settings.gae_lambda, ent_coef=settings.ent_coef,
-                seed=seed, device="cpu",
+                seed=self.seed, device="cpu",
                 policy_kwargs=policy_keywords(settings.policy_kwargs, settings.observe),
             )  # fmt: skip
         except ArgumentError:
@@ -129,7 +120,10 @@ class PPORun(Run):
             raise reject("policy_kwargs", keywords, f"keywords of {settings.policy} ({error})") from None
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
-        self.model.num_timesteps = self.begin(resume)
+
+    def start(self, done: int) -> None:
+        """Go on from as many environment steps."""
+        self.model.num_timesteps = done
 
     @property
     def network(self) -> nn.Module:

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from agents.run_folder import save_policy, unreadable
 from baselines.decider import Actions, Observations
+from baselines.msprt import likeliest_of_type, mode_types, other_types, type_sums
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
 
@@ -96,18 +97,14 @@ def doubt_and_best(
     Returns:
         (N,) each.
     """
-    n = posterior.shape[1] // 2
-    kind = np.repeat([0, 1, 2], [1, n, n])
-    types = np.stack([posterior[:, kind == k].sum(1, dtype=np.float64) for k in range(3)], axis=1)
-    likeliest = types.argmax(1)
-    by_type = np.where(kind == likeliest[:, None], posterior, -1.0).argmax(1)
-    best = np.where(np.broadcast_to(radius, likeliest.shape) == 1.0, posterior.argmax(1), by_type)
-    # sums of the others, because 1 - p would lose the digits of a small doubt
-    other_types = np.where(np.arange(3) == kind[best][:, None], 0.0, types).sum(1)
+    types = type_sums(posterior)
+    by_type = np.broadcast_to(radius, len(posterior)) < 1.0
+    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(1))
+    kind = mode_types(posterior.shape[1])
     same_type = kind == kind[best][:, None]
     same_type[np.arange(len(best)), best] = False
     other_radii = np.where(same_type, posterior, 0.0).sum(1)
-    return other_types + radius * other_radii, best
+    return other_types(types, kind[best]) + radius * other_radii, best
 
 
 class SequenceDecider:

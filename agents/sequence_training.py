@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, sequence_family
 from agents.evaluation import make_vector_env
-from agents.recipe import EAGEREST, Recipe, SequenceSettings, TrainedWorld, schedule
+from agents.recipe import EAGEREST, SequenceSettings, TrainedWorld, schedule
 from agents.sequence import SequenceNet, doubt_and_best, first_ticks, save_sequence
 from agents.training import Run, TrainingProgress
 from hybrid_env.checks import reject
@@ -125,30 +125,24 @@ class SequenceRun(Run):
         ArgumentError: a bad world, or a folder with a damaged checkpoint.
     """
 
-    def __init__(
-        self,
-        env_id: str,
-        options: dict[str, Any],
-        recipe: Recipe,
-        seed: int,
-        folder: Path | None,
-        steps: int,
-        resume: bool = False,
-    ):
-        super().__init__(env_id, options, recipe, seed, folder, steps)
-        assert isinstance(recipe.settings, SequenceSettings)
-        self.settings = recipe.settings
-        torch.manual_seed(seed)
+    def build(self) -> None:
+        """Make network, optimizer and worlds."""
+        assert isinstance(self.recipe.settings, SequenceSettings)
+        self.settings = self.recipe.settings
+        torch.manual_seed(self.seed)
         self.net = SequenceNet(self.settings.hidden)
         self.rate, self.falls = schedule(self.settings.learning_rate)
         self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
-        self.world = make_vector_env(env_id, 1, **options).options
-        envs = [self._make(world) for world in self.settings.worlds]
-        for world in (self.world, *(env.options for env in envs)):
+        self.world = make_vector_env(self.env_id, 1, **self.options).options
+        self._envs = [self._make(world) for world in self.settings.worlds]
+        for world in (self.world, *(env.options for env in self._envs)):
             if world.actions != "all":
                 raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
-        self._done = self.begin(resume)
-        self._streams = self._group(envs)
+
+    def start(self, done: int) -> None:
+        """Go on from as many environment steps."""
+        self._done = done
+        self._streams = self._group(self._envs)
 
     @property
     def done(self) -> int:

@@ -57,6 +57,7 @@ class Run(ABC):
         seed: int,
         folder: Path | None,
         steps: int,
+        resume: bool = False,
     ):
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps = seed, folder, steps
@@ -64,6 +65,16 @@ class Run(ABC):
         self.measured: dict[str, float] = {}
         self.curve = LearningCurve(env_id, options)
         torch.set_num_threads(1)  # small networks lose more to threads than they gain
+        self.build()
+        self.start(self._begin(resume))
+
+    @abstractmethod
+    def build(self) -> None:
+        """Make network and tracks; refuse a bad world or recipe before anything is written."""
+
+    @abstractmethod
+    def start(self, done: int) -> None:
+        """Go on from as many environment steps."""
 
     @property
     @abstractmethod
@@ -94,7 +105,7 @@ class Run(ABC):
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the agent as it stands."""
 
-    def begin(self, resume: bool) -> int:
+    def _begin(self, resume: bool) -> int:
         """Make the folder, or read its checkpoint; returns the steps that were made before."""
         done = 0
         if self.folder is None:

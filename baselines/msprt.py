@@ -19,14 +19,34 @@ FloatArray = NDArray[np.float64]
 CLIPPED = LOG_FLOOR + 1e-3  # ratios here are the observation's floor, not likelihoods
 
 
+def mode_types(hypotheses: int) -> NDArray[np.int64]:
+    """(M,) type of each hypothesis: 0 straight, 1 left, 2 right."""
+    n = hypotheses // 2
+    return np.repeat([0, 1, 2], [1, n, n])
+
+
+def type_sums(values: NDArray[Any]) -> FloatArray:
+    """(..., 3) sums over straight, left and right of values (..., M)."""
+    n = values.shape[-1] // 2
+    parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
+    return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
+
+
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     """Posterior of straight, left and right, (..., 3), from log-likelihood ratios (..., M); equal priors."""
-    n = log_ratio.shape[-1] // 2
-    weights = np.where(log_ratio <= CLIPPED, 0.0, np.exp(log_ratio))
-    types = np.stack(
-        [weights[..., 0], weights[..., 1 : n + 1].sum(-1), weights[..., n + 1 :].sum(-1)], axis=-1
-    )
+    types = type_sums(np.where(log_ratio <= CLIPPED, 0.0, np.exp(log_ratio)))
     return np.asarray(types / types.sum(-1, keepdims=True))
+
+
+def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> NDArray[np.int64]:
+    """(N,) the hypothesis of the largest value, (N, M), within the type of the largest sum, (N, 3)."""
+    of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
+    return np.where(of_type, values, -np.inf).argmax(-1)
+
+
+def other_types(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
+    """(N,) sum over all types, (N, 3), but the chosen, (N,): 1 - p would lose the digits of a small doubt."""
+    return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
 def read_doubt(
@@ -38,12 +58,9 @@ def read_doubt(
     if by == "hypothesis":
         return layout.read(observation, "log_doubt"), log_ratio.argmax(-1)
     posterior = type_posteriors(log_ratio)
-    best = posterior.argmax(-1)
-    n = log_ratio.shape[-1] // 2
-    of_type = np.repeat([0, 1, 2], [1, n, n]) == best[:, None]
-    others = np.where(np.arange(3) == best[:, None], 0.0, posterior).sum(-1)
+    others = other_types(posterior, posterior.argmax(-1))
     doubt = np.log(np.maximum(others, np.exp(LOG_FLOOR)))
-    return doubt, np.where(of_type, log_ratio, -np.inf).argmax(-1)
+    return doubt, likeliest_of_type(posterior, log_ratio)
 
 
 class MSPRTDecider:

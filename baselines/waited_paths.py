@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.msprt import read_doubt
+from baselines.msprt import mode_types, read_doubt
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -49,7 +49,7 @@ def waited_paths(episodes: int, seed: int, ticks: int | None = None, **options: 
     )
     by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
     n = len(world.radii)
-    kind = np.repeat([0, 1, 2], [1, n, n]) if by == "type" else np.arange(2 * n + 1)
+    kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
     shape = (episodes * world.segments, last)
     doubt, right, length = np.zeros(shape), np.zeros(shape, np.bool_), np.zeros(shape[0], np.int64)
     observation, _ = env.reset(seed=seed)
