@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.bank import INNOVATION, LOG_TWO_PI, Quadruple
-from hybrid_env.compiled import formula, internal
+from hybrid_env.compiled import formula, internal, prefetch
 from hybrid_env.elementary import log, sine_cosine
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, turn_centre
@@ -312,6 +312,7 @@ def step_aware(
 ) -> None:
     """One tick of every hypothesis, for lanes first .. last - 1; arguments as in `bank.step_bank`."""
     for h in range(bank.hypotheses.size):
+        prefetch(bank.hypotheses, h, bank.hypotheses.nbytes)
         step_hypothesis(
             bank.hypotheses[h], bank.innovations[h], first, last, measurement,
             tau, process_variance, variance_x, variance_y,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_array, check_positive
-from hybrid_env.compiled import compiled, formula, internal
+from hybrid_env.compiled import compiled, formula, internal, prefetch
 from hybrid_env.elementary import log
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
@@ -204,7 +204,9 @@ def step_bank(
 ) -> None:
     """One tick of every hypothesis, its log-likelihood included.
 
-    The increment is ln N(innovation; 0, Sigma), whose differences are Golubkov 2018, eq. (4).
+    The increment is ln N(innovation; 0, Sigma), whose differences are Golubkov 2018, eq. (4). While it works
+    on one filter, it asks for that of the next block, which lies behind this one: state of many tracks has to
+    come from far, and asked for at once it would be waited for.
 
     Args:
         first, last: lanes first .. last - 1 take the tick.
@@ -217,12 +219,14 @@ def step_bank(
         variance = variance_x if axis == 0 else variance_y
         for c in range(columns):
             one, gain = bank.covariances[axis, c], bank.gains[axis, c]
+            prefetch(bank.covariances, axis * columns + c, bank.covariances.nbytes)
             for lane in range(np.uintp(first), np.uintp(last)):
                 innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
                 gain.whitener[lane] = math.sqrt(inverse)
                 gain.log_variance[lane] = log(innovation_variance)
     for h in range(bank.hypotheses.size):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        prefetch(bank.hypotheses, h, bank.hypotheses.nbytes)
         column = radius_column(h, columns - 1)
         gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
         for lane in range(np.uintp(first), np.uintp(last)):

@@ -17,7 +17,7 @@ from hybrid_env.anchor_aware import (
     step_hypothesis,
 )
 from hybrid_env.bank import Bank, Quadruple, anchor_bank, covariance_of, step_alone, step_bank
-from hybrid_env.compiled import internal, internal_overload, prefetch
+from hybrid_env.compiled import internal, internal_overload
 
 IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I of the published algorithms, as an upper triangle."""
@@ -25,11 +25,6 @@ IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 def bank_of_block(banks: Any, block: int) -> Any:
     """The bank of one block, out of those of all."""
-    raise NotImplementedError("compiled code only")
-
-
-def prefetch_block(banks: Any, block: int) -> None:
-    """Ask for the memory of the bank of one block."""
     raise NotImplementedError("compiled code only")
 
 
@@ -120,23 +115,6 @@ def _bank_of_block(banks, block):  # type: ignore[no-untyped-def]
             banks.hypotheses[block], banks.covariances[block], banks.innovations, banks.gains
         )
     return lambda banks, block: AwareBank(banks.hypotheses[block], banks.innovations)
-
-
-@internal
-def _prefetch_published(banks, block):  # type: ignore[no-untyped-def]
-    prefetch(banks.hypotheses[block])
-    prefetch(banks.covariances[block])
-
-
-@internal
-def _prefetch_aware(banks, block):  # type: ignore[no-untyped-def]
-    prefetch(banks.hypotheses[block])
-
-
-@internal_overload(prefetch_block)
-def _prefetch_block(banks, block):  # type: ignore[no-untyped-def]
-    chosen = _prefetch_published if banks.instance_class is Bank else _prefetch_aware
-    return lambda banks, block: chosen(banks, block)
 
 
 @internal_overload(begin)

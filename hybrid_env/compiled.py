@@ -6,7 +6,6 @@ NumPy's error model lets a division stand in such a loop without the branch that
 import functools
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
@@ -14,7 +13,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array, populate_array
-from numpy.typing import NDArray
 
 from hybrid_env.memory import CACHE_LINE
 
@@ -88,24 +86,25 @@ array_at: Any = intrinsic(_array_at)
 """The array of a shape and dtype that begins at an address; `numba.carray` compiles slower."""
 
 
-def _prefetch(_typing: Any, address: Any) -> Any:
-    def build(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-        number = ir.IntType(32)
+def _prefetch(_typing: Any, array: Any, index: Any, beyond: Any) -> Any:
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        number, word = ir.IntType(32), ir.IntType(64)
         kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
         function = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
         to_write, keep, data = number(1), number(3), number(1)
-        builder.call(function, [builder.inttoptr(arguments[0], cgutils.voidptr_t), to_write, keep, data])
+        size = context.get_abi_sizeof(context.get_data_type(array.dtype))
+        first = builder.ptrtoint(make_array(array)(context, builder, arguments[0]).data, word)
+        start = builder.add(builder.add(first, builder.mul(arguments[1], word(size))), arguments[2])
+        for offset in range(0, size, CACHE_LINE):
+            line = builder.inttoptr(builder.add(start, word(offset)), cgutils.voidptr_t)
+            builder.call(function, [line, to_write, keep, data])
         return cgutils.get_null_value(cgutils.voidptr_t)
 
-    return types.voidptr(address), build
+    return types.voidptr(array, types.int64, types.int64), build
 
 
-_prefetch_line: Any = intrinsic(_prefetch)
+prefetch: Any = intrinsic(_prefetch)
+"""Ask for what lies a number of bytes beyond an element of a C-ordered array, counted flat.
 
-
-@internal
-def prefetch(array: NDArray[Any]) -> None:
-    """Ask for a C-ordered array that is needed soon, so that it comes while others are at work."""
-    start = np.uintp(array.ctypes.data)
-    for offset in range(0, array.nbytes, CACHE_LINE):
-        _prefetch_line(start + np.uintp(offset))
+It comes while others are at work. Nothing happens where there is no memory, so nobody need ask for the end.
+"""

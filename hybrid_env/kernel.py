@@ -24,6 +24,7 @@ from hybrid_env.bank import (
     mode_type,
 )
 from hybrid_env.compiled import array_at, compiled, internal, prefetch
+from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
@@ -34,7 +35,7 @@ TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 OUTLIER = 5.0  # deviation of an outlier over that of other measurements
-IN_CACHE = 256  # blocks; the state of more does not stay in the cache of a core from step to step
+FLOATS_OF_LINE = CACHE_LINE // 4
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -259,10 +260,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     for b in range(number):
         block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = min(LANES, tracks - b * LANES)
-        if number > IN_CACHE and b + 1 < number:
-            prefetch(blocks[b + 1 : b + 2])
-            banks.prefetch_block(all_banks, b + 1)
-            prefetch(observations[(b + 1) * LANES : (b + 2) * LANES])
+        prefetch(blocks, b + 1, 0)
         begun = resting = 0
         for lane in range(lanes):
             i = b * LANES + lane
@@ -317,6 +315,8 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                     i = b * LANES + lane
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]
+                    for k in range(0, row.size, FLOATS_OF_LINE):
+                        prefetch(row, k, LANES * row.nbytes)
                     if begun & (1 << lane):
                         write_segment(
                             row, block, lane, radii,

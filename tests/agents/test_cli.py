@@ -167,6 +167,11 @@ def test_every_flag_of_every_command_is_in_the_list():
                 assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
 
 
+def unwrapped(capsys):
+    """What was printed, as one line: a long path wraps lines anywhere."""
+    return " ".join(capsys.readouterr().out.split())
+
+
 def test_help_is_printed_with_exit_code_0(capsys):
     assert main(["--help"]) == 0
     assert "compare" in capsys.readouterr().out
@@ -189,7 +194,7 @@ def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
     small = ["n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"]
     assert main(["train", "--out", run, "--steps", "256", "--set", *small]) == 0
     assert main(["train", "--resume", run, "--steps", "512"]) == 0
-    assert "512 steps" in " ".join(capsys.readouterr().out.split())  # a long path wraps the line
+    assert "512 steps" in unwrapped(capsys)
     assert main(["evaluate", run, "--episodes", "3", "--scheme", "S10 S10"]) == 0
     assert main(["train", "--out", run]) == 2
     assert main(["train", "--resume", run, "--set", "n_envs=8"]) == 2
@@ -270,7 +275,7 @@ def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(t
     line = f"train --recipe sequence --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
     assert main([*line.split(), "hidden=8", "worlds=[{n_envs: 16}]"]) == 0
     assert main(f"train --resume {folder} --steps 8192".split()) == 0
-    assert "8,192 steps" in capsys.readouterr().out
+    assert "8,192 steps" in unwrapped(capsys)
     assert main(["evaluate", str(folder), "--episodes", "5"]) == 0
     assert "30 segments" in capsys.readouterr().out
     assert json.loads((folder / "policy.json").read_text())["options"] == {"measurement_variance": 0.2}
