@@ -23,10 +23,10 @@ from hybrid_env.bank import (
     likeliest,
     mode_type,
 )
-from hybrid_env.compiled import array_at, compiled, internal, prefetch
+from hybrid_env.compiled import array_at, compiled, formula, internal, prefetch
 from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.noise import draw_normals, integer_below, uniform
+from hybrid_env.noise import draw_ahead, draw_normals, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
 from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
@@ -34,7 +34,6 @@ NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
-OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 FLOATS_OF_LINE = CACHE_LINE // 4
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
@@ -54,6 +53,36 @@ def turn(block: Any, lane: int, signed_radius: float, tau: float) -> None:
     )
 
 
+@formula
+def _move(
+    block: Any,
+    lane: int,
+    normals: NDArray[np.float64],
+    column: int,
+    process_deviation: float,
+    deviation_x: float,
+    deviation_y: float,
+) -> None:
+    """The object of a lane moves one tick and is measured; its noise is in a column of normals."""
+    truth = block.truth
+    cosine, sine_velocity, sine_position = (
+        block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
+    )  # fmt: skip
+    x, vx = propagate(
+        truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position
+    )
+    y, vy = propagate(
+        truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
+    )
+    truth[0, lane] = x
+    truth[1, lane] = vx + process_deviation * normals[0, column]
+    truth[2, lane] = y
+    truth[3, lane] = vy + process_deviation * normals[1, column]
+    block.measurement[0, lane] = x + deviation_x * normals[2, column]
+    block.measurement[1, lane] = y + deviation_y * normals[3, column]
+    block.tick[lane] += 1
+
+
 @internal
 def move(
     block: Any,
@@ -67,33 +96,12 @@ def move(
 ) -> None:
     """The objects of lanes first .. last - 1 move one tick and are measured. Golubkov 2018, eq. (1).
 
-    normals: (4, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
-    each axis [m]. outliers: share of measurements with `OUTLIER` times that deviation.
+    normals: (5, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
+    each axis [m]. outliers: share of measurements with `noise.OUTLIER` times that deviation.
     """
-    draw_normals(block.random_state, normals, first, last)
-    if outliers > 0.0:
-        for lane in range(first, last):
-            if uniform(block.random_state, lane) < outliers:
-                normals[2, lane] *= OUTLIER
-                normals[3, lane] *= OUTLIER
-    truth = block.truth
+    draw_normals(block.random_state, normals, first, last, outliers)
     for lane in range(np.uintp(first), np.uintp(last)):
-        cosine, sine_velocity, sine_position = (
-            block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
-        )  # fmt: skip
-        x, vx = propagate(
-            truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position
-        )
-        y, vy = propagate(
-            truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
-        )
-        truth[0, lane] = x
-        truth[1, lane] = vx + process_deviation * normals[0, lane]
-        truth[2, lane] = y
-        truth[3, lane] = vy + process_deviation * normals[1, lane]
-        block.measurement[0, lane] = x + deviation_x * normals[2, lane]
-        block.measurement[1, lane] = y + deviation_y * normals[3, lane]
-        block.tick[lane] += 1
+        _move(block, lane, normals, lane, process_deviation, deviation_x, deviation_y)
 
 
 @internal
@@ -175,7 +183,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
     block.truth[1, lane] = parameters.speed * math.cos(heading)
     block.truth[3, lane] = parameters.speed * math.sin(heading)
-    draw_normals(block.random_state, scratch.normals, lane, lane + 1)
+    draw_normals(block.random_state, scratch.normals, lane, lane + 1, 0.0)
     block.kept_covariance[:, lane] = 0.0
     for axis in range(2):
         variance = parameters.variance_x if axis == 0 else parameters.variance_y
@@ -222,12 +230,17 @@ def _decide(
     flags[TYPE_CORRECT, i] = of_type
     flags[FORCED, i] = forced
     block.active_mode[lane] = chosen
+    column = LANES
     while block.tick[lane] < block.length[lane]:
-        move(
-            block, scratch.normals, lane, lane + 1,
+        if column == LANES:  # noise of many ticks at once becomes SIMD code
+            ticks = min(LANES, block.length[lane] - block.tick[lane])
+            draw_ahead(block.random_state, lane, scratch.normals, ticks, parameters.outliers)
+            column = 0
+        _move(
+            block, lane, scratch.normals, column,
             parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
-            parameters.outliers,
         )  # fmt: skip
+        column += 1
         banks.follow(bank, lane, chosen, block.measurement, parameters)
         _account(block, lane, bank.hypotheses, trace)
     for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):

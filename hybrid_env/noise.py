@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import ONE, log, sine_cosine
 
+OUTLIER = 5.0  # deviation of an outlier over that of other measurements
+
+
+Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+
 
 @formula
-def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
-    """Next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place. xoshiro256++."""
-    s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
+def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, Words]:
+    """Next 64 random bits and the state after them. xoshiro256++."""
     total = s0 + s3
     bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     shifted = s1 << np.uint64(17)
@@ -27,14 +31,37 @@ def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
     s0 ^= s3
     s2 ^= shifted
     s3 = (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
-    state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
+    return bits, (s0, s1, s2, s3)
+
+
+@formula
+def _to_uniform(bits: np.uint64) -> float:
+    """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
+    return np.uint64((bits >> np.uint64(12)) | np.uint64(ONE)).view(np.float64) - 1.0
+
+
+@formula
+def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
+    """Next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
+    bits, words = _advance(state[0, lane], state[1, lane], state[2, lane], state[3, lane])
+    state[0, lane], state[1, lane], state[2, lane], state[3, lane] = words
     return bits
 
 
 @formula
 def uniform(state: NDArray[np.uint64], lane: int) -> float:
-    """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
-    return np.uint64((next_uint64(state, lane) >> np.uint64(12)) | np.uint64(ONE)).view(np.float64) - 1.0
+    """Uniform on [0, 1)."""
+    return _to_uniform(next_uint64(state, lane))
+
+
+@formula
+def _draw_uniforms(state: NDArray[np.uint64], lane: int, numbers: NDArray[np.float64], column: int) -> None:
+    """Four of them; the state stays in registers."""
+    s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
+    for k in range(4):
+        bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
+        numbers[k, column] = _to_uniform(bits)
+    state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
 
 
 @internal
@@ -44,14 +71,47 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> int:
 
 
 @internal
-def draw_normals(state: NDArray[np.uint64], normals: NDArray[np.float64], first: int, last: int) -> None:
-    """Four independent draws of N(0, 1), none beyond 8.5, for each of the lanes first .. last - 1.
+def draw_normals(
+    state: NDArray[np.uint64], numbers: NDArray[np.float64], first: int, last: int, outliers: float
+) -> None:
+    """What a tick needs, for each of the lanes first .. last - 1.
 
-    state: (4, LANES), advanced. normals: (4, LANES), written.
+    Args:
+        state: (4, LANES), advanced.
+        numbers: (5, LANES), written: four independent draws of N(0, 1), none beyond 8.5, the last two of
+            which are multiplied by `OUTLIER` at times; then a number to work with.
+        outliers: share of the ticks at which they are.
     """
-    for pair in range(2):
+    for lane in range(np.uintp(first), np.uintp(last)):
+        _draw_uniforms(state, lane, numbers, lane)
+    if outliers > 0.0:
         for lane in range(np.uintp(first), np.uintp(last)):
-            radius = math.sqrt(-2.0 * log(1.0 - uniform(state, lane)))
-            sine, cosine = sine_cosine(2.0 * math.pi * uniform(state, lane))
-            normals[2 * pair, lane] = radius * cosine
-            normals[2 * pair + 1, lane] = radius * sine
+            numbers[4, lane] = uniform(state, lane)
+    _to_normals(numbers, first, last, outliers)
+
+
+@internal
+def draw_ahead(
+    state: NDArray[np.uint64], lane: int, numbers: NDArray[np.float64], ticks: int, outliers: float
+) -> None:
+    """The same numbers for as many ticks of one lane, up to LANES: those of tick k are in column k."""
+    for tick in range(ticks):
+        _draw_uniforms(state, lane, numbers, tick)
+        if outliers > 0.0:
+            numbers[4, tick] = uniform(state, lane)
+    _to_normals(numbers, 0, ticks, outliers)
+
+
+@internal
+def _to_normals(numbers: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
+    for k in range(0, 4, 2):
+        for column in range(np.uintp(first), np.uintp(last)):
+            radius = math.sqrt(-2.0 * log(1.0 - numbers[k, column]))
+            sine, cosine = sine_cosine(2.0 * math.pi * numbers[k + 1, column])
+            numbers[k, column] = radius * cosine
+            numbers[k + 1, column] = radius * sine
+    if outliers > 0.0:
+        for column in range(np.uintp(first), np.uintp(last)):
+            factor = OUTLIER if numbers[4, column] < outliers else 1.0
+            numbers[2, column] *= factor
+            numbers[3, column] *= factor

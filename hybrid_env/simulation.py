@@ -99,7 +99,7 @@ def simulate(
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     _simulate(
-        blocks, np.empty((4, LANES)), lengths, signed_radii, check_positive("tau", tau),
+        blocks, np.empty((5, LANES)), lengths, signed_radii, check_positive("tau", tau),
         math.sqrt(check_positive("process_variance", process_variance, allow_zero=True)),
         np.sqrt(noise_axes(measurement_variance)), truth, measurements,
     )  # fmt: skip

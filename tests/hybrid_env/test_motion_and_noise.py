@@ -8,7 +8,7 @@ from numba import njit
 from scipy import stats
 
 from hybrid_env import motion
-from hybrid_env.noise import draw_normals, integer_below, next_uint64, uniform
+from hybrid_env.noise import draw_ahead, draw_normals, integer_below, next_uint64, uniform
 from hybrid_env.track import LANES
 
 propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
@@ -63,10 +63,10 @@ def integers(state, count, bound):
 
 @njit
 def normals(state, count):
-    drawn = np.empty((count, 4, state.shape[1]))
+    drawn = np.empty((count, 5, state.shape[1]))
     for k in range(count):
-        draw_normals(state, drawn[k], 0, state.shape[1])
-    return drawn
+        draw_normals(state, drawn[k], 0, state.shape[1], 0.0)
+    return drawn[:, :4]
 
 
 def seeded(seed):
@@ -112,19 +112,31 @@ def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
     assert np.abs(off).max() < stats.norm.isf(5e-4 / off.size) / math.sqrt(len(drawn))
 
 
-def test_a_lane_draws_the_same_whichever_lanes_go_with_it():
-    together, alone = seeded(9), seeded(9)
-    wide, narrow = np.zeros((4, LANES)), np.zeros((4, LANES))
+@pytest.mark.parametrize("outliers", [0.0, 0.3])
+def test_a_lane_draws_the_same_whichever_lanes_go_with_it_and_however_far_ahead(outliers):
+    together, alone, ahead = seeded(9), seeded(9), seeded(9)
+    wide, narrow, long = np.zeros((5, LANES)), np.zeros((5, LANES)), np.zeros((5, LANES))
 
     @njit
     def draw(state, numbers, first, last):
-        draw_normals(state, numbers, first, last)
+        draw_normals(state, numbers, first, last, outliers)
 
-    for _ in range(1000):
-        draw(together, wide, 0, LANES)
-        for lane in range(LANES):
-            draw(alone, narrow, lane, lane + 1)
-        np.testing.assert_array_equal(wide, narrow)
+    @njit
+    def draw_ticks(state, lane, numbers, ticks):
+        draw_ahead(state, lane, numbers, ticks, outliers)
+
+    largest = 0.0
+    for _ in range(200):
+        for ticks in range(1, LANES + 1):
+            draw_ticks(ahead, 3, long, ticks)
+            for tick in range(ticks):
+                draw(together, wide, 0, LANES)
+                for lane in range(LANES):
+                    draw(alone, narrow, lane, lane + 1)
+                np.testing.assert_array_equal(wide[:4], narrow[:4])
+                np.testing.assert_array_equal(wide[:4, 3], long[:4, tick])
+                largest = max(largest, np.abs(wide[:4]).max())
+    assert (largest > 8.5) == (outliers > 0.0)
 
 
 def test_uniforms_and_integers_are_uniform():
