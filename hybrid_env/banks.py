@@ -17,7 +17,7 @@ from hybrid_env.anchor_aware import (
     step_hypothesis,
 )
 from hybrid_env.bank import Bank, Quadruple, anchor_bank, covariance_of, step_alone, step_bank
-from hybrid_env.compiled import internal, internal_overload
+from hybrid_env.compiled import internal_overload
 
 IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I of the published algorithms, as an upper triangle."""
@@ -50,21 +50,18 @@ def covariance(bank: Any, hypothesis: int, lane: int) -> Any:
     raise NotImplementedError("compiled code only")
 
 
-@internal
 def _begin_published(bank, lane, anchor, covariance, radii, setting):  # type: ignore[no-untyped-def]
     covariance_x = (covariance[0], covariance[1], covariance[4])
     covariance_y = (covariance[7], covariance[8], covariance[9])
     anchor_bank(bank, lane, anchor, radii, setting.tau, covariance_x, covariance_y)
 
 
-@internal
 def _step_published(bank, first, last, measurement, setting):  # type: ignore[no-untyped-def]
     step_bank(
         bank, first, last, measurement, setting.process_variance, setting.variance_x, setting.variance_y
     )
 
 
-@internal
 def _follow_published(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
     step_alone(
         bank, lane, hypothesis, measurement[0, lane], measurement[1, lane],
@@ -72,19 +69,16 @@ def _follow_published(bank, lane, hypothesis, measurement, setting):  # type: ig
     )  # fmt: skip
 
 
-@internal
 def _covariance_published(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
     x = covariance_of(bank.covariances, 0, hypothesis, lane)
     y = covariance_of(bank.covariances, 1, hypothesis, lane)
     return x[0], x[1], 0.0, 0.0, x[2], 0.0, 0.0, y[0], y[1], y[2]
 
 
-@internal
 def _begin_aware(bank, lane, anchor, covariance, radii, setting):  # type: ignore[no-untyped-def]
     anchor_aware(bank, lane, anchor, radii, covariance)
 
 
-@internal
 def _step_aware(bank, first, last, measurement, setting):  # type: ignore[no-untyped-def]
     step_aware(
         bank, first, last, measurement,
@@ -92,7 +86,6 @@ def _step_aware(bank, first, last, measurement, setting):  # type: ignore[no-unt
     )  # fmt: skip
 
 
-@internal
 def _follow_aware(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
     kalman = bank.hypotheses[hypothesis]
     log_likelihood = kalman.log_likelihood[lane]
@@ -103,7 +96,6 @@ def _follow_aware(bank, lane, hypothesis, measurement, setting):  # type: ignore
     kalman.log_likelihood[lane] = log_likelihood
 
 
-@internal
 def _covariance_aware(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
     return anchor_covariance(bank.hypotheses, hypothesis, lane)
 
@@ -119,27 +111,19 @@ def _bank_of_block(banks, block):  # type: ignore[no-untyped-def]
 
 @internal_overload(begin)
 def _begin(bank, lane, anchor, covariance, radii, setting):  # type: ignore[no-untyped-def]
-    chosen = _begin_published if bank.instance_class is Bank else _begin_aware
-    return lambda bank, lane, anchor, covariance, radii, setting: chosen(
-        bank, lane, anchor, covariance, radii, setting
-    )
+    return _begin_published if bank.instance_class is Bank else _begin_aware
 
 
 @internal_overload(step)
 def _step(bank, first, last, measurement, setting):  # type: ignore[no-untyped-def]
-    chosen = _step_published if bank.instance_class is Bank else _step_aware
-    return lambda bank, first, last, measurement, setting: chosen(bank, first, last, measurement, setting)
+    return _step_published if bank.instance_class is Bank else _step_aware
 
 
 @internal_overload(follow)
 def _follow(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
-    chosen = _follow_published if bank.instance_class is Bank else _follow_aware
-    return lambda bank, lane, hypothesis, measurement, setting: chosen(
-        bank, lane, hypothesis, measurement, setting
-    )
+    return _follow_published if bank.instance_class is Bank else _follow_aware
 
 
 @internal_overload(covariance)
 def _covariance(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
-    chosen = _covariance_published if bank.instance_class is Bank else _covariance_aware
-    return lambda bank, hypothesis, lane: chosen(bank, hypothesis, lane)
+    return _covariance_published if bank.instance_class is Bank else _covariance_aware

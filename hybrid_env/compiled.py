@@ -48,7 +48,7 @@ class _Internal(Compiler):
         super().__init__(typing, target, _Ingredient(target.codegen(), "internal"), *rest)
 
 
-formula = njit(inline="always", **_options)
+formula = njit(pipeline_class=_Internal, forceinline=True, **_options)
 """A scalar formula that becomes part of the loop it stands in; Python must not call it."""
 
 internal = njit(pipeline_class=_Internal, **_options)
