@@ -17,6 +17,8 @@ from hybrid_env.checks import check_positive, reject
 from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
     from agents.policy import PolicyDecider
     from agents.sequence import SequenceNet
 
@@ -135,6 +137,16 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
+def policy_decider(policy: "ActorCriticPolicy", world: WorldOptions) -> "PolicyDecider":
+    """A trained actor as a decider of a world."""
+    from agents.policy import PolicyDecider
+    from agents.stopping import StoppingDecider
+
+    if hasattr(policy, "beliefs"):
+        return StoppingDecider(policy, world.correctness == "type")
+    return PolicyDecider(policy)
+
+
 def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
     """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
     from agents.sequence import SequenceDecider
@@ -165,9 +177,21 @@ def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
         from agents.sequence import load_sequence
 
         return sequence_family(folder.name, load_sequence(folder, weights, card), world)
-    from agents.policy import PolicyDecider, load_actor
+    from agents.policy import load_actor
 
-    return policy_family(folder.name, PolicyDecider(load_actor(folder, weights, card)))
+    return policy_family(folder.name, policy_decider(load_actor(folder, weights, card), world))
+
+
+def load_net(name: str) -> "SequenceNet":
+    """The network of 'shipped' or of the run folder of a sequence agent, as a recipe's `beliefs`."""
+    from agents.run_folder import load_policy
+    from agents.sequence import load_sequence
+
+    folder = SHIPPED_FOLDER if name == SHIPPED else Path(name)
+    weights, card = load_policy(folder)
+    if card["recipe"]["entry"]["algo"] != "sequence":
+        raise reject("beliefs", name, f"{SHIPPED!r} or the run folder of a sequence agent")
+    return load_sequence(folder, weights, card)
 
 
 def load_decider(name: str, options: WorldOptions) -> Decider:

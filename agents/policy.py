@@ -12,6 +12,7 @@ from torch import Tensor
 
 from agents.features import policy_keywords
 from agents.run_folder import save_policy, unreadable
+from agents.sequence import SequenceNet
 from baselines.decider import Actions, Observations
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
@@ -63,8 +64,8 @@ class PolicyDecider:
         return PolicyDecider(self.policy, threshold)
 
     @property
-    def hypotheses(self) -> int:
-        """M of the bank that it was trained on."""
+    def hypotheses(self) -> int | None:
+        """M of the bank that it was trained on; None reads any."""
         shape = self.policy.observation_space.shape
         assert shape is not None
         return Layout.of_width(shape[0]).hypotheses
@@ -88,6 +89,16 @@ class PolicyDecider:
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state
 
+    def choose(
+        self, logits: NDArray[np.float64], deterministic: bool
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Whether to declare, (N,), and which of the declarations, (N,), from logits (N, actions)."""
+        if not deterministic:
+            logits = logits + self.generator.gumbel(size=logits.shape)
+        declare = logits[:, 1:].argmax(1)
+        odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
+        return odds > (self.threshold if deterministic else 0.0), declare
+
     def predict(
         self,
         observation: Observations,
@@ -100,14 +111,7 @@ class PolicyDecider:
         if observation.shape[1:] != expected:
             raise reject("observation shape", observation.shape, f"(N, *{expected}), of the bank trained on")
         logits, state = self.logits(observation, state, episode_start)
-        declare = logits[:, 1:].argmax(1)
-        odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
-        if deterministic:
-            declared = odds > self.threshold
-        else:
-            gumbel = logits + self.generator.gumbel(size=logits.shape)
-            declared = gumbel.argmax(1) > 0
-            declare = gumbel[:, 1:].argmax(1)
+        declared, declare = self.choose(logits, deterministic)
         if logits.shape[1] == 2:
             layout = Layout.of_rows(observation)
             declare = layout.read(observation, "log_ratio").argmax(-1)
@@ -124,6 +128,9 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) ->
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
+    beliefs = getattr(policy, "beliefs", None)
+    if isinstance(beliefs, SequenceNet):
+        card["beliefs_hidden"] = beliefs.hidden
     save_policy(folder, policy.state_dict(), card)
 
 
@@ -140,6 +147,8 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             space, spaces.Discrete(int(card["actions"])), entry["policy_kwargs"],
             tuple(entry.get("observe", ())), entry["algo"] == "recurrent_ppo",
         )  # fmt: skip
+        if entry.get("beliefs"):
+            policy.beliefs = SequenceNet(int(card["beliefs_hidden"]))
         policy.load_state_dict(weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None

@@ -15,10 +15,12 @@ from torch import nn
 from torch.optim import Optimizer
 
 from agents import run_folder, seeds
-from agents.deciders import DeciderFamily, policy_family
+from agents.deciders import DeciderFamily, load_net, policy_decider, policy_family
 from agents.features import policy_keywords
 from agents.policy import PolicyDecider, save_actor
 from agents.recipe import PPOSettings, schedule
+from agents.sequence import SequenceNet
+from agents.stopping import StoppingVecEnv
 from agents.training import Run, TrainingProgress
 from agents.vec_env import HybridTrackVecEnv
 from hybrid_env.checks import ArgumentError, reject
@@ -102,7 +104,7 @@ class PPORun(Run):
         assert isinstance(settings, PPOSettings)
         self.settings = settings
         kind = _model_class(self.recipe.algo)
-        env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
+        env, beliefs = self._tracks()
         self.segments = env.env.options.segments
         rate, falls = schedule(settings.learning_rate)
         try:
@@ -120,6 +122,17 @@ class PPORun(Run):
             raise reject("policy_kwargs", keywords, f"keywords of {settings.policy} ({error})") from None
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
+        if beliefs is not None:
+            self.model.policy.beliefs = beliefs  # kept with the policy, behind the optimizer's back
+
+    def _tracks(self) -> tuple[HybridTrackVecEnv, SequenceNet | None]:
+        settings = self.settings
+        if settings.beliefs is None:
+            return HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options), None
+        if self.recipe.algo != "ppo":
+            raise reject("beliefs", settings.beliefs, "None for a policy that has a memory of its own")
+        net = load_net(settings.beliefs)
+        return StoppingVecEnv(net, self.env_id, settings.n_envs, **self.options), net
 
     def start(self, done: int) -> None:
         """Go on from as many environment steps."""
@@ -150,7 +163,7 @@ class PPORun(Run):
     @property
     def decider(self) -> PolicyDecider:
         """The policy as it stands."""
-        return PolicyDecider(self.model.policy)
+        return policy_decider(self.model.policy, self.model.env.env.options)
 
     def family(self, name: str) -> DeciderFamily:
         """The policy as it stands, as a decider with a threshold."""

@@ -35,6 +35,8 @@ class PPOSettings:
         wait_bias: first bias of the logit of waiting; at 0 a fresh policy declares at once and never learns
             to wait.
         observe: names of the quantities that the policy sees, see `agents.features`; all if empty.
+        beliefs: "shipped" or the run folder of a sequence agent: the policy sees what that believes, see
+            `agents.stopping`, and decides when to stop; None sees the rows.
     """
 
     n_envs: int
@@ -49,6 +51,7 @@ class PPOSettings:
     gamma: float = 1.0
     wait_bias: float = 5.0
     observe: tuple[str, ...] = ()
+    beliefs: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("n_envs", "n_steps", "n_epochs"):
@@ -63,6 +66,8 @@ class PPOSettings:
         if self.n_envs * self.n_steps % self.batch_size:
             samples = self.n_envs * self.n_steps
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
+        if self.beliefs is not None and (not isinstance(self.beliefs, str) or self.observe):
+            raise reject("beliefs", self.beliefs, "'shipped' or a run folder, without observe")
         if not isinstance(self.policy_kwargs, Mapping):
             raise reject("policy_kwargs", self.policy_kwargs, "a mapping")
         layers = self.policy_kwargs.get("net_arch", [1])

@@ -13,8 +13,8 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many worlds),
-    'recurrent-ppo', three that lack something ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'),
-    or a YAML file."""
+    'stopping' (PPO on what the shipped network believes), 'recurrent-ppo', three that lack something
+    ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: tuple[str, ...] = ()
     """Hyper-parameters other than the recipe's, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Path | None = None

@@ -1,0 +1,153 @@
+"""When to stop, learned by PPO from what a sequence agent believes.
+
+To wait pays twice: this segment's declaration is surer, and the next segment begins at a better anchor. A
+threshold on the doubt weighs the first alone. A policy that is rewarded over the whole episode weighs both.
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import Tensor
+
+from agents.policy import PolicyDecider
+from agents.sequence import SINGLES, SequenceNet, doubt_and_best, first_ticks
+from agents.vec_env import HybridTrackVecEnv
+from baselines.decider import Actions, Observations
+from baselines.msprt import mode_types, other_types, type_sums
+from hybrid_env.checks import reject
+from hybrid_env.observation import Layout
+
+LEAST = 1e-8  # smaller doubts look alike
+DOUBT_SCALE = 0.25  # of their logarithms
+LARGEST = 5.0  # single quantities of a row are clipped here
+
+
+class Beliefs:
+    """What a sequence agent believes of N tracks, tick by tick, in one row of numbers each.
+
+    The row has the logarithms of two doubts, of the type and of the radius within it, whether the best
+    hypothesis is straight, the single quantities of the observation, and the memory of the best hypothesis.
+
+    Args:
+        net: trained; it is not trained further.
+        by_type: the best hypothesis is the likeliest of the likeliest type, not the likeliest of all.
+    """
+
+    def __init__(self, net: SequenceNet, by_type: bool):
+        self.net, self.by_type = net, by_type
+        self.width = 3 + len(SINGLES) + net.hidden
+
+    @torch.no_grad()
+    def read(
+        self, observation: Observations, memory: Tensor | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64], Tensor]:
+        """Rows (N, width), the best hypothesis of each track (N,), and the memory (N, M, hidden)."""
+        rows = torch.as_tensor(observation)
+        hypotheses = Layout.of_rows(observation).hypotheses
+        if memory is None:
+            memory = torch.zeros(len(rows), hypotheses, self.net.hidden)
+        memory = self.net.remember(self.net.features(rows), memory * ~first_ticks(rows)[:, None, None])
+        posterior = self.net.log_posterior(rows, memory).exp().numpy().astype(np.float64)
+        _, best = doubt_and_best(posterior, 0.0 if self.by_type else 1.0)
+        kind, tracks = mode_types(hypotheses)[best], np.arange(len(best))
+        types = type_sums(posterior)
+        of_type = types[tracks, kind]
+        doubts = np.stack(
+            [other_types(types, kind), (of_type - posterior[tracks, best]) / np.maximum(of_type, LEAST)]
+        )
+        beliefs = np.concatenate(
+            [
+                DOUBT_SCALE * np.log(np.maximum(doubts, LEAST)).T,
+                kind[:, None] == 0,
+                np.clip(observation[:, -len(SINGLES) :], -LARGEST, LARGEST),
+                memory[torch.arange(len(best)), torch.from_numpy(best)].numpy(),
+            ],
+            axis=1,
+        )
+        return beliefs.astype(np.float32), best, memory
+
+
+class StoppingVecEnv(HybridTrackVecEnv):
+    """N tracks whose observation is what a sequence agent believes; action 1 declares its best hypothesis.
+
+    Args:
+        net: trained.
+        env_id, num_envs, options: as of `HybridTrackVecEnv`, with every hypothesis to be declared.
+    """
+
+    def __init__(self, net: SequenceNet, env_id: str, num_envs: int, **options: Any):
+        super().__init__(env_id, num_envs, **options)
+        if self.env.options.actions != "all":
+            raise reject("actions", self.env.options.actions, "'all' for an agent that declares hypotheses")
+        self._beliefs = Beliefs(net, self.env.options.correctness == "type")
+        self.observation_space = spaces.Box(-np.inf, np.inf, (self._beliefs.width,), np.float32)
+        self.action_space = spaces.Discrete(2)
+        self._memory: Tensor | None = None
+        self._rows = np.zeros((num_envs, self._beliefs.width), np.float32)
+        self._best = np.zeros(num_envs, np.int64)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin an episode on every track."""
+        return self._read(super().reset())
+
+    def step_async(self, actions: NDArray[np.int64]) -> None:
+        """Take the actions of the next `step_wait`, (N,): 0 waits, 1 declares."""
+        super().step_async(np.where(actions == 1, self._best + 1, 0))
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """One step; the last row of a terminated track is the one that it declared on."""
+        observation, rewards, terminated, infos = super().step_wait()
+        for i in np.flatnonzero(terminated):
+            infos[i]["terminal_observation"] = self._rows[i].copy()
+        return self._read(observation), rewards, terminated, infos
+
+    def _read(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        self._rows, self._best, self._memory = self._beliefs.read(observation, self._memory)
+        return self._rows.copy()
+
+
+class StoppingDecider(PolicyDecider):
+    """Declares what a sequence agent finds likeliest, once a policy's log-odds of stopping pass a threshold.
+
+    Args:
+        policy: actor with 2 actions, and the agent's network under the name `beliefs`.
+        by_type: only the type is rewarded.
+        threshold: on ln p(stop) - ln p(wait).
+    """
+
+    def __init__(self, policy: ActorCriticPolicy, by_type: bool, threshold: float = 0.0):
+        super().__init__(policy, threshold)
+        net = policy.beliefs
+        assert isinstance(net, SequenceNet)
+        self.beliefs = Beliefs(net, by_type)
+
+    def with_threshold(self, threshold: float) -> "StoppingDecider":
+        """The same policy at another threshold."""
+        return StoppingDecider(self.policy, self.beliefs.by_type, threshold)
+
+    @property
+    def hypotheses(self) -> None:
+        """It reads any bank, as the agent does."""
+        return None
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Tensor]:
+        """See `Decider.predict`; the state is the memory of every hypothesis, (N, M, hidden)."""
+        rows, best, state = self.beliefs.read(observation, state)
+        declared, _ = self.choose(self.logits(rows)[0], deterministic)
+        return np.where(declared, best + 1, 0), state
+
+    def keep(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
+        """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
+        return state[torch.from_numpy(tracks)]
