@@ -152,8 +152,9 @@ class Comparison:
         if self.plan.curves:
             heads += [f"error at\n{self.equal_time:.1f} t, %"]
             heads += [f"{level:.0%}\nat tick" for level in LEVELS]
-        for head in heads:
-            table.add_column(head, justify="left" if head == "decider" else "right", no_wrap=True)
+        table.add_column(heads[0], overflow="fold")  # long names give way, figures do not
+        for head in heads[1:]:
+            table.add_column(head, justify="right", no_wrap=True)
         for entry in self.entries:
             family = entry.curve.family
             table.add_row(

@@ -1,6 +1,7 @@
 """Deciders by name: the classical rules with the thresholds that they are swept over, and run folders."""
 
 import functools
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
 from baselines.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.decider import Decider
 from baselines.waited_paths import Paths, waited_paths
-from hybrid_env.checks import check_positive, reject
+from hybrid_env.checks import ArgumentError, check_positive, reject
 from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
@@ -139,10 +140,10 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
 
 def policy_decider(policy: "ActorCriticPolicy", world: WorldOptions) -> "PolicyDecider":
     """A trained actor as a decider of a world."""
-    from agents.policy import PolicyDecider
+    from agents.policy import PolicyDecider, beliefs_of
     from agents.stopping import StoppingDecider
 
-    if hasattr(policy, "beliefs"):
+    if beliefs_of(policy) is not None:
         return StoppingDecider(policy, world.correctness == "type")
     return PolicyDecider(policy)
 
@@ -155,14 +156,19 @@ def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> Decid
     return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, radius))
 
 
+def _folder_of(name: str) -> Path:
+    """Of the shipped agent, or of a run; one that is not there where the name is empty."""
+    return SHIPPED_FOLDER if name == SHIPPED else Path(name or os.devnull)
+
+
 def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     """The family of a classical name, of the shipped agent or of a run folder, for a world."""
     if name in CLASSICAL:
         return CLASSICAL[name]
     if name == BAYES:
         return bayes_family(world)
-    folder = SHIPPED_FOLDER if name == SHIPPED else Path(name)
-    if name and folder.is_dir():
+    folder = _folder_of(name)
+    if folder.is_dir():
         return learned_family(folder, world)
     known = ", ".join(map(repr, (*CLASSICAL_NAMES, SHIPPED)))
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
@@ -187,10 +193,14 @@ def load_net(name: str) -> "SequenceNet":
     from agents.run_folder import load_policy
     from agents.sequence import load_sequence
 
-    folder = SHIPPED_FOLDER if name == SHIPPED else Path(name)
-    weights, card = load_policy(folder)
+    folder = _folder_of(name)
+    refusal = reject("beliefs", name, f"{SHIPPED!r} or the run folder of a sequence agent")
+    try:
+        weights, card = load_policy(folder)
+    except ArgumentError:
+        raise refusal from None
     if card["recipe"]["entry"]["algo"] != "sequence":
-        raise reject("beliefs", name, f"{SHIPPED!r} or the run folder of a sequence agent")
+        raise refusal
     return load_sequence(folder, weights, card)
 
 

@@ -43,6 +43,11 @@ def make_policy(
     return policy
 
 
+def beliefs_of(policy: ActorCriticPolicy) -> SequenceNet | None:
+    """The network whose beliefs a policy sees, see `agents.stopping`; None sees the rows."""
+    return getattr(policy, "beliefs", None)
+
+
 class PolicyDecider:
     """Declares the likeliest hypothesis once the policy's log-odds of declaring pass a threshold.
 
@@ -128,8 +133,8 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) ->
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
-    beliefs = getattr(policy, "beliefs", None)
-    if isinstance(beliefs, SequenceNet):
+    beliefs = beliefs_of(policy)
+    if beliefs is not None:
         card["beliefs_hidden"] = beliefs.hidden
     save_policy(folder, policy.state_dict(), card)
 
@@ -147,7 +152,7 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             space, spaces.Discrete(int(card["actions"])), entry["policy_kwargs"],
             tuple(entry.get("observe", ())), entry["algo"] == "recurrent_ppo",
         )  # fmt: skip
-        if entry.get("beliefs"):
+        if "beliefs_hidden" in card:
             policy.beliefs = SequenceNet(int(card["beliefs_hidden"]))
         policy.load_state_dict(weights)
     except ImportError:

@@ -17,7 +17,7 @@ from torch.optim import Optimizer
 from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, load_net, policy_decider, policy_family
 from agents.features import policy_keywords
-from agents.policy import PolicyDecider, save_actor
+from agents.policy import PolicyDecider, beliefs_of, load_actor, save_actor
 from agents.recipe import PPOSettings, schedule
 from agents.sequence import SequenceNet
 from agents.stopping import StoppingVecEnv
@@ -123,15 +123,19 @@ class PPORun(Run):
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
         if beliefs is not None:
-            self.model.policy.beliefs = beliefs  # kept with the policy, behind the optimizer's back
+            # saved with the policy; the optimizer, made before, does not train it
+            self.model.policy.beliefs = beliefs
 
     def _tracks(self) -> tuple[HybridTrackVecEnv, SequenceNet | None]:
         settings = self.settings
         if settings.beliefs is None:
             return HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options), None
-        if self.recipe.algo != "ppo":
-            raise reject("beliefs", settings.beliefs, "None for a policy that has a memory of its own")
-        net = load_net(settings.beliefs)
+        if self.resume:  # the folder has the network, wherever it came from
+            assert self.folder is not None
+            net = beliefs_of(load_actor(self.folder, *run_folder.load_policy(self.folder)))
+            assert net is not None
+        else:
+            net = load_net(settings.beliefs)
         return StoppingVecEnv(net, self.env_id, settings.n_envs, **self.options), net
 
     def start(self, done: int) -> None:

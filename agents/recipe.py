@@ -66,8 +66,11 @@ class PPOSettings:
         if self.n_envs * self.n_steps % self.batch_size:
             samples = self.n_envs * self.n_steps
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
-        if self.beliefs is not None and (not isinstance(self.beliefs, str) or self.observe):
-            raise reject("beliefs", self.beliefs, "'shipped' or a run folder, without observe")
+        if self.beliefs is not None:
+            if not isinstance(self.beliefs, str):
+                raise reject("beliefs", self.beliefs, "'shipped' or the run folder of a sequence agent")
+            if self.observe:
+                raise reject("observe", self.observe, "nothing where the policy sees beliefs")
         if not isinstance(self.policy_kwargs, Mapping):
             raise reject("policy_kwargs", self.policy_kwargs, "a mapping")
         layers = self.policy_kwargs.get("net_arch", [1])
@@ -258,6 +261,8 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         entry["observe"] = tuple(names)
     if "policy" in entry and entry["policy"] != POLICIES[algo]:
         raise reject("policy", entry["policy"], POLICIES[algo])
+    if entry.get("beliefs") is not None and algo != "ppo":
+        raise reject("beliefs", entry["beliefs"], "nothing for a policy that has a memory of its own")
     recipe = Recipe(name, algo, steps, kind(**entry))
     try:
         json.dumps(recipe.as_json(), allow_nan=False)

@@ -19,6 +19,7 @@ from baselines.decider import Actions, Observations
 from baselines.msprt import likeliest_of_type, mode_types, other_types, type_sums
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
+from hybrid_env.options import WorldOptions
 
 SINGLES, BLOCKS = list(TRACK_FEATURES), list(HYPOTHESIS_FEATURES)
 
@@ -69,6 +70,15 @@ class SequenceNet(nn.Module):
         score = self.score(torch.tanh(self.mix(_beside_mean(memory)))).squeeze(-1)
         return torch.log_softmax(score + self.trust * ratio, dim=-1)
 
+    @torch.no_grad()
+    def believe(self, observation: Observations, memory: Tensor | None) -> tuple[NDArray[np.float32], Tensor]:
+        """Posterior (N, M) and memory (N, M, hidden) after a tick; memory is None before the first."""
+        rows = torch.as_tensor(observation)
+        if memory is None:
+            memory = torch.zeros(len(rows), Layout.of_rows(observation).hypotheses, self.hidden)
+        memory = self.remember(self.features(rows), memory * ~first_ticks(rows)[:, None, None])
+        return self.log_posterior(rows, memory).exp().numpy(), memory
+
 
 def _beside_mean(values: Tensor) -> Tensor:
     """(..., M, 2 F): the values of each hypothesis, and the mean over hypotheses."""
@@ -84,27 +94,38 @@ def first_ticks(rows: Tensor) -> Tensor:
     return rows[..., -len(SINGLES) + SINGLES.index("ticks")] < 1.5 * TICK_SCALE
 
 
+def doubts_and_best(
+    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """How probable a wrong declaration is, and what to declare.
+
+    Args:
+        posterior: (N, M).
+        by_type: declare the likeliest of the likeliest type, not the likeliest of all; for all or (N,).
+
+    Returns:
+        Posterior of other types and of other radii of that type, and the hypothesis; (N,) each.
+    """
+    types = type_sums(posterior)
+    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(1))
+    kind = mode_types(posterior.shape[1])
+    same_type = kind == kind[best][:, None]
+    same_type[np.arange(len(best)), best] = False
+    return other_types(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
+
+
 def doubt_and_best(
     posterior: NDArray[np.floating], radius: float | NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """How probable a wrong declaration is, and what to declare: the likeliest of the likeliest type.
+    """The doubt and what to declare, (N,) each.
 
     Args:
         posterior: (N, M).
         radius: how much a wrong radius of the right type counts, from 0 (not at all) to 1 (as the wrong
             type), for all or (N,).
-
-    Returns:
-        (N,) each.
     """
-    types = type_sums(posterior)
-    by_type = np.broadcast_to(radius, len(posterior)) < 1.0
-    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(1))
-    kind = mode_types(posterior.shape[1])
-    same_type = kind == kind[best][:, None]
-    same_type[np.arange(len(best)), best] = False
-    other_radii = np.where(same_type, posterior, 0.0).sum(1)
-    return other_types(types, kind[best]) + radius * other_radii, best
+    type_doubt, radius_doubt, best = doubts_and_best(posterior, np.asarray(radius) < 1.0)
+    return type_doubt + radius * radius_doubt, best
 
 
 class SequenceDecider:
@@ -124,7 +145,6 @@ class SequenceDecider:
             check_between("radius", radius, 0.0, 1.0)
         self.net, self.alpha, self.radius = net, alpha, radius
 
-    @torch.no_grad()
     def predict(
         self,
         observation: Observations,
@@ -133,18 +153,19 @@ class SequenceDecider:
         deterministic: bool = True,
     ) -> tuple[Actions, Tensor]:
         """See `Decider.predict`; the state is the memory of every hypothesis, (N, M, hidden)."""
-        layout = Layout.of_rows(observation)
-        rows = torch.as_tensor(observation)
-        if state is None:
-            state = torch.zeros(len(rows), layout.hypotheses, self.net.hidden)
-        state = self.net.remember(self.net.features(rows), state * ~first_ticks(rows)[:, None, None])
-        posterior = self.net.log_posterior(rows, state).exp().numpy()
+        posterior, state = self.net.believe(observation, state)
         doubt, best = doubt_and_best(posterior, self.radius)
         return np.where(doubt <= self.alpha, best + 1, 0), state
 
     def keep(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
         """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
         return state[torch.from_numpy(tracks)]
+
+
+def check_declares_hypotheses(world: WorldOptions) -> None:
+    """Refuse a world in which only the likeliest hypothesis of the bank can be declared."""
+    if world.actions != "all":
+        raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
 
 
 def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:

@@ -21,9 +21,14 @@ from agents import run_folder, seeds
 from agents.deciders import DeciderFamily, sequence_family
 from agents.evaluation import make_vector_env
 from agents.recipe import EAGEREST, SequenceSettings, TrainedWorld, schedule
-from agents.sequence import SequenceNet, doubt_and_best, first_ticks, save_sequence
+from agents.sequence import (
+    SequenceNet,
+    check_declares_hypotheses,
+    doubt_and_best,
+    first_ticks,
+    save_sequence,
+)
 from agents.training import Run, TrainingProgress
-from hybrid_env.checks import reject
 from hybrid_env.observation import TICK_SCALE
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
@@ -51,7 +56,6 @@ class _Stream:
         self.limit, self.radius = np.zeros(self.tracks), np.ones(self.tracks)
         self.fresh = np.ones(self.tracks, np.bool_)
 
-    @torch.no_grad()
     def rollout(
         self, net: SequenceNet, settings: SequenceSettings
     ) -> tuple[Tensor, Tensor, list[tuple[float, float]]]:
@@ -61,12 +65,10 @@ class _Stream:
         for _ in range(settings.n_steps):
             self._draw_limits(settings)
             observation = np.concatenate(self.rows)
-            row = torch.from_numpy(observation)
-            rows.append(row)
+            rows.append(torch.from_numpy(observation))
             true = np.concatenate([env.world.field("true_mode") for env in self.envs])
             modes.append(torch.from_numpy(true))
-            memory = net.remember(net.features(row), memory * ~first_ticks(row)[:, None, None])
-            posterior = net.log_posterior(row, memory).exp().numpy()
+            posterior, memory = net.believe(observation, memory)
             doubt, best = doubt_and_best(posterior, self.radius)
             late = self.layout.read(observation, "ticks") >= settings.latest - TICK_SCALE
             declares = (doubt <= self.limit) | late
@@ -136,8 +138,7 @@ class SequenceRun(Run):
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._envs = [self._make(world) for world in self.settings.worlds]
         for world in (self.world, *(env.options for env in self._envs)):
-            if world.actions != "all":
-                raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
+            check_declares_hypotheses(world)
 
     def start(self, done: int) -> None:
         """Go on from as many environment steps."""

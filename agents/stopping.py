@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
-from agents.policy import PolicyDecider
-from agents.sequence import SINGLES, SequenceNet, doubt_and_best, first_ticks
+from agents.policy import PolicyDecider, beliefs_of
+from agents.sequence import SINGLES, SequenceNet, check_declares_hypotheses, doubts_and_best
 from agents.vec_env import HybridTrackVecEnv
 from baselines.decider import Actions, Observations
-from baselines.msprt import mode_types, other_types, type_sums
-from hybrid_env.checks import reject
-from hybrid_env.observation import Layout
 
 LEAST = 1e-8  # smaller doubts look alike
 DOUBT_SCALE = 0.25  # of their logarithms
@@ -41,28 +38,17 @@ class Beliefs:
         self.net, self.by_type = net, by_type
         self.width = 3 + len(SINGLES) + net.hidden
 
-    @torch.no_grad()
     def read(
         self, observation: Observations, memory: Tensor | None
     ) -> tuple[NDArray[np.float32], NDArray[np.int64], Tensor]:
         """Rows (N, width), the best hypothesis of each track (N,), and the memory (N, M, hidden)."""
-        rows = torch.as_tensor(observation)
-        hypotheses = Layout.of_rows(observation).hypotheses
-        if memory is None:
-            memory = torch.zeros(len(rows), hypotheses, self.net.hidden)
-        memory = self.net.remember(self.net.features(rows), memory * ~first_ticks(rows)[:, None, None])
-        posterior = self.net.log_posterior(rows, memory).exp().numpy().astype(np.float64)
-        _, best = doubt_and_best(posterior, 0.0 if self.by_type else 1.0)
-        kind, tracks = mode_types(hypotheses)[best], np.arange(len(best))
-        types = type_sums(posterior)
-        of_type = types[tracks, kind]
-        doubts = np.stack(
-            [other_types(types, kind), (of_type - posterior[tracks, best]) / np.maximum(of_type, LEAST)]
-        )
+        posterior, memory = self.net.believe(observation, memory)
+        type_doubt, radius_doubt, best = doubts_and_best(posterior, self.by_type)
+        doubts = np.stack([type_doubt, radius_doubt / (1.0 - type_doubt)])
         beliefs = np.concatenate(
             [
                 DOUBT_SCALE * np.log(np.maximum(doubts, LEAST)).T,
-                kind[:, None] == 0,
+                best[:, None] == 0,
                 np.clip(observation[:, -len(SINGLES) :], -LARGEST, LARGEST),
                 memory[torch.arange(len(best)), torch.from_numpy(best)].numpy(),
             ],
@@ -81,8 +67,7 @@ class StoppingVecEnv(HybridTrackVecEnv):
 
     def __init__(self, net: SequenceNet, env_id: str, num_envs: int, **options: Any):
         super().__init__(env_id, num_envs, **options)
-        if self.env.options.actions != "all":
-            raise reject("actions", self.env.options.actions, "'all' for an agent that declares hypotheses")
+        check_declares_hypotheses(self.env.options)
         self._beliefs = Beliefs(net, self.env.options.correctness == "type")
         self.observation_space = spaces.Box(-np.inf, np.inf, (self._beliefs.width,), np.float32)
         self.action_space = spaces.Discrete(2)
@@ -104,12 +89,12 @@ class StoppingVecEnv(HybridTrackVecEnv):
         """One step; the last row of a terminated track is the one that it declared on."""
         observation, rewards, terminated, infos = super().step_wait()
         for i in np.flatnonzero(terminated):
-            infos[i]["terminal_observation"] = self._rows[i].copy()
+            infos[i]["terminal_observation"] = self._rows[i]
         return self._read(observation), rewards, terminated, infos
 
     def _read(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         self._rows, self._best, self._memory = self._beliefs.read(observation, self._memory)
-        return self._rows.copy()
+        return self._rows
 
 
 class StoppingDecider(PolicyDecider):
@@ -123,8 +108,8 @@ class StoppingDecider(PolicyDecider):
 
     def __init__(self, policy: ActorCriticPolicy, by_type: bool, threshold: float = 0.0):
         super().__init__(policy, threshold)
-        net = policy.beliefs
-        assert isinstance(net, SequenceNet)
+        net = beliefs_of(policy)
+        assert net is not None
         self.beliefs = Beliefs(net, by_type)
 
     def with_threshold(self, threshold: float) -> "StoppingDecider":

@@ -45,6 +45,7 @@ class Run(ABC):
 
     Attributes:
         steps: environment steps wanted.
+        resume: whether it goes on from the checkpoint in its folder.
         seconds: of training so far, measurements apart.
         measured: the last point of the learning curve.
     """
@@ -60,13 +61,13 @@ class Run(ABC):
         resume: bool = False,
     ):
         self.env_id, self.options, self.recipe = env_id, options, recipe
-        self.seed, self.folder, self.steps = seed, folder, steps
+        self.seed, self.folder, self.steps, self.resume = seed, folder, steps, resume
         self.seconds = 0.0
         self.measured: dict[str, float] = {}
         self.curve = LearningCurve(env_id, options)
         torch.set_num_threads(1)  # small networks lose more to threads than they gain
         self.build()
-        self.start(self._begin(resume))
+        self.start(self._begin())
 
     @abstractmethod
     def build(self) -> None:
@@ -105,12 +106,12 @@ class Run(ABC):
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the agent as it stands."""
 
-    def _begin(self, resume: bool) -> int:
+    def _begin(self) -> int:
         """Make the folder, or read its checkpoint; returns the steps that were made before."""
         done = 0
         if self.folder is None:
             return done
-        if resume:
+        if self.resume:
             numbers = run_folder.load_checkpoint(self.folder, self.network, self.optimizer)
             done, self.seconds = int(numbers["steps"]), numbers["seconds"]
             run_folder.drop_metrics_beyond(self.folder, done)

@@ -16,8 +16,6 @@ from numba.np.arrayobj import make_array, populate_array
 
 from hybrid_env.memory import CACHE_LINE
 
-_options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
 
 class _Ingredient(JITCodeLibrary):
     """Code that is only ever linked into that of callers: neither optimised as a module nor made executable.
@@ -48,14 +46,20 @@ class _Internal(Compiler):
         super().__init__(typing, target, _Ingredient(target.codegen(), "internal"), *rest)
 
 
-formula = njit(pipeline_class=_Internal, forceinline=True, **_options)
-"""A scalar formula that becomes part of the loop it stands in; Python must not call it."""
+_options: Any = {
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": _Internal,
+}
 
-internal = njit(pipeline_class=_Internal, **_options)
+internal = njit(**_options)
 """A function for compiled code, and on disk a part of its caller; Python must not call it."""
 
-_internal_options: Any = _options | {"pipeline_class": _Internal}
-internal_overload: Any = functools.partial(overload, jit_options=_internal_options)
+formula = njit(forceinline=True, **_options)
+"""An internal function that becomes part of the loop it stands in."""
+
+internal_overload: Any = functools.partial(overload, jit_options=_options)
 """Chooses an internal function by the types of its arguments, see `numba.extending.overload`."""
 
 compiled = njit(error_model="numpy", cache=True)
@@ -106,5 +110,6 @@ def _prefetch(_typing: Any, array: Any, index: Any, beyond: Any) -> Any:
 prefetch: Any = intrinsic(_prefetch)
 """Ask for what lies a number of bytes beyond an element of a C-ordered array, counted flat.
 
-It comes while others are at work. Nothing happens where there is no memory, so nobody need ask for the end.
+It comes while others are at work. Nothing happens where there is no memory, so callers need not check for the
+last element.
 """

@@ -26,7 +26,7 @@ from hybrid_env.bank import (
 from hybrid_env.compiled import array_at, compiled, formula, internal, prefetch
 from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.noise import draw_ahead, draw_normals, integer_below, uniform
+from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
 from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
@@ -57,13 +57,13 @@ def turn(block: Any, lane: int, signed_radius: float, tau: float) -> None:
 def _move(
     block: Any,
     lane: int,
-    normals: NDArray[np.float64],
+    noise: NDArray[np.float64],
     column: int,
     process_deviation: float,
     deviation_x: float,
     deviation_y: float,
 ) -> None:
-    """The object of a lane moves one tick and is measured; its noise is in a column of normals."""
+    """The object of a lane moves one tick and is measured; what it draws is in a column of noise."""
     truth = block.truth
     cosine, sine_velocity, sine_position = (
         block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
@@ -75,18 +75,18 @@ def _move(
         truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
     )
     truth[0, lane] = x
-    truth[1, lane] = vx + process_deviation * normals[0, column]
+    truth[1, lane] = vx + process_deviation * noise[0, column]
     truth[2, lane] = y
-    truth[3, lane] = vy + process_deviation * normals[1, column]
-    block.measurement[0, lane] = x + deviation_x * normals[2, column]
-    block.measurement[1, lane] = y + deviation_y * normals[3, column]
+    truth[3, lane] = vy + process_deviation * noise[1, column]
+    block.measurement[0, lane] = x + deviation_x * noise[2, column]
+    block.measurement[1, lane] = y + deviation_y * noise[3, column]
     block.tick[lane] += 1
 
 
 @internal
 def move(
     block: Any,
-    normals: NDArray[np.float64],
+    noise: NDArray[np.float64],
     first: int,
     last: int,
     process_deviation: float,
@@ -96,19 +96,19 @@ def move(
 ) -> None:
     """The objects of lanes first .. last - 1 move one tick and are measured. Golubkov 2018, eq. (1).
 
-    normals: (5, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
+    noise: (5, LANES) to work with. process_deviation: sqrt(Q) [m/s]. deviation_x, deviation_y: sqrt(R) of
     each axis [m]. outliers: share of measurements with `noise.OUTLIER` times that deviation.
     """
-    draw_normals(block.random_state, normals, first, last, outliers)
+    draw_noise(block.random_state, noise, first, last, outliers)
     for lane in range(np.uintp(first), np.uintp(last)):
-        _move(block, lane, normals, lane, process_deviation, deviation_x, deviation_y)
+        _move(block, lane, noise, lane, process_deviation, deviation_x, deviation_y)
 
 
 @internal
 def _tick(block: Any, bank: Any, scratch: Any, parameters: Any, first: int, last: int) -> None:
     """One tick of the object and of every hypothesis, for lanes first .. last - 1."""
     move(
-        block, scratch.normals, first, last,
+        block, scratch.noise, first, last,
         parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
         parameters.outliers,
     )  # fmt: skip
@@ -183,13 +183,13 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
     block.truth[1, lane] = parameters.speed * math.cos(heading)
     block.truth[3, lane] = parameters.speed * math.sin(heading)
-    draw_normals(block.random_state, scratch.normals, lane, lane + 1, 0.0)
+    draw_noise(block.random_state, scratch.noise, lane, lane + 1, 0.0)
     block.kept_covariance[:, lane] = 0.0
     for axis in range(2):
         variance = parameters.variance_x if axis == 0 else parameters.variance_y
         position_variance = parameters.initial_position * variance
         velocity_variance = parameters.initial_velocity
-        position, velocity = scratch.normals[2 * axis, lane], scratch.normals[2 * axis + 1, lane]
+        position, velocity = scratch.noise[2 * axis, lane], scratch.noise[2 * axis + 1, lane]
         block.estimate[2 * axis, lane] = block.truth[2 * axis, lane] + math.sqrt(position_variance) * position
         block.estimate[2 * axis + 1, lane] = (
             block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
@@ -234,10 +234,10 @@ def _decide(
     while block.tick[lane] < block.length[lane]:
         if column == LANES:  # noise of many ticks at once becomes SIMD code
             ticks = min(LANES, block.length[lane] - block.tick[lane])
-            draw_ahead(block.random_state, lane, scratch.normals, ticks, parameters.outliers)
+            draw_noise_ahead(block.random_state, lane, scratch.noise, ticks, parameters.outliers)
             column = 0
         _move(
-            block, lane, scratch.normals, column,
+            block, lane, scratch.noise, column,
             parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
         )  # fmt: skip
         column += 1
@@ -273,7 +273,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     for b in range(number):
         block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = min(LANES, tracks - b * LANES)
-        prefetch(blocks, b + 1, 0)
+        prefetch(blocks, b + 1, 0)  # at once: it is small beside the bank
         begun = resting = 0
         for lane in range(lanes):
             i = b * LANES + lane
@@ -329,7 +329,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]
                     for k in range(0, row.size, FLOATS_OF_LINE):
-                        prefetch(row, k, LANES * row.nbytes)
+                        prefetch(row, k, LANES * row.nbytes)  # of the same lane in the next block
                     if begun & (1 << lane):
                         write_segment(
                             row, block, lane, radii,

@@ -2,7 +2,8 @@
 
 A generator of its own for every track makes track i of a vector environment the very stream of a single
 environment with the same seed, whatever the other tracks do. Blackman & Vigna 2021 (xoshiro256++); Box &
-Muller 1958, whose pairs take the same steps for every draw, so that tracks can be drawn side by side.
+Muller 1958, whose pairs take the same steps for every draw, so that tracks, or ticks of one track, can be
+drawn side by side.
 """
 
 import math
@@ -16,11 +17,11 @@ from hybrid_env.elementary import ONE, log, sine_cosine
 OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 
 
-Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+_Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 
 @formula
-def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, Words]:
+def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, _Words]:
     """Next 64 random bits and the state after them. xoshiro256++."""
     total = s0 + s3
     bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
@@ -55,12 +56,12 @@ def uniform(state: NDArray[np.uint64], lane: int) -> float:
 
 
 @formula
-def _draw_uniforms(state: NDArray[np.uint64], lane: int, numbers: NDArray[np.float64], column: int) -> None:
-    """Four of them; the state stays in registers."""
+def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
+    """Four uniforms into the first rows of a column; the state stays in registers meanwhile."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
     for k in range(4):
         bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
-        numbers[k, column] = _to_uniform(bits)
+        noise[k, column] = _to_uniform(bits)
     state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
 
 
@@ -71,47 +72,48 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> int:
 
 
 @internal
-def draw_normals(
-    state: NDArray[np.uint64], numbers: NDArray[np.float64], first: int, last: int, outliers: float
+def draw_noise(
+    state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, outliers: float
 ) -> None:
     """What a tick needs, for each of the lanes first .. last - 1.
 
     Args:
         state: (4, LANES), advanced.
-        numbers: (5, LANES), written: four independent draws of N(0, 1), none beyond 8.5, the last two of
+        noise: (5, LANES), written: four independent draws of N(0, 1), none beyond 8.5, the last two of
             which are multiplied by `OUTLIER` at times; then a number to work with.
         outliers: share of the ticks at which they are.
     """
     for lane in range(np.uintp(first), np.uintp(last)):
-        _draw_uniforms(state, lane, numbers, lane)
+        _draw_uniforms(state, lane, noise, lane)
     if outliers > 0.0:
         for lane in range(np.uintp(first), np.uintp(last)):
-            numbers[4, lane] = uniform(state, lane)
-    _to_normals(numbers, first, last, outliers)
+            noise[4, lane] = uniform(state, lane)
+    _to_normals(noise, first, last, outliers)
 
 
 @internal
-def draw_ahead(
-    state: NDArray[np.uint64], lane: int, numbers: NDArray[np.float64], ticks: int, outliers: float
+def draw_noise_ahead(
+    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
 ) -> None:
-    """The same numbers for as many ticks of one lane, up to LANES: those of tick k are in column k."""
+    """The same noise for as many ticks of one lane, up to LANES: those of tick k are in column k."""
     for tick in range(ticks):
-        _draw_uniforms(state, lane, numbers, tick)
+        _draw_uniforms(state, lane, noise, tick)
         if outliers > 0.0:
-            numbers[4, tick] = uniform(state, lane)
-    _to_normals(numbers, 0, ticks, outliers)
+            noise[4, tick] = uniform(state, lane)
+    _to_normals(noise, 0, ticks, outliers)
 
 
 @internal
-def _to_normals(numbers: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
+def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
+    """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
     for k in range(0, 4, 2):
         for column in range(np.uintp(first), np.uintp(last)):
-            radius = math.sqrt(-2.0 * log(1.0 - numbers[k, column]))
-            sine, cosine = sine_cosine(2.0 * math.pi * numbers[k + 1, column])
-            numbers[k, column] = radius * cosine
-            numbers[k + 1, column] = radius * sine
+            radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
+            sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
+            noise[k, column] = radius * cosine
+            noise[k + 1, column] = radius * sine
     if outliers > 0.0:
         for column in range(np.uintp(first), np.uintp(last)):
-            factor = OUTLIER if numbers[4, column] < outliers else 1.0
-            numbers[2, column] *= factor
-            numbers[3, column] *= factor
+            factor = OUTLIER if noise[4, column] < outliers else 1.0
+            noise[2, column] *= factor
+            noise[3, column] *= factor

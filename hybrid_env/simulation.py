@@ -36,7 +36,7 @@ class Simulation:
 @compiled
 def _simulate(
     blocks: NDArray[Any],
-    normals: NDArray[np.float64],
+    noise: NDArray[np.float64],
     lengths: NDArray[np.int64],
     signed_radii: NDArray[np.float64],
     tau: float,
@@ -52,7 +52,7 @@ def _simulate(
             for lane in range(LANES):
                 turn(block, lane, signed_radii[piece], tau)
             for _ in range(lengths[piece]):
-                move(block, normals, 0, LANES, process_deviation, deviations[0], deviations[-1], 0.0)
+                move(block, noise, 0, LANES, process_deviation, deviations[0], deviations[-1], 0.0)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]

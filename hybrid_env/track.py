@@ -40,7 +40,7 @@ BLOCK = lanes_of(
 
 SCRATCH = lanes_of(
     ("going", np.int64, ()),  # whether the track takes this tick
-    ("normals", np.float64, (5,)),  # of `noise.draw_normals`
+    ("noise", np.float64, (5,)),  # of `noise.draw_noise`
     ("top", np.float64, ()),  # the largest log-likelihood
     ("equals", np.float64, ()),  # other hypotheses with that log-likelihood
     ("doubt", np.float64, ()),  # ln(1 - largest posterior), equal priors

@@ -71,8 +71,9 @@ def test_declaring_at_once_and_never_earn_what_chance_and_the_clock_say():
     assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
 
 
-def test_truth_and_measurements_do_not_depend_on_the_actions():
-    first, second = (HybridTrackEnv(render_mode="rgb_array") for _ in range(2))
+@pytest.mark.parametrize("outliers", [0.0, 0.3])
+def test_truth_and_measurements_do_not_depend_on_the_actions(outliers):
+    first, second = (HybridTrackEnv(render_mode="rgb_array", outliers=outliers) for _ in range(2))
     traces = []
     for env, policy in ((first, lambda info: 0), (second, lambda info: 3 if info["tick"] == 9 else 0)):
         env.reset(seed=11)

@@ -8,7 +8,7 @@ from numba import njit
 from scipy import stats
 
 from hybrid_env import motion
-from hybrid_env.noise import draw_ahead, draw_normals, integer_below, next_uint64, uniform
+from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, next_uint64, uniform
 from hybrid_env.track import LANES
 
 propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
@@ -65,7 +65,7 @@ def integers(state, count, bound):
 def normals(state, count):
     drawn = np.empty((count, 5, state.shape[1]))
     for k in range(count):
-        draw_normals(state, drawn[k], 0, state.shape[1], 0.0)
+        draw_noise(state, drawn[k], 0, state.shape[1], 0.0)
     return drawn[:, :4]
 
 
@@ -119,11 +119,11 @@ def test_a_lane_draws_the_same_whichever_lanes_go_with_it_and_however_far_ahead(
 
     @njit
     def draw(state, numbers, first, last):
-        draw_normals(state, numbers, first, last, outliers)
+        draw_noise(state, numbers, first, last, outliers)
 
     @njit
     def draw_ticks(state, lane, numbers, ticks):
-        draw_ahead(state, lane, numbers, ticks, outliers)
+        draw_noise_ahead(state, lane, numbers, ticks, outliers)
 
     largest = 0.0
     for _ in range(200):
