@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -23,6 +23,7 @@ from agents.evaluation import make_vector_env
 from agents.recipe import PPOSettings, load_recipe
 from baselines import golubkov2018
 from hybrid_env import HybridTrackEnv, KalmanBank
+from hybrid_env.bank import FloatArray
 from hybrid_env.simulation import simulate
 
 REPETITIONS = 7
@@ -295,36 +296,44 @@ def training() -> Iterator[Measurement]:
 def growth() -> Iterator[Measurement]:
     """Exponents of time over the upper decade of tracks and hypotheses, time over segment length, memory."""
 
-    def nanoseconds(tracks: int, radii: int, scheme: str = "random") -> float:
-        env = make_vector_env(
-            "hybrid_env:HybridTrack-v0", tracks, radii=tuple(range(1, radii + 1)), scheme=scheme,
-            correctness="type", tick_info=False,
-        )  # fmt: skip
-        env.reset(seed=0)
-        wait = np.zeros(tracks, np.int64)
-        env.step(wait)
-        return 1e9 * min(seconds_per_call(_step(env, wait)) for _ in range(3)) / tracks
+    def nanoseconds(worlds: list[tuple[int, int, str]]) -> FloatArray:
+        """(REPETITIONS, worlds) of a step a track, measured in turn; each world: tracks, radii, scheme."""
+        steps = []
+        for tracks, radii, scheme in worlds:
+            env = make_vector_env(
+                "hybrid_env:HybridTrack-v0", tracks, radii=tuple(range(1, radii + 1)), scheme=scheme,
+                correctness="type", tick_info=False,
+            )  # fmt: skip
+            env.reset(seed=0)
+            wait = np.zeros(tracks, np.int64)
+            env.step(wait)
+            steps.append(_step(env, wait))
+        rounds = [[seconds_per_call(step) for step in steps] for _ in range(REPETITIONS)]
+        return 1e9 * np.array(rounds) / [tracks for tracks, _, _ in worlds]
 
-    def exponent(sizes: list[int], times: list[float]) -> float:
-        return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+    def growing(
+        name: str, figures: FloatArray, costs: FloatArray, sizes: Sequence[int], of: str
+    ) -> Measurement:
+        shown = ", ".join(
+            f"{size:,}{of}: {cost:,.0f} ns"
+            for size, cost in zip(sizes, np.median(costs, axis=0), strict=True)
+        )
+        low, middle, high = np.percentile(figures, [0, 50, 100])
+        return Measurement("growth", name, middle, low, high, "", detail=f"{shown} a track")
 
-    tracks = [1, 16, 256, 4096, 16384, 65536]
-    costs = [nanoseconds(count, 1) for count in tracks]
-    upper = exponent(tracks[-3:], [cost * count for cost, count in zip(costs[-3:], tracks[-3:], strict=True)])
-    detail = ", ".join(f"{count:,}: {cost:,.0f} ns" for count, cost in zip(tracks, costs, strict=True))
-    yield Measurement("growth", "exponent in tracks", upper, upper, upper, "", detail=detail + " a track")
-    hypotheses = [3, 21, 41, 101, 201]
-    costs = [nanoseconds(512, count // 2) for count in hypotheses]
-    upper = exponent(hypotheses[1:], costs[1:])
-    detail = ", ".join(f"{count}: {cost:,.0f} ns" for count, cost in zip(hypotheses, costs, strict=True))
-    yield Measurement("growth", "exponent in hypotheses", upper, upper, upper, "", detail=detail + " a track")
+    def exponents(sizes: Sequence[int], times: FloatArray) -> FloatArray:
+        return np.asarray(np.polyfit(np.log(sizes), np.log(times).T, 1)[0])
+
+    tracks = (1, 16, 256, 4096, 16384, 65536)
+    costs = nanoseconds([(count, 1, "random") for count in tracks])
+    upper = exponents(tracks[-3:], costs[:, -3:] * tracks[-3:])
+    yield growing("exponent in tracks", upper, costs, tracks, "")
+    hypotheses = (3, 21, 41, 101, 201)
+    costs = nanoseconds([(512, count // 2, "random") for count in hypotheses])
+    yield growing("exponent in hypotheses", exponents(hypotheses[1:], costs[:, 1:]), costs, hypotheses, "")
     lengths = (10, 100, 1000, 10_000)
-    costs = [nanoseconds(512, 1, f"random 6x{length}") for length in lengths]
-    detail = ", ".join(
-        f"{length:,} ticks: {cost:,.0f} ns" for length, cost in zip(lengths, costs, strict=True)
-    )
-    ratio = costs[-1] / costs[1]
-    yield Measurement("growth", "long segments against 100 ticks", ratio, ratio, ratio, "", detail=detail)
+    costs = nanoseconds([(512, 1, f"random 6x{length}") for length in lengths])
+    yield growing("long segments against 100 ticks", costs[:, -1] / costs[:, 1], costs, lengths, " ticks")
     for name, radii in BANKS.items():
         env = make_vector_env("hybrid_env:HybridTrack-v0", 1024, radii=radii)
         size = env.world.nbytes / 1024
