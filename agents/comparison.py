@@ -25,7 +25,8 @@ from agents.operating_curve import (
     ticks_at_accuracy,
 )
 from agents.recipe import Recipe, load_recipe, recipe_names
-from agents.training import TrainingProgress, make_run
+from agents.runs import make_run
+from agents.training import TrainingProgress
 from baselines.waited_paths import Paths, at_tick, waited_paths
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions

@@ -90,7 +90,7 @@ def _model_class(algo: str) -> Any:
 
 
 class PPORun(Run):
-    """One PPO or RecurrentPPO run; see `agents.training.make_run` for the arguments.
+    """One PPO or RecurrentPPO run; see `agents.runs.make_run` for the arguments.
 
     `steps` is rounded up to whole rollouts.
 

@@ -121,7 +121,7 @@ def _figures(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
 
 
 class SequenceRun(Run):
-    """One training of the sequence agent; see `agents.training.make_run` for the arguments.
+    """One training of the sequence agent; see `agents.runs.make_run` for the arguments.
 
     Raises:
         ArgumentError: a bad world, or a folder with a damaged checkpoint.

@@ -35,7 +35,8 @@ class Train(WorldArguments):
         if self.steps is not None:
             check_integer("steps", self.steps)
         from agents.recipe import load_recipe
-        from agents.training import TrainingProgress, make_run, resume_run
+        from agents.runs import make_run, resume_run
+        from agents.training import TrainingProgress
 
         if self.resume is not None:
             folder = self.resume

@@ -1,4 +1,4 @@
-"""What every training has in common: a run that is made from a recipe or goes on, and how it stands."""
+"""What every training has in common: its folder, how it stands, and how good its agent is."""
 
 import math
 from abc import ABC, abstractmethod
@@ -14,9 +14,8 @@ from torch.optim import Optimizer
 from agents import run_folder
 from agents.deciders import DeciderFamily
 from agents.learning_curve import LearningCurve
-from agents.recipe import Recipe, recipe_of
+from agents.recipe import Recipe
 from agents.writing import output_folder, write_json
-from hybrid_env.checks import check_integer, reject
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class TrainingProgress:
 
 
 class Run(ABC):
-    """One training, of any algorithm, and its folder; see `make_run` for the arguments.
+    """One training, of any algorithm, and its folder; see `agents.runs.make_run` for the arguments.
 
     Attributes:
         steps: environment steps wanted.
@@ -146,52 +145,3 @@ class Run(ABC):
         """The first checkpoint, so that a run killed before its first interval can go on, too."""
         if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
             self.save()
-
-
-def make_run(
-    env_id: str,
-    options: dict[str, Any],
-    recipe: Recipe,
-    seed: int = 0,
-    folder: Path | None = None,
-    steps: int | None = None,
-    resume: bool = False,
-) -> Run:
-    """A run of the algorithm of a recipe.
-
-    Args:
-        env_id: registered id of the environment.
-        options: of the world, over those of the id.
-        seed: of weights, tracks and mini-batches, below 2^31; the same seed gives the same weights.
-        folder: run folder, made if it is not there; None keeps nothing.
-        steps: environment steps, summed over tracks; None takes the recipe's.
-        resume: go on from the checkpoint in the folder.
-    """
-    check_integer("seed", seed, minimum=0)
-    if seed >= 2**31:
-        raise reject("seed", seed, "an integer below 2^31")
-    steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    if recipe.algo == "sequence":
-        from agents.sequence_training import SequenceRun
-
-        return SequenceRun(env_id, options, recipe, seed, folder, steps, resume)
-    from agents.ppo_training import PPORun
-
-    return PPORun(env_id, options, recipe, seed, folder, steps, resume)
-
-
-def resume_run(folder: Path, steps: int | None = None) -> Run:
-    """Go on with a run from its last checkpoint, to its own number of steps or to another.
-
-    Raises:
-        ArgumentError: the folder holds no run, or a damaged one.
-    """
-    config = run_folder.read_config(folder)
-    try:
-        recipe = recipe_of(config["recipe"]["name"], config["recipe"]["entry"])
-        steps = int(config["steps"]) if steps is None else check_integer("steps", steps)
-        env_id, options, seed = str(config["env"]), dict(config["options"]), int(config["seed"])
-    except (KeyError, TypeError, ValueError) as error:
-        allowed = f"a run folder with a readable {run_folder.CONFIG} ({error})"
-        raise reject("resume", str(folder), allowed) from None
-    return make_run(env_id, options, recipe, seed, folder, steps, resume=True)

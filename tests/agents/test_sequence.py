@@ -10,8 +10,8 @@ from agents.deciders import load_decider
 from agents.evaluation import evaluate
 from agents.recipe import load_recipe, recipe_of
 from agents.run_folder import load_policy
+from agents.runs import make_run, resume_run
 from agents.sequence import SequenceDecider, SequenceNet, doubt_and_best, load_sequence, save_sequence
-from agents.training import make_run, resume_run
 from baselines import FixedTimeDecider, SPRTDecider
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 

@@ -11,9 +11,9 @@ from agents.cli import main
 from agents.deciders import SHIPPED_FOLDER, load_decider, load_net
 from agents.evaluation import evaluate
 from agents.recipe import load_recipe
+from agents.runs import make_run, resume_run
 from agents.sequence import SequenceDecider
 from agents.stopping import DOUBT_SCALE, Beliefs, StoppingVecEnv
-from agents.training import make_run, resume_run
 from hybrid_env import HybridTrackVectorEnv, WorldOptions
 
 BANK = "hybrid_env:HybridTrackBank-v0"

@@ -11,7 +11,7 @@ from agents.evaluation import evaluate
 from agents.policy import PolicyDecider, load_actor, make_policy
 from agents.recipe import Recipe, load_recipe, recipe_of
 from agents.run_folder import load_policy
-from agents.training import make_run, resume_run
+from agents.runs import make_run, resume_run
 from hybrid_env import WorldOptions
 from hybrid_env.checks import ArgumentError
 
