@@ -322,15 +322,15 @@ def growth() -> Iterator[Measurement]:
         return Measurement("growth", name, middle, low, high, "", detail=f"{shown} a track")
 
     def exponents(sizes: Sequence[int], times: FloatArray) -> FloatArray:
-        return np.asarray(np.polyfit(np.log(sizes), np.log(times).T, 1)[0])
+        upper = np.array(sizes) >= sizes[-1] / 10
+        return np.asarray(np.polyfit(np.log(sizes)[upper], np.log(times[:, upper]).T, 1)[0])
 
-    tracks = (1, 16, 256, 4096, 16384, 65536)
+    tracks = (1, 16, 256, 4096, 8192, 16384, 65536)
     costs = nanoseconds([(count, 1, "random") for count in tracks])
-    upper = exponents(tracks[-3:], costs[:, -3:] * tracks[-3:])
-    yield growing("exponent in tracks", upper, costs, tracks, "")
+    yield growing("exponent in tracks", exponents(tracks, costs * tracks), costs, tracks, "")
     hypotheses = (3, 21, 41, 101, 201)
     costs = nanoseconds([(512, count // 2, "random") for count in hypotheses])
-    yield growing("exponent in hypotheses", exponents(hypotheses[1:], costs[:, 1:]), costs, hypotheses, "")
+    yield growing("exponent in hypotheses", exponents(hypotheses, costs), costs, hypotheses, "")
     lengths = (10, 100, 1000, 10_000)
     costs = nanoseconds([(512, 1, f"random 6x{length}") for length in lengths])
     yield growing("long segments against 100 ticks", costs[:, -1] / costs[:, 1], costs, lengths, " ticks")
