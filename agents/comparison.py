@@ -138,8 +138,10 @@ class Comparison:
         segments = first.curve.decisions[0].correct.size
         wanted = self.plan.accuracy
         way = "Best-reward thresholds" if wanted is None else f"Thresholds for {wanted:.1%} accuracy"
+        title = f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all"
         table = Table(
-            title=f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all",
+            title=title,
+            min_width=len(title),
             caption=(
                 f"{way} from other episodes; ± half of the 95 % interval.\n"
                 f"{self.equal_time:.1f} ticks: {first.name} at its default threshold."
