@@ -58,6 +58,13 @@ class Compare(WorldArguments):
         from rich.console import Console
 
         from agents.comparison import Plan, compare
+        from agents.comparison_report import (
+            bank_table,
+            comparison_table,
+            error_table,
+            headlines,
+            missed_accuracy,
+        )
         from agents.figures import draw_operating_curves
         from agents.progress import progress_display
         from agents.writing import output_folder, write_json
@@ -80,13 +87,13 @@ class Compare(WorldArguments):
         console = Console()
         with progress_display(console) as progress:
             result = compare(plan, progress)
-        console.print(result.table())
-        for line in result.headlines():
+        console.print(comparison_table(result))
+        for line in headlines(result):
             console.print(line, highlight=False, soft_wrap=True)
-        for line in result.missed_accuracy():
+        for line in missed_accuracy(result):
             console.print(line, highlight=False)
-        console.print(result.error_table())
-        console.print(result.bank_table())
+        console.print(error_table(result))
+        console.print(bank_table(result))
         draw_operating_curves(result, folder / "compare.png")
         self._draw_duel(result, folder)
         write_json(folder / "compare.json", result.as_json())

@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.progress import Progress
-from rich.table import Table
 
 from agents import seeds
 from agents.deciders import CLASSICAL_NAMES, SHIPPED, DeciderFamily, check_family, decider_family
@@ -132,118 +130,13 @@ class Comparison:
     entries: tuple[Entry, ...]
     waited: Paths
 
-    def table(self) -> Table:
-        """For the terminal: each figure above the half width of its 95 % interval."""
-        first = self.entries[0]
-        segments = first.curve.decisions[0].correct.size
-        wanted = self.plan.accuracy
-        way = "Best-reward thresholds" if wanted is None else f"Thresholds for {wanted:.1%} accuracy"
-        title = f"{self.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all"
-        table = Table(
-            title=title,
-            min_width=len(title),
-            caption=(
-                f"{way} from other episodes; ± half of the 95 % interval.\n"
-                f"{self.equal_time:.1f} ticks: {first.name} at its default threshold."
-                if self.plan.curves
-                else f"{way} from other episodes; ± half of the 95 % interval."
-            ),
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
-        if self.plan.curves:
-            heads += [f"error at\n{self.equal_time:.1f} t, %"]
-            heads += [f"{level:.0%}\nat tick" for level in LEVELS]
-        table.add_column(heads[0], overflow="fold")  # long names give way, figures do not
-        for head in heads[1:]:
-            table.add_column(head, justify="right", no_wrap=True)
-        for entry in self.entries:
-            family = entry.curve.family
-            table.add_row(
-                f"{entry.name}\n[bright_black]{family.symbol} {family.thresholds[entry.chosen]:g}[/]",
-                _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
-                _cell(entry.rmse, 1, 3), *self._curve_cells(entry),
-            )  # fmt: skip
-        return table
-
-    def _curve_cells(self, entry: Entry) -> list[str]:
-        if not self.plan.curves:
-            return []
-        times = [_cell(entry.time_at[level], 1, 1) for level in LEVELS]
-        return [_cell(entry.equal_time_error, 100, 2), *times]
-
-    def missed_accuracy(self) -> list[str]:
-        """A line for each decider that no threshold took to the wanted accuracy on the reported episodes."""
-        wanted = self.plan.accuracy
-        return [
-            f"{entry.name} does not reach {wanted:.1%}: its most accurate threshold is shown"
-            for entry in self.entries
-            if wanted is not None and self.plan.curves and entry.curve.means[ACCURACY].max() < wanted
-        ]
-
-    def error_table(self) -> Table:
-        """How an error makes the next one likelier, by a spoiled anchor."""
-        table = Table(title="Wrong decisions, %", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-        for head in ("decider", "after a right one", "after a wrong one"):
-            table.add_column(head, justify="left" if head == "decider" else "right")
-        for entry in self.entries:
-            cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in entry.error_after]
-            table.add_row(entry.name, *cells)
-        return table
-
-    def bank_table(self) -> Table:
-        """What the bank says after some ticks, if no one decides before."""
-        table = Table(
-            title=f"The {self.world.bank.replace('_', '-')} bank while all wait",
-            caption="Worst: of bins of the stated with 1,000 segments or more.",
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-        )
-        for head in ("after ticks", "likeliest is right, %", "it says, %", "stated less actual, worst, %"):
-            table.add_column(head, justify="right")
-        for row in self.bank_rows():
-            table.add_row(
-                f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
-                f"{100 * row['worst']:+.1f}" if np.isfinite(row["worst"]) else "-",
-            )  # fmt: skip
-        return table
-
     def bank_rows(self) -> list[dict[str, float]]:
-        """The figures of `bank_table`."""
+        """What the bank says after some ticks, if no one decides before."""
         return [
             {"ticks": tick, **asdict(at_tick(self.waited, tick))}
             for tick in BANK_TICKS
             if (self.waited.length >= tick).any()
         ]
-
-    def headlines(self) -> list[str]:
-        """Every decider against the reference, paired on the same episodes."""
-        reference = self.entries[0]
-        lines = []
-        for entry in self.entries[1:]:
-            parts = []
-            gain = self.gains(entry)
-            parts.append(f"reward {_signed(gain['reward'], 3)} a segment")
-            if "ticks_at_98" in gain:
-                parts.append(f"{_signed(gain['ticks_at_98'], 1)} ticks at 98 % accuracy")
-            lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
-        for kind, trained in self.by_kind().items():
-            if len(trained) < 2:
-                continue
-            spread = []
-            figures = [("reward", 3, [entry.reward.value for entry in trained])]
-            if self.plan.curves:
-                for level in LEVELS:
-                    times = [entry.time_at[level].value for entry in trained]
-                    figures.append((f"{level:.0%} at tick", 1, times))
-                errors = [100 * entry.equal_time_error.value for entry in trained]
-                figures.append((f"error at {self.equal_time:.1f} ticks, %", 2, errors))
-            for name, digits, values in figures:
-                low, mean, high = np.min(values), np.mean(values), np.max(values)
-                spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
-            lines.append(f"{kind} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
-        return lines
 
     def by_kind(self) -> dict[str, list[Entry]]:
         """The entries, those together whose names differ only in the seed of their training."""
@@ -321,19 +214,6 @@ class Comparison:
                 "rmse": [decisions.rmse for decisions in entry.curve.decisions],
             },
         }
-
-
-def _cell(figure: Figure, scale: float, digits: int) -> str:
-    if not np.isfinite(figure.value):
-        return "not\nreached"
-    value = f"{scale * figure.value:.{digits}f}"
-    if not np.isfinite(figure.high):
-        return f"{value}\n[bright_black]> {scale * figure.low:.{digits}f}[/]"
-    return f"{value}\n[bright_black]±{scale * (figure.high - figure.low) / 2:.{digits}f}[/]"
-
-
-def _signed(figure: Figure, digits: int) -> str:
-    return f"{figure.value:+.{digits}f} [{figure.low:+.{digits}f}, {figure.high:+.{digits}f}]"
 
 
 def compare(plan: Plan, progress: Progress) -> Comparison:
