@@ -25,7 +25,7 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.compiled import compiled, internal
-from hybrid_env.track import LANES
+from hybrid_env.lanes import LANES, by_lane
 
 FloatArray = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
     n = hypotheses.size // 2
     best = mode
     for h in range(hypotheses.size):
-        likelier = hypotheses[h].log_likelihood[0] > hypotheses[best].log_likelihood[0]
+        likelier = by_lane(hypotheses[h]).log_likelihood[0] > by_lane(hypotheses[best]).log_likelihood[0]
         if likelier and bank.mode_type(h, n) == bank.mode_type(mode, n):
             best = h
     return best
@@ -72,8 +72,8 @@ def note(filters: bank.Bank, mode: int, estimate: FloatArray, covariance: FloatA
     """Write what one hypothesis of the first lane holds: estimate (4,) and covariance (2, 3)."""
     for k, value in enumerate(bank.estimate_of(filters.hypotheses, mode, 0)):
         estimate[k] = value
-    for axis in range(2):
-        for k, value in enumerate(bank.covariance_of(filters.covariances, axis, mode, 0)):
+    for axis, values in enumerate(bank.covariance_of(filters.covariances, mode, 0)):
+        for k, value in enumerate(values):
             covariance[axis, k] = value
 
 
@@ -125,7 +125,7 @@ def _track_run(
             note(filters, active, estimates[k], covariances[k])
             modes[k] = active
             for h in range(log_likelihood.size):
-                log_likelihood[h] = filters.hypotheses[h].log_likelihood[0]
+                log_likelihood[h] = by_lane(filters.hypotheses[h]).log_likelihood[0]
             ratios[k] = log_likelihood - log_likelihood[active]
             winner = sprt_test(log_likelihood, running, active, upper, lower)
             k += 1

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_array, check_positive
-from hybrid_env.compiled import compiled, formula, internal, prefetch
+from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log
+from hybrid_env.instructions import prefetch
+from hybrid_env.lanes import by_lane, lanes_of
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.track import lanes_of
 
 FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -75,7 +76,7 @@ IDENTITY = (1.0, 0.0, 1.0)
 """P := I of the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-@compiled
+@internal
 def mode_type(mode: int, radii_count: int) -> int:
     """0 straight, 1 left, 2 right."""
     return 0 if mode == 0 else (1 if mode <= radii_count else 2)
@@ -111,14 +112,14 @@ def anchor_bank(
         turn_rate = 0.0 if c == 0 else speed / radii[c - 1]
         cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
         for axis in range(bank.covariances.shape[0]):
-            one = bank.covariances[axis, c]
+            one = by_lane(bank.covariances[axis, c])
             one.cosine[lane], one.sine_velocity[lane], one.sine_position[lane] = (
                 cosine, sine_velocity, sine_position,
             )  # fmt: skip
             covariance = covariance_x if axis == 0 else covariance_y
             one.xx[lane], one.xv[lane], one.vv[lane] = covariance
     for h in range(2 * n + 1):
-        kalman = bank.hypotheses[h]
+        kalman = by_lane(bank.hypotheses[h])
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
         kalman.log_likelihood[lane] = 0.0
         radius = 0.0
@@ -134,7 +135,7 @@ def anchor_bank(
 @internal
 def rewind(bank: Bank, lane: int, hypothesis: int, anchor: Quadruple) -> None:
     """Put one hypothesis back to an estimate and leave its covariance. Tsyganov 2019, lines 17 to 20."""
-    kalman = bank.hypotheses[hypothesis]
+    kalman = by_lane(bank.hypotheses[hypothesis])
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
 
 
@@ -218,18 +219,18 @@ def step_bank(
     for axis in range(axes):
         variance = variance_x if axis == 0 else variance_y
         for c in range(columns):
-            one, gain = bank.covariances[axis, c], bank.gains[axis, c]
+            one, gain = by_lane(bank.covariances[axis, c]), by_lane(bank.gains[axis, c])
             prefetch(bank.covariances, axis * columns + c, bank.covariances.nbytes)
-            for lane in range(np.uintp(first), np.uintp(last)):
+            for lane in range(first, last):
                 innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
                 gain.whitener[lane] = math.sqrt(inverse)
                 gain.log_variance[lane] = log(innovation_variance)
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        kalman, innovation = by_lane(bank.hypotheses[h]), by_lane(bank.innovations[h])
         prefetch(bank.hypotheses, h, bank.hypotheses.nbytes)
         column = radius_column(h, columns - 1)
-        gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
-        for lane in range(np.uintp(first), np.uintp(last)):
+        gain_x, gain_y = by_lane(bank.gains[0, column]), by_lane(bank.gains[axes - 1, column])
+        for lane in range(first, last):
             innovation_x, innovation_y = step_estimate(
                 kalman, gain_x, gain_y, lane, measurement[0, lane], measurement[1, lane]
             )
@@ -263,38 +264,38 @@ def step_alone(
     column = radius_column(hypothesis, columns - 1)
     for axis in range(axes):
         variance = variance_x if axis == 0 else variance_y
-        step_covariance(
-            bank.covariances[axis, column], bank.gains[axis, column], lane, process_variance, variance
-        )
-    step_estimate(
-        bank.hypotheses[hypothesis], bank.gains[0, column], bank.gains[axes - 1, column], lane,
-        measurement_x, measurement_y,
-    )  # fmt: skip
+        one, gain = by_lane(bank.covariances[axis, column]), by_lane(bank.gains[axis, column])
+        step_covariance(one, gain, lane, process_variance, variance)
+    kalman = by_lane(bank.hypotheses[hypothesis])
+    gain_x, gain_y = by_lane(bank.gains[0, column]), by_lane(bank.gains[axes - 1, column])
+    step_estimate(kalman, gain_x, gain_y, lane, measurement_x, measurement_y)
 
 
 @internal
 def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
     """The hypothesis with the largest log-likelihood, the first of equals."""
-    best = 0
+    best, largest = 0, by_lane(hypotheses[0]).log_likelihood[lane]
     for h in range(1, hypotheses.size):
-        if hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]:
-            best = h
+        log_likelihood = by_lane(hypotheses[h]).log_likelihood[lane]
+        if log_likelihood > largest:
+            best, largest = h, log_likelihood
     return best
 
 
 @internal
 def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> Quadruple:
     """[x, vx, y, vy] of one hypothesis."""
-    kalman = hypotheses[hypothesis]
+    kalman = by_lane(hypotheses[hypothesis])
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
 
 
 @internal
-def covariance_of(covariances: NDArray[Any], axis: int, hypothesis: int, lane: int) -> Triple:
-    """(xx, xv, vv) of one hypothesis on axis 0 or 1."""
+def covariance_of(covariances: NDArray[Any], hypothesis: int, lane: int) -> tuple[Triple, Triple]:
+    """(xx, xv, vv) of one hypothesis on each axis."""
     axes, columns = covariances.shape
-    one = covariances[min(axis, axes - 1), radius_column(hypothesis, columns - 1)]
-    return one.xx[lane], one.xv[lane], one.vv[lane]
+    column = radius_column(hypothesis, columns - 1)
+    x, y = by_lane(covariances[0, column]), by_lane(covariances[axes - 1, column])
+    return (x.xx[lane], x.xv[lane], x.vv[lane]), (y.xx[lane], y.xv[lane], y.vv[lane])
 
 
 def noise_axes(measurement_variance: float | ArrayLike) -> FloatArray:

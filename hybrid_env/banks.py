@@ -18,6 +18,7 @@ from hybrid_env.anchor_aware import (
 )
 from hybrid_env.bank import Bank, Quadruple, anchor_bank, covariance_of, step_alone, step_bank
 from hybrid_env.compiled import internal_overload
+from hybrid_env.lanes import by_lane
 
 IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I of the published algorithms, as an upper triangle."""
@@ -70,8 +71,7 @@ def _follow_published(bank, lane, hypothesis, measurement, setting):  # type: ig
 
 
 def _covariance_published(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
-    x = covariance_of(bank.covariances, 0, hypothesis, lane)
-    y = covariance_of(bank.covariances, 1, hypothesis, lane)
+    x, y = covariance_of(bank.covariances, hypothesis, lane)
     return x[0], x[1], 0.0, 0.0, x[2], 0.0, 0.0, y[0], y[1], y[2]
 
 
@@ -87,10 +87,10 @@ def _step_aware(bank, first, last, measurement, setting):  # type: ignore[no-unt
 
 
 def _follow_aware(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
-    kalman = bank.hypotheses[hypothesis]
+    kalman = by_lane(bank.hypotheses[hypothesis])
     log_likelihood = kalman.log_likelihood[lane]
     step_hypothesis(
-        kalman, bank.innovations[hypothesis], lane, lane + 1, measurement,
+        kalman, by_lane(bank.innovations[hypothesis]), lane, lane + 1, measurement,
         setting.tau, setting.process_variance, setting.variance_x, setting.variance_y,
     )  # fmt: skip
     kalman.log_likelihood[lane] = log_likelihood

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from hybrid_env.compiled import formula
+from hybrid_env.instructions import reinterpret
 
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # exact products with k
 ONE = np.int64(0x3FF0000000000000)  # bits of 1.0
@@ -22,10 +23,10 @@ SHIFTER_BITS = np.int64(0x4338000000000000)
 @formula
 def log(x: float) -> float:
     """Natural logarithm of a normal positive number; about -709 for zero and less."""
-    bits = np.float64(x).view(np.int64) + (ONE - ROOT_HALF)
+    bits = reinterpret(x) + (ONE - ROOT_HALF)
     exponent = bits >> 52  # of x over a mantissa in [sqrt(1/2), sqrt(2)), plus 1023
-    mantissa = np.int64((bits & MANTISSA) + ROOT_HALF).view(np.float64)
-    k = np.int64(exponent + SHIFTER_BITS).view(np.float64) - (SHIFTER + 1023.0)
+    mantissa = reinterpret((bits & MANTISSA) + ROOT_HALF)
+    k = reinterpret(exponent + SHIFTER_BITS) - (SHIFTER + 1023.0)
     f = mantissa - 1.0
     s = f / (2.0 + f)
     z = s * s
@@ -60,7 +61,7 @@ def exp(x: float) -> float:
         )
     )
     mantissa = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    power = np.int64((np.float64(shifted).view(np.int64) - SHIFTER_BITS + 1023) << 52).view(np.float64)
+    power = reinterpret((reinterpret(shifted) - SHIFTER_BITS + 1023) << 52)
     return mantissa * power
 
 
@@ -69,7 +70,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle [rad]; the absolute error grows with |x| as |x| 1e-16."""
     shifted = x * (2.0 / math.pi) + SHIFTER
     k = shifted - SHIFTER
-    quadrant = np.float64(shifted).view(np.int64)
+    quadrant = reinterpret(shifted)
     # pi/2 in two parts, the first with 20 low bits clear
     r = (x - k * 1.57079632673412561417e00) - k * 6.07710050650619224932e-11
     z = r * r

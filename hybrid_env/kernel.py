@@ -23,12 +23,14 @@ from hybrid_env.bank import (
     likeliest,
     mode_type,
 )
-from hybrid_env.compiled import array_at, compiled, formula, internal, prefetch
+from hybrid_env.compiled import compiled, formula, internal
+from hybrid_env.instructions import array_at, prefetch, smaller
+from hybrid_env.lanes import LANES, by_lane
 from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
-from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
+from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
 NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
@@ -100,7 +102,7 @@ def move(
     each axis [m]. outliers: share of measurements with `noise.OUTLIER` times that deviation.
     """
     draw_noise(block.random_state, noise, first, last, outliers)
-    for lane in range(np.uintp(first), np.uintp(last)):
+    for lane in range(first, last):
         _move(block, lane, noise, lane, process_deviation, deviation_x, deviation_y)
 
 
@@ -184,7 +186,8 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.truth[1, lane] = parameters.speed * math.cos(heading)
     block.truth[3, lane] = parameters.speed * math.sin(heading)
     draw_noise(block.random_state, scratch.noise, lane, lane + 1, 0.0)
-    block.kept_covariance[:, lane] = 0.0
+    for k in range(len(NOTHING)):
+        block.kept_covariance[k, lane] = 0.0
     for axis in range(2):
         variance = parameters.variance_x if axis == 0 else parameters.variance_y
         position_variance = parameters.initial_position * variance
@@ -230,19 +233,17 @@ def _decide(
     flags[TYPE_CORRECT, i] = of_type
     flags[FORCED, i] = forced
     block.active_mode[lane] = chosen
-    column = LANES
     while block.tick[lane] < block.length[lane]:
-        if column == LANES:  # noise of many ticks at once becomes SIMD code
-            ticks = min(LANES, block.length[lane] - block.tick[lane])
-            draw_noise_ahead(block.random_state, lane, scratch.noise, ticks, parameters.outliers)
-            column = 0
-        _move(
-            block, lane, scratch.noise, column,
-            parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
-        )  # fmt: skip
-        column += 1
-        banks.follow(bank, lane, chosen, block.measurement, parameters)
-        _account(block, lane, bank.hypotheses, trace)
+        ticks = smaller(LANES, block.length[lane] - block.tick[lane])
+        # noise of many ticks at once becomes SIMD code
+        draw_noise_ahead(block.random_state, lane, scratch.noise, ticks, parameters.outliers)
+        for column in range(ticks):
+            _move(
+                block, lane, scratch.noise, column,
+                parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
+            )  # fmt: skip
+            banks.follow(bank, lane, chosen, block.measurement, parameters)
+            _account(block, lane, bank.hypotheses, trace)
     for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
         block.estimate[k, lane] = value
     for k, value in enumerate(banks.covariance(bank, chosen, lane)):
@@ -255,7 +256,7 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
     number = (tracks + LANES - 1) // LANES
     actions = array_at(setting.actions, (tracks,), np.int64)
     blocks = array_at(setting.blocks, (number,), BLOCK)
-    scratch = array_at(setting.scratch, (1,), SCRATCH)[0]
+    scratch = by_lane(array_at(setting.scratch, (1,), SCRATCH)[0])
     radii = array_at(setting.radii, (n,), np.float64)
     table = array_at(setting.table, (setting.table_rows, 3), np.float64)
     trace = array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
@@ -271,8 +272,8 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                 return -1 - i
     events = 0
     for b in range(number):
-        block, bank = blocks[b], banks.bank_of_block(all_banks, b)
-        lanes = min(LANES, tracks - b * LANES)
+        block, bank = by_lane(blocks[b]), banks.bank_of_block(all_banks, b)
+        lanes = smaller(LANES, tracks - b * LANES)
         prefetch(blocks, b + 1, 0)  # at once: it is small beside the bank
         begun = resting = 0
         for lane in range(lanes):
@@ -323,8 +324,9 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
         together = resting == 0  # else one by one
         for first in range(1 if together else lanes):
             if scratch.going[first]:
-                _tick(block, bank, scratch, setting, first, lanes if together else first + 1)
-                for lane in range(first, lanes if together else first + 1):
+                last = lanes if together else first + 1
+                _tick(block, bank, scratch, setting, first, last)
+                for lane in range(first, last):
                     i = b * LANES + lane
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import ONE, log, sine_cosine
+from hybrid_env.instructions import reinterpret
 
 OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 
@@ -38,7 +39,7 @@ def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tupl
 @formula
 def _to_uniform(bits: np.uint64) -> float:
     """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
-    return np.uint64((bits >> np.uint64(12)) | np.uint64(ONE)).view(np.float64) - 1.0
+    return reinterpret((bits >> np.uint64(12)) | np.uint64(ONE)) - 1.0
 
 
 @formula
@@ -66,9 +67,9 @@ def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float
 
 
 @internal
-def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> int:
+def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
     """Uniform integer in 0 .. bound - 1; the bias of the product method is below bound / 2^52."""
-    return int(uniform(state, lane) * bound)
+    return np.int64(uniform(state, lane) * bound)
 
 
 @internal
@@ -83,10 +84,10 @@ def draw_noise(
             which are multiplied by `OUTLIER` at times; then a number to work with.
         outliers: share of the ticks at which they are.
     """
-    for lane in range(np.uintp(first), np.uintp(last)):
+    for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
     if outliers > 0.0:
-        for lane in range(np.uintp(first), np.uintp(last)):
+        for lane in range(first, last):
             noise[4, lane] = uniform(state, lane)
     _to_normals(noise, first, last, outliers)
 
@@ -100,20 +101,20 @@ def draw_noise_ahead(
         _draw_uniforms(state, lane, noise, tick)
         if outliers > 0.0:
             noise[4, tick] = uniform(state, lane)
-    _to_normals(noise, 0, ticks, outliers)
+    _to_normals(noise, np.int64(0), ticks, outliers)  # a literal would be a type of its own
 
 
 @internal
 def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
     """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
     for k in range(0, 4, 2):
-        for column in range(np.uintp(first), np.uintp(last)):
+        for column in range(first, last):
             radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
             sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
             noise[k, column] = radius * cosine
             noise[k + 1, column] = radius * sine
     if outliers > 0.0:
-        for column in range(np.uintp(first), np.uintp(last)):
+        for column in range(first, last):
             factor = OUTLIER if noise[4, column] < outliers else 1.0
             noise[2, column] *= factor
             noise[3, column] *= factor

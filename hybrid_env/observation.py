@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from hybrid_env.checks import reject
 from hybrid_env.compiled import internal
 from hybrid_env.elementary import exp, log
+from hybrid_env.instructions import larger, smaller
+from hybrid_env.lanes import by_lane
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
 LARGEST = 1e6  # innovations over their deviation are clipped here
@@ -129,31 +131,33 @@ def write_segment(
     base = 6 * M
     row[base + 3] = block.speed[lane]
     kept = block.kept_covariance
-    row[base + 6] = max(0.5 * (kept[0, lane] / variance_x + kept[7, lane] / variance_y), 0.0)
+    row[base + 6] = larger(0.5 * (kept[0, lane] / variance_x + kept[7, lane] / variance_y), 0.0)
     row[base + 7] = 0.5 * (kept[1, lane] / variance_x + kept[8, lane] / variance_y)
-    row[base + 8] = max(0.5 * (kept[4, lane] / variance_x + kept[9, lane] / variance_y), 0.0)
+    row[base + 8] = larger(0.5 * (kept[4, lane] / variance_x + kept[9, lane] / variance_y), 0.0)
     row[base + 9] = log_noise
 
 
 @internal
 def weigh(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
     """The largest log-likelihood, and the logarithm of the posterior that is not its hypothesis's."""
-    for lane in range(np.uintp(first), np.uintp(last)):
-        scratch.top[lane] = hypotheses[0].log_likelihood[lane]
+    for lane in range(first, last):
+        scratch.top[lane] = by_lane(hypotheses[0]).log_likelihood[lane]
         scratch.doubt[lane] = 0.0
         scratch.equals[lane] = -1.0  # the best itself
     for h in range(1, hypotheses.size):
-        for lane in range(np.uintp(first), np.uintp(last)):
-            scratch.top[lane] = max(scratch.top[lane], hypotheses[h].log_likelihood[lane])
+        kalman = by_lane(hypotheses[h])
+        for lane in range(first, last):
+            scratch.top[lane] = larger(scratch.top[lane], kalman.log_likelihood[lane])
     for h in range(hypotheses.size):
-        for lane in range(np.uintp(first), np.uintp(last)):
-            ratio = hypotheses[h].log_likelihood[lane] - scratch.top[lane]
+        kalman = by_lane(hypotheses[h])
+        for lane in range(first, last):
+            ratio = kalman.log_likelihood[lane] - scratch.top[lane]
             below = ratio < 0.0  # the equals apart: beside a 1, the small ones would lose their digits
-            scratch.doubt[lane] += exp(max(ratio, NEGLIGIBLE)) if below else 0.0
+            scratch.doubt[lane] += exp(larger(ratio, NEGLIGIBLE)) if below else 0.0
             scratch.equals[lane] += 0.0 if below else 1.0
-    for lane in range(np.uintp(first), np.uintp(last)):
+    for lane in range(first, last):
         others = scratch.doubt[lane] + scratch.equals[lane]
-        scratch.doubt[lane] = max(log(others / (1.0 + others)), LOG_FLOOR)
+        scratch.doubt[lane] = larger(log(others / (1.0 + others)), LOG_FLOOR)
 
 
 @internal
@@ -177,13 +181,13 @@ def write_tick(
     along_x, along_y = block.heading[0, lane], block.heading[1, lane]
     top = scratch.top[lane]
     for h in range(M):
-        innovation = bank.innovations[h]
-        white_x = max(min(innovation.white_x[lane], LARGEST), -LARGEST)
-        white_y = max(min(innovation.white_y[lane], LARGEST), -LARGEST)
-        row[h] = LOG_SCALE * max(bank.hypotheses[h].log_likelihood[lane] - top, LOG_FLOOR)
+        kalman, innovation = by_lane(bank.hypotheses[h]), by_lane(bank.innovations[h])
+        white_x = larger(smaller(innovation.white_x[lane], LARGEST), -LARGEST)
+        white_y = larger(smaller(innovation.white_y[lane], LARGEST), -LARGEST)
+        row[h] = LOG_SCALE * larger(kalman.log_likelihood[lane] - top, LOG_FLOOR)
         row[M + h] = along_x * white_x + along_y * white_y
         row[2 * M + h] = along_x * white_y - along_y * white_x
-        row[3 * M + h] = max(innovation.log_variance[lane] - log_noise, 0.0)  # less only by rounding
+        row[3 * M + h] = larger(innovation.log_variance[lane] - log_noise, 0.0)  # less only by rounding
     shift_x = (block.measurement[0, lane] - block.anchor[0, lane]) * noise_whitener
     shift_y = (block.measurement[1, lane] - block.anchor[2, lane]) * noise_whitener
     base = 6 * M

@@ -6,8 +6,9 @@ import numba
 import numpy as np
 import pytest
 
-from hybrid_env.compiled import array_at, compiled, prefetch
-from hybrid_env.track import lanes_of
+from hybrid_env.compiled import compiled
+from hybrid_env.instructions import array_at, prefetch
+from hybrid_env.lanes import lanes_of
 
 PAIR = lanes_of(("left", np.float64, ()), ("right", np.float64, ()))
 
