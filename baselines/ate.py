@@ -25,7 +25,8 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.compiled import compiled, internal
-from hybrid_env.lanes import LANES, by_lane
+from hybrid_env.in_place import in_place
+from hybrid_env.track import LANES
 
 FloatArray = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
     n = hypotheses.size // 2
     best = mode
     for h in range(hypotheses.size):
-        likelier = by_lane(hypotheses[h]).log_likelihood[0] > by_lane(hypotheses[best]).log_likelihood[0]
+        likelier = in_place(hypotheses[h]).log_likelihood[0] > in_place(hypotheses[best]).log_likelihood[0]
         if likelier and bank.mode_type(h, n) == bank.mode_type(mode, n):
             best = h
     return best
@@ -125,7 +126,7 @@ def _track_run(
             note(filters, active, estimates[k], covariances[k])
             modes[k] = active
             for h in range(log_likelihood.size):
-                log_likelihood[h] = by_lane(filters.hypotheses[h]).log_likelihood[0]
+                log_likelihood[h] = in_place(filters.hypotheses[h]).log_likelihood[0]
             ratios[k] = log_likelihood - log_likelihood[active]
             winner = sprt_test(log_likelihood, running, active, upper, lower)
             k += 1

@@ -22,7 +22,8 @@ from baselines.sprt import sprt_thresholds
 from hybrid_env import bank
 from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, reject
 from hybrid_env.compiled import compiled
-from hybrid_env.lanes import LANES, by_lane
+from hybrid_env.in_place import in_place
+from hybrid_env.track import LANES
 
 FloatArray = NDArray[np.float64]
 UNDETECTED = 0
@@ -72,7 +73,7 @@ def _ratios_of_run(
     before = np.zeros(total)  # the nominal log-likelihood when filter j starts
     log_psi = np.empty((total, hypotheses))
     measurement = np.zeros((2, LANES))
-    straight = by_lane(nominal.hypotheses[0])
+    straight = in_place(nominal.hypotheses[0])
     for k in range(total):
         measurement[:, 0] = measurements[k]
         before[k] = straight.log_likelihood[0]
@@ -88,13 +89,13 @@ def _ratios_of_run(
             bank.step_bank(running, 0, 1, measurement, process_variance, rx, ry)
             for h in range(1, hypotheses):
                 # logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's
-                log_psi[j, h] = by_lane(running.hypotheses[h]).log_likelihood[0] - (
+                log_psi[j, h] = in_place(running.hypotheses[h]).log_likelihood[0] - (
                     straight.log_likelihood[0] - before[j]
                 )
                 if printed_sign:
                     determinants[j, h] += 2.0 * (
-                        by_lane(running.innovations[h]).log_variance[0]
-                        - by_lane(nominal.innovations[0]).log_variance[0]
+                        in_place(running.innovations[h]).log_variance[0]
+                        - in_place(nominal.innovations[0]).log_variance[0]
                     )
                     log_psi[j, h] += determinants[j, h]
         for h in range(1, hypotheses):

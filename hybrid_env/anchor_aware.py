@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from hybrid_env.bank import INNOVATION, LOG_TWO_PI, Quadruple
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log, sine_cosine
-from hybrid_env.instructions import prefetch
-from hybrid_env.lanes import by_lane, lanes_of
+from hybrid_env.in_place import in_place, prefetch
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, turn_centre
+from hybrid_env.track import lanes_of
 
 AWARE = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
@@ -76,7 +76,7 @@ def anchor_aware(
     # an object slower than its uncertainty has no heading to linearise at: at most about a radian
     slow = 1.0 / max(speed, math.sqrt(uu + vv), 1e-12)
     for h in range(2 * n + 1):
-        kalman = by_lane(bank.hypotheses[h])
+        kalman = in_place(bank.hypotheses[h])
         radius = 0.0
         if h > n:
             radius = -radii[h - n - 1]
@@ -313,9 +313,10 @@ def step_aware(
 ) -> None:
     """One tick of every hypothesis, for lanes first .. last - 1; arguments as in `bank.step_bank`."""
     for h in range(bank.hypotheses.size):
-        prefetch(bank.hypotheses, h, bank.hypotheses.nbytes)
+        kalman = in_place(bank.hypotheses[h])
+        prefetch(kalman, bank.hypotheses.nbytes)
         step_hypothesis(
-            by_lane(bank.hypotheses[h]), by_lane(bank.innovations[h]), first, last, measurement,
+            kalman, in_place(bank.innovations[h]), first, last, measurement,
             tau, process_variance, variance_x, variance_y,
         )  # fmt: skip
 
@@ -323,7 +324,7 @@ def step_aware(
 @internal
 def anchor_covariance(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> Ten:
     """Covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
-    P = by_lane(hypotheses[hypothesis]).covariance
+    P = in_place(hypotheses[hypothesis]).covariance
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[7, lane], P[8, lane], P[9, lane],
         P[13, lane], P[14, lane], P[18, lane],

@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.checks import check_array, check_positive
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log
-from hybrid_env.instructions import prefetch
-from hybrid_env.lanes import by_lane, lanes_of
+from hybrid_env.in_place import in_place, prefetch
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.track import lanes_of
 
 FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -112,14 +112,14 @@ def anchor_bank(
         turn_rate = 0.0 if c == 0 else speed / radii[c - 1]
         cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
         for axis in range(bank.covariances.shape[0]):
-            one = by_lane(bank.covariances[axis, c])
+            one = in_place(bank.covariances[axis, c])
             one.cosine[lane], one.sine_velocity[lane], one.sine_position[lane] = (
                 cosine, sine_velocity, sine_position,
             )  # fmt: skip
             covariance = covariance_x if axis == 0 else covariance_y
             one.xx[lane], one.xv[lane], one.vv[lane] = covariance
     for h in range(2 * n + 1):
-        kalman = by_lane(bank.hypotheses[h])
+        kalman = in_place(bank.hypotheses[h])
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
         kalman.log_likelihood[lane] = 0.0
         radius = 0.0
@@ -135,7 +135,7 @@ def anchor_bank(
 @internal
 def rewind(bank: Bank, lane: int, hypothesis: int, anchor: Quadruple) -> None:
     """Put one hypothesis back to an estimate and leave its covariance. Tsyganov 2019, lines 17 to 20."""
-    kalman = by_lane(bank.hypotheses[hypothesis])
+    kalman = in_place(bank.hypotheses[hypothesis])
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
 
 
@@ -219,17 +219,17 @@ def step_bank(
     for axis in range(axes):
         variance = variance_x if axis == 0 else variance_y
         for c in range(columns):
-            one, gain = by_lane(bank.covariances[axis, c]), by_lane(bank.gains[axis, c])
-            prefetch(bank.covariances, axis * columns + c, bank.covariances.nbytes)
+            one, gain = in_place(bank.covariances[axis, c]), in_place(bank.gains[axis, c])
+            prefetch(one, bank.covariances.nbytes)
             for lane in range(first, last):
                 innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
                 gain.whitener[lane] = math.sqrt(inverse)
                 gain.log_variance[lane] = log(innovation_variance)
     for h in range(bank.hypotheses.size):
-        kalman, innovation = by_lane(bank.hypotheses[h]), by_lane(bank.innovations[h])
-        prefetch(bank.hypotheses, h, bank.hypotheses.nbytes)
+        kalman, innovation = in_place(bank.hypotheses[h]), in_place(bank.innovations[h])
+        prefetch(kalman, bank.hypotheses.nbytes)
         column = radius_column(h, columns - 1)
-        gain_x, gain_y = by_lane(bank.gains[0, column]), by_lane(bank.gains[axes - 1, column])
+        gain_x, gain_y = in_place(bank.gains[0, column]), in_place(bank.gains[axes - 1, column])
         for lane in range(first, last):
             innovation_x, innovation_y = step_estimate(
                 kalman, gain_x, gain_y, lane, measurement[0, lane], measurement[1, lane]
@@ -264,19 +264,19 @@ def step_alone(
     column = radius_column(hypothesis, columns - 1)
     for axis in range(axes):
         variance = variance_x if axis == 0 else variance_y
-        one, gain = by_lane(bank.covariances[axis, column]), by_lane(bank.gains[axis, column])
+        one, gain = in_place(bank.covariances[axis, column]), in_place(bank.gains[axis, column])
         step_covariance(one, gain, lane, process_variance, variance)
-    kalman = by_lane(bank.hypotheses[hypothesis])
-    gain_x, gain_y = by_lane(bank.gains[0, column]), by_lane(bank.gains[axes - 1, column])
+    kalman = in_place(bank.hypotheses[hypothesis])
+    gain_x, gain_y = in_place(bank.gains[0, column]), in_place(bank.gains[axes - 1, column])
     step_estimate(kalman, gain_x, gain_y, lane, measurement_x, measurement_y)
 
 
 @internal
 def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
     """The hypothesis with the largest log-likelihood, the first of equals."""
-    best, largest = 0, by_lane(hypotheses[0]).log_likelihood[lane]
+    best, largest = 0, in_place(hypotheses[0]).log_likelihood[lane]
     for h in range(1, hypotheses.size):
-        log_likelihood = by_lane(hypotheses[h]).log_likelihood[lane]
+        log_likelihood = in_place(hypotheses[h]).log_likelihood[lane]
         if log_likelihood > largest:
             best, largest = h, log_likelihood
     return best
@@ -285,7 +285,7 @@ def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
 @internal
 def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> Quadruple:
     """[x, vx, y, vy] of one hypothesis."""
-    kalman = by_lane(hypotheses[hypothesis])
+    kalman = in_place(hypotheses[hypothesis])
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
 
 
@@ -294,7 +294,7 @@ def covariance_of(covariances: NDArray[Any], hypothesis: int, lane: int) -> tupl
     """(xx, xv, vv) of one hypothesis on each axis."""
     axes, columns = covariances.shape
     column = radius_column(hypothesis, columns - 1)
-    x, y = by_lane(covariances[0, column]), by_lane(covariances[axes - 1, column])
+    x, y = in_place(covariances[0, column]), in_place(covariances[axes - 1, column])
     return (x.xx[lane], x.xv[lane], x.vv[lane]), (y.xx[lane], y.xv[lane], y.vv[lane])
 
 

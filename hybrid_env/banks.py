@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.anchor_aware import (
+    AWARE,
     AwareBank,
     Ten,
     anchor_aware,
@@ -16,12 +17,45 @@ from hybrid_env.anchor_aware import (
     step_aware,
     step_hypothesis,
 )
-from hybrid_env.bank import Bank, Quadruple, anchor_bank, covariance_of, step_alone, step_bank
-from hybrid_env.compiled import internal_overload
-from hybrid_env.lanes import by_lane
+from hybrid_env.bank import (
+    COVARIANCE,
+    GAIN,
+    HYPOTHESIS,
+    INNOVATION,
+    Bank,
+    Quadruple,
+    anchor_bank,
+    covariance_of,
+    step_alone,
+    step_bank,
+)
+from hybrid_env.compiled import internal, internal_overload
+from hybrid_env.in_place import array_at, in_place
 
 IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I of the published algorithms, as an upper triangle."""
+
+
+@internal
+def published(setting: Any, blocks: int) -> Bank:
+    """The published banks of all blocks, where `track.PARAMETERS` says."""
+    n, axes = setting.radii_count, setting.axes
+    return Bank(
+        array_at(setting.hypotheses, (blocks, 2 * n + 1), HYPOTHESIS),
+        array_at(setting.covariances, (blocks, axes, n + 1), COVARIANCE),
+        array_at(setting.innovations, (2 * n + 1,), INNOVATION),
+        array_at(setting.gains, (axes, n + 1), GAIN),
+    )
+
+
+@internal
+def aware(setting: Any, blocks: int) -> AwareBank:
+    """The anchor-aware banks of all blocks."""
+    hypotheses = 2 * setting.radii_count + 1
+    return AwareBank(
+        array_at(setting.hypotheses, (blocks, hypotheses), AWARE),
+        array_at(setting.innovations, (hypotheses,), INNOVATION),
+    )
 
 
 def bank_of_block(banks: Any, block: int) -> Any:
@@ -87,10 +121,10 @@ def _step_aware(bank, first, last, measurement, setting):  # type: ignore[no-unt
 
 
 def _follow_aware(bank, lane, hypothesis, measurement, setting):  # type: ignore[no-untyped-def]
-    kalman = by_lane(bank.hypotheses[hypothesis])
+    kalman = in_place(bank.hypotheses[hypothesis])
     log_likelihood = kalman.log_likelihood[lane]
     step_hypothesis(
-        kalman, by_lane(bank.innovations[hypothesis]), lane, lane + 1, measurement,
+        kalman, in_place(bank.innovations[hypothesis]), lane, lane + 1, measurement,
         setting.tau, setting.process_variance, setting.variance_x, setting.variance_y,
     )  # fmt: skip
     kalman.log_likelihood[lane] = log_likelihood

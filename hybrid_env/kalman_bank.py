@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.bank import IDENTITY, Bank, FloatArray, anchor_bank, bank_arrays, noise_axes, step_bank
 from hybrid_env.checks import check_array, check_positive, check_radii
 from hybrid_env.compiled import compiled
-from hybrid_env.lanes import LANES
+from hybrid_env.track import LANES
 
 
 @compiled

@@ -12,31 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env import banks
-from hybrid_env.anchor_aware import AWARE, AwareBank
-from hybrid_env.bank import (
-    COVARIANCE,
-    GAIN,
-    HYPOTHESIS,
-    INNOVATION,
-    Bank,
-    estimate_of,
-    likeliest,
-    mode_type,
-)
+from hybrid_env.bank import estimate_of, likeliest, mode_type
 from hybrid_env.compiled import compiled, formula, internal
-from hybrid_env.instructions import array_at, prefetch, smaller
-from hybrid_env.lanes import LANES, by_lane
+from hybrid_env.in_place import array_at, prefetch
+from hybrid_env.instructions import smaller
 from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
-from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, PARAMETERS, SCRATCH, TRACE_COLUMNS
+from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
 
 NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
+BLOCK_SIZE = BLOCK.itemsize  # bytes
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
-FLOATS_OF_LINE = CACHE_LINE // 4
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
 
 
@@ -251,12 +241,14 @@ def _decide(
 
 
 @internal
-def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
+def _advance(reset: bool, world: int, open_banks: Any) -> int:
+    setting = array_at(world, (1,), PARAMETERS)[0]
     tracks, n = setting.tracks, setting.radii_count
     number = (tracks + LANES - 1) // LANES
     actions = array_at(setting.actions, (tracks,), np.int64)
     blocks = array_at(setting.blocks, (number,), BLOCK)
-    scratch = by_lane(array_at(setting.scratch, (1,), SCRATCH)[0])
+    all_banks = open_banks(setting, number)
+    scratch = array_at(setting.scratch, (1,), SCRATCH)[0]
     radii = array_at(setting.radii, (n,), np.float64)
     table = array_at(setting.table, (setting.table_rows, 3), np.float64)
     trace = array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64)
@@ -272,9 +264,9 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                 return -1 - i
     events = 0
     for b in range(number):
-        block, bank = by_lane(blocks[b]), banks.bank_of_block(all_banks, b)
+        block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = smaller(LANES, tracks - b * LANES)
-        prefetch(blocks, b + 1, 0)  # at once: it is small beside the bank
+        prefetch(block, BLOCK_SIZE)  # the next, at once: it is small beside the bank
         begun = resting = 0
         for lane in range(lanes):
             i = b * LANES + lane
@@ -330,8 +322,8 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                     i = b * LANES + lane
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]
-                    for k in range(0, row.size, FLOATS_OF_LINE):
-                        prefetch(row, k, LANES * row.nbytes)  # of the same lane in the next block
+                    for offset in range(0, row.nbytes, CACHE_LINE):
+                        prefetch(row, LANES * row.nbytes + offset)  # of the same lane in the next block
                     if begun & (1 << lane):
                         write_segment(
                             row, block, lane, radii,
@@ -339,11 +331,6 @@ def _advance(reset: bool, setting: Any, all_banks: Any) -> int:
                         )  # fmt: skip
                     write_tick(row, block, lane, scratch, bank, setting.log_noise, setting.noise_whitener)
     return events
-
-
-@internal
-def _setting(world: int) -> Any:
-    return array_at(world, (1,), PARAMETERS)[0]
 
 
 @compiled
@@ -360,24 +347,10 @@ def advance_tracks(reset: bool, world: int) -> int:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with nothing
         done, if the action of track i is outside the space.
     """
-    setting = _setting(world)
-    n, axes, number = setting.radii_count, setting.axes, (setting.tracks + LANES - 1) // LANES
-    filters = Bank(
-        array_at(setting.hypotheses, (number, 2 * n + 1), HYPOTHESIS),
-        array_at(setting.covariances, (number, axes, n + 1), COVARIANCE),
-        array_at(setting.innovations, (2 * n + 1,), INNOVATION),
-        array_at(setting.gains, (axes, n + 1), GAIN),
-    )
-    return _advance(reset, setting, filters)
+    return _advance(reset, world, banks.published)
 
 
 @compiled
 def advance_aware_tracks(reset: bool, world: int) -> int:
     """`advance_tracks` with the anchor-aware bank."""
-    setting = _setting(world)
-    hypotheses, number = 2 * setting.radii_count + 1, (setting.tracks + LANES - 1) // LANES
-    filters = AwareBank(
-        array_at(setting.hypotheses, (number, hypotheses), AWARE),
-        array_at(setting.innovations, (hypotheses,), INNOVATION),
-    )
-    return _advance(reset, setting, filters)
+    return _advance(reset, world, banks.aware)

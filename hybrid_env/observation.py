@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from hybrid_env.checks import reject
 from hybrid_env.compiled import internal
 from hybrid_env.elementary import exp, log
+from hybrid_env.in_place import in_place
 from hybrid_env.instructions import larger, smaller
-from hybrid_env.lanes import by_lane
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
 LARGEST = 1e6  # innovations over their deviation are clipped here
@@ -141,15 +141,15 @@ def write_segment(
 def weigh(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
     """The largest log-likelihood, and the logarithm of the posterior that is not its hypothesis's."""
     for lane in range(first, last):
-        scratch.top[lane] = by_lane(hypotheses[0]).log_likelihood[lane]
+        scratch.top[lane] = in_place(hypotheses[0]).log_likelihood[lane]
         scratch.doubt[lane] = 0.0
         scratch.equals[lane] = -1.0  # the best itself
     for h in range(1, hypotheses.size):
-        kalman = by_lane(hypotheses[h])
+        kalman = in_place(hypotheses[h])
         for lane in range(first, last):
             scratch.top[lane] = larger(scratch.top[lane], kalman.log_likelihood[lane])
     for h in range(hypotheses.size):
-        kalman = by_lane(hypotheses[h])
+        kalman = in_place(hypotheses[h])
         for lane in range(first, last):
             ratio = kalman.log_likelihood[lane] - scratch.top[lane]
             below = ratio < 0.0  # the equals apart: beside a 1, the small ones would lose their digits
@@ -181,7 +181,7 @@ def write_tick(
     along_x, along_y = block.heading[0, lane], block.heading[1, lane]
     top = scratch.top[lane]
     for h in range(M):
-        kalman, innovation = by_lane(bank.hypotheses[h]), by_lane(bank.innovations[h])
+        kalman, innovation = in_place(bank.hypotheses[h]), in_place(bank.innovations[h])
         white_x = larger(smaller(innovation.white_x[lane], LARGEST), -LARGEST)
         white_y = larger(smaller(innovation.white_y[lane], LARGEST), -LARGEST)
         row[h] = LOG_SCALE * larger(kalman.log_likelihood[lane] - top, LOG_FLOOR)

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.bank import noise_axes
 from hybrid_env.checks import check_array, check_integer, check_positive, reject
 from hybrid_env.compiled import compiled
+from hybrid_env.in_place import in_place
 from hybrid_env.kernel import move, turn
-from hybrid_env.lanes import LANES, by_lane
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.scheme import FixedScheme, parse_scheme
-from hybrid_env.track import BLOCK
+from hybrid_env.track import BLOCK, LANES
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def _simulate(
     measurements: NDArray[np.float64],
 ) -> None:
     for b in range(blocks.size):
-        block = by_lane(blocks[b])
+        block = in_place(blocks[b])
         k = 0
         for piece in range(lengths.size):
             for lane in range(LANES):

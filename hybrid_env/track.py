@@ -1,8 +1,21 @@
-"""The records of the kernel: the state of tracks, the options as the kernel reads them, the trace."""
+"""The records of the kernel: the state of tracks, the options as the kernel reads them, the trace.
+
+Tracks lie side by side in blocks of `LANES`: every field of a block holds the number of each of its tracks,
+so that a loop over lanes has a fixed length and constant strides, and becomes SIMD code.
+"""
+
+from typing import Any
 
 import numpy as np
 
-from hybrid_env.lanes import lanes_of
+LANES = 8
+"""Tracks of a block: eight float64 fill a cache line and the widest vector register."""
+
+
+def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
+    """A record whose fields hold an array of a shape for each lane, lanes innermost."""
+    return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
+
 
 BLOCK = lanes_of(
     ("random_state", np.uint64, (4,)),

@@ -10,7 +10,7 @@ from numba import njit
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
 from hybrid_env.anchor_aware import anchor_aware, anchor_covariance, aware_arrays, step_aware
-from hybrid_env.lanes import LANES
+from hybrid_env.track import LANES
 
 TRIANGLE = np.triu_indices(4)
 

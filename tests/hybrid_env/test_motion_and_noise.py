@@ -8,8 +8,8 @@ from numba import njit
 from scipy import stats
 
 from hybrid_env import motion
-from hybrid_env.lanes import LANES
 from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, next_uint64, uniform
+from hybrid_env.track import LANES
 
 propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
 heading_vector, turn_centre = motion.heading_vector.py_func, motion.turn_centre.py_func

@@ -1,0 +1,249 @@
+"""Records and arrays where they lie in memory: in compiled code, an access is one load or store.
+
+For `record.field[lane]` numba makes an array of the field, then asks whether the index counts from the end;
+an array is nine numbers to every function that it is given to. LLVM removes that again, but it was three in
+five of all instructions and a third of a first start. Here a record is its address, an array, C-ordered, its
+address and extents. Indices are not checked and must not be negative.
+"""
+
+import itertools
+import operator
+import zlib
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_global, signature
+from numba.extending import (
+    infer_getattr,
+    intrinsic,
+    lower_builtin,
+    lower_getattr_generic,
+    models,
+    register_model,
+)
+from numba.np.numpy_support import as_dtype
+
+from hybrid_env.memory import CACHE_LINE
+
+WORD = ir.IntType(64)
+
+
+class _Record(types.Type):
+    """A record in place."""
+
+    def __init__(self, record: types.Record):
+        self.record = record
+        super().__init__(f"InPlace({zlib.crc32(repr(record).encode()):08x})")  # short: symbols contain it
+
+    @property
+    def key(self) -> Any:
+        return self.record
+
+
+class _Array(types.Type):
+    """An array in place; extents that are None are known only to the program."""
+
+    def __init__(self, dtype: types.Type, extents: tuple[int | None, ...]):
+        self.dtype, self.extents = dtype, extents
+        self.itemsize = as_dtype(dtype).itemsize
+        self.element = _Record(dtype) if isinstance(dtype, types.Record) else dtype
+        super().__init__(f"InPlace({self.element}, {extents})")
+
+
+register_model(_Record)(models.OpaqueModel)
+
+
+@register_model(_Array)
+def _model(manager: Any, array: _Array) -> Any:
+    if None not in array.extents:
+        return models.OpaqueModel(manager, array)
+    free = [(f"extent{k}", types.intp) for k, extent in enumerate(array.extents) if extent is None]
+    return models.StructModel(manager, array, [("start", types.voidptr), *free])
+
+
+def _make(context: Any, builder: Any, array: _Array, start: Any, extents: Any) -> Any:
+    if None not in array.extents:
+        return start
+    made = builder.insert_value(ir.Constant(context.get_value_type(array), ir.Undefined), start, 0)
+    free = [each for each, known in zip(extents, array.extents, strict=True) if known is None]
+    for position, extent in enumerate(free, 1):
+        made = builder.insert_value(made, extent, position)
+    return made
+
+
+def _open(builder: Any, array: _Array, value: Any) -> tuple[Any, list[Any]]:
+    """Address and extents of an array."""
+    if None not in array.extents:
+        return value, [WORD(extent) for extent in array.extents]
+    positions = itertools.count(1)
+    return builder.extract_value(value, 0), [
+        builder.extract_value(value, next(positions)) if extent is None else WORD(extent)
+        for extent in array.extents
+    ]
+
+
+def _in_place(_typing: Any, record: Any) -> Any:
+    def build(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], cgutils.voidptr_t)
+
+    return (record if isinstance(record, _Record) else _Record(record))(record), build
+
+
+in_place: Any = intrinsic(_in_place)
+"""A record where it lies: `record.field` is a number or an array in place."""
+
+
+def _array_at(_typing: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    array = _Array(dtype.dtype, (None,) * len(shape))
+
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        extents = [
+            context.cast(builder, extent, kind, types.intp)
+            for extent, kind in zip(cgutils.unpack_tuple(builder, arguments[1]), shape, strict=True)
+        ]
+        start = builder.inttoptr(arguments[0], cgutils.voidptr_t)
+        return _make(context, builder, array, start, extents)
+
+    return array(address, shape, dtype), build
+
+
+array_at: Any = intrinsic(_array_at)
+"""The array of a shape and dtype that begins at an address."""
+
+
+def _prefetch(_typing: Any, place: Any, beyond: Any) -> Any:
+    size = place.record.size if isinstance(place, _Record) else CACHE_LINE
+
+    def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        start = arguments[0]
+        if isinstance(place, _Array):
+            start, _extents = _open(builder, place, start)
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
+        to_write, keep, data = number(1), number(3), number(1)
+        for offset in range(0, size, CACHE_LINE):
+            line = builder.gep(start, [builder.add(arguments[1], WORD(offset))])
+            builder.call(function, [line, to_write, keep, data])
+        return context.get_dummy_value()
+
+    return types.none(place, types.intp), build
+
+
+prefetch: Any = intrinsic(_prefetch)
+"""Ask for what lies a number of bytes beyond a record in place, of its size, or for one cache line beyond
+the start of an array.
+
+It comes while others are at work. Nothing happens where there is no memory, so callers need not check for the
+last element.
+"""
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = _Record
+
+    def generic_resolve(self, place: Any, name: str) -> Any:  # type: ignore[override]
+        if name not in place.record.fields:
+            return None
+        field = place.record.typeof(name)
+        return _Array(field.dtype, field.shape) if isinstance(field, types.NestedArray) else field
+
+
+@lower_getattr_generic(_Record)
+def _field(context: Any, builder: Any, place: Any, record: Any, name: str) -> Any:
+    field = place.record.typeof(name)
+    start = builder.gep(record, [WORD(place.record.offset(name))])
+    if isinstance(field, types.NestedArray):
+        return _make(context, builder, _Array(field.dtype, field.shape), start, field.shape)
+    pointer = builder.bitcast(start, context.get_data_type(field).as_pointer())
+    return context.unpack_value(builder, field, pointer, align=1)  # records are packed
+
+
+@infer_getattr
+class _Extents(AttributeTemplate):
+    key = _Array
+
+    def resolve_shape(self, array: Any) -> Any:
+        return types.UniTuple(types.intp, len(array.extents))
+
+    def resolve_size(self, _array: Any) -> Any:
+        return types.intp
+
+    def resolve_nbytes(self, _array: Any) -> Any:
+        return types.intp
+
+
+@lower_getattr_generic(_Array)
+def _extent(context: Any, builder: Any, array: Any, value: Any, name: str) -> Any:
+    extents = _open(builder, array, value)[1]
+    if name == "shape":
+        return context.make_tuple(builder, types.UniTuple(types.intp, len(extents)), extents)
+    product = WORD(array.itemsize) if name == "nbytes" else WORD(1)
+    for extent in extents:
+        product = builder.mul(product, extent)
+    return product
+
+
+def _left(array: _Array, index: Any) -> tuple[int | None, ...]:
+    """The extents that an index, a number or a tuple of them, leaves."""
+    return array.extents[len(index) if isinstance(index, types.BaseTuple) else 1 :]
+
+
+def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any, list[Any]]:
+    """Address of what an index stands for, and all extents."""
+    array, kinds = call.args[:2]
+    start, extents = _open(builder, array, arguments[0])
+    numbers = [arguments[1]]
+    if isinstance(kinds, types.BaseTuple):
+        numbers = cgutils.unpack_tuple(builder, arguments[1])
+    else:
+        kinds = [kinds]
+    flat = WORD(0)
+    for k, extent in enumerate(extents):
+        flat = builder.mul(flat, extent)
+        if k < len(numbers):
+            flat = builder.add(flat, context.cast(builder, numbers[k], kinds[k], types.intp))
+    return builder.gep(start, [builder.mul(flat, WORD(array.itemsize))]), extents
+
+
+@infer_global(operator.getitem)
+class _Item(AbstractTemplate):
+    def generic(self, arguments: Any, _: Any) -> Any:
+        array, index = arguments
+        if not isinstance(array, _Array):
+            return None
+        left = _left(array, index)
+        return signature(_Array(array.dtype, left) if left else array.element, array, index)
+
+
+@lower_builtin(operator.getitem, _Array, types.Any)
+def _load(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+    start, extents = _locate(context, builder, call, arguments)
+    found = call.return_type
+    if isinstance(found, _Array):
+        return _make(context, builder, found, start, extents[-len(found.extents) :])
+    if isinstance(found, _Record):
+        return start
+    pointer = builder.bitcast(start, context.get_data_type(found).as_pointer())
+    return context.unpack_value(builder, found, pointer)
+
+
+@infer_global(operator.setitem)
+class _SetItem(AbstractTemplate):
+    def generic(self, arguments: Any, _: Any) -> Any:
+        array, index, _value = arguments
+        if not isinstance(array, _Array) or _left(array, index) or isinstance(array.element, _Record):
+            return None
+        return signature(types.none, array, index, array.dtype)
+
+
+@lower_builtin(operator.setitem, _Array, types.Any, types.Any)
+def _store(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+    start, _extents = _locate(context, builder, call, arguments)
+    dtype = call.args[0].dtype
+    pointer = builder.bitcast(start, context.get_data_type(dtype).as_pointer())
+    context.pack_value(builder, dtype, arguments[2], pointer)
+    return context.get_dummy_value()

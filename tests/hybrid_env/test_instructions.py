@@ -1,0 +1,31 @@
+"""Single instructions against what Python says."""
+
+import itertools
+import struct
+
+import pytest
+from numba import njit
+
+from hybrid_env.instructions import larger, reinterpret, smaller
+
+NUMBERS = [-float("inf"), -1e300, -1.5, 0.0, 5e-324, 1.0, 1e300, float("inf")]
+
+
+@pytest.mark.parametrize("values", [NUMBERS, [-(2**63), -1, 0, 7, 2**63 - 1]], ids=["numbers", "integers"])
+def test_larger_and_smaller(values):
+    @njit
+    def both(a, b):
+        return larger(a, b), smaller(a, b)
+
+    for a, b in itertools.product(values, repeat=2):
+        assert both(a, b) == (max(a, b), min(a, b))
+
+
+def test_bits_of_numbers_and_back():
+    @njit
+    def around(x):
+        return reinterpret(x), reinterpret(reinterpret(x))
+
+    for number in NUMBERS:
+        (bits,) = struct.unpack("<q", struct.pack("<d", number))
+        assert around(number) == (bits, number)
