@@ -113,7 +113,7 @@ def test_numbers_of_a_packed_record_need_no_alignment():
         total = 0.0
         for k in range(count):
             one = array_at(address, (count,), PACKED)[k]
-            total += one.small + one.number + one.count + one.at + (1000.0 if one.flag else 0.0)
+            total += one.small + one.number + one.count + one.place + (1000.0 if one.flag else 0.0)
         return total
 
     memory = np.array([(True, 0.5, 0.25, -3, 7), (False, 1.5, 2.25, 5, 1)], PACKED)
