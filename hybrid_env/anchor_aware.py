@@ -314,7 +314,7 @@ def step_aware(
     """One tick of every hypothesis, for lanes first .. last - 1; arguments as in `bank.step_bank`."""
     for h in range(bank.hypotheses.size):
         kalman = in_place(bank.hypotheses[h])
-        prefetch(kalman, bank.hypotheses.nbytes)
+        prefetch(kalman, bank.hypotheses.nbytes, AWARE)
         step_hypothesis(
             kalman, in_place(bank.innovations[h]), first, last, measurement,
             tau, process_variance, variance_x, variance_y,

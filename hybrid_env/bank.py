@@ -220,14 +220,14 @@ def step_bank(
         variance = variance_x if axis == 0 else variance_y
         for c in range(columns):
             one, gain = in_place(bank.covariances[axis, c]), in_place(bank.gains[axis, c])
-            prefetch(one, bank.covariances.nbytes)
+            prefetch(one, bank.covariances.nbytes, COVARIANCE)
             for lane in range(first, last):
                 innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
                 gain.whitener[lane] = math.sqrt(inverse)
                 gain.log_variance[lane] = log(innovation_variance)
     for h in range(bank.hypotheses.size):
         kalman, innovation = in_place(bank.hypotheses[h]), in_place(bank.innovations[h])
-        prefetch(kalman, bank.hypotheses.nbytes)
+        prefetch(kalman, bank.hypotheses.nbytes, HYPOTHESIS)
         column = radius_column(h, columns - 1)
         gain_x, gain_y = in_place(bank.gains[0, column]), in_place(bank.gains[axes - 1, column])
         for lane in range(first, last):

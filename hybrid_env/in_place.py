@@ -113,8 +113,8 @@ array_at: Any = intrinsic(_array_at)
 """The array of a shape and dtype that begins at an address."""
 
 
-def _prefetch(_typing: Any, place: Any, beyond: Any) -> Any:
-    size = place.record.size if isinstance(place, _Record) else CACHE_LINE
+def _prefetch(_typing: Any, place: Any, beyond: Any, dtype: Any) -> Any:
+    size = as_dtype(dtype.dtype).itemsize
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         start = arguments[0]
@@ -129,12 +129,11 @@ def _prefetch(_typing: Any, place: Any, beyond: Any) -> Any:
             builder.call(function, [line, to_write, keep, data])
         return context.get_dummy_value()
 
-    return types.none(place, types.intp), build
+    return types.none(place, types.intp, dtype), build
 
 
 prefetch: Any = intrinsic(_prefetch)
-"""Ask for what lies a number of bytes beyond a record in place, of its size, or for one cache line beyond
-the start of an array.
+"""Ask for the element of a dtype that lies a number of bytes beyond the start of a record or an array.
 
 It comes while others are at work. Nothing happens where there is no memory, so callers need not check for the
 last element.

@@ -20,7 +20,16 @@ from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.observation import row_width, weigh, write_segment, write_tick
-from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, PARAMETERS, SCRATCH, TRACE_COLUMNS
+from hybrid_env.track import (
+    BLOCK,
+    DECISION,
+    DECISION_FLAGS,
+    EVERY_TICK,
+    LANES,
+    PARAMETERS,
+    SCRATCH,
+    TRACE_COLUMNS,
+)
 
 NOTHING = (0.0,) * 10  # covariance of an anchor that is the truth
 TRACE_WIDTH = len(TRACE_COLUMNS)
@@ -266,7 +275,7 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
     for b in range(number):
         block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = smaller(LANES, tracks - b * LANES)
-        prefetch(block, BLOCK_SIZE)  # the next, at once: it is small beside the bank
+        prefetch(block, BLOCK_SIZE, EVERY_TICK)  # of the next, at once: it is small beside the bank
         begun = resting = 0
         for lane in range(lanes):
             i = b * LANES + lane
@@ -323,7 +332,9 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]
                     for offset in range(0, row.nbytes, CACHE_LINE):
-                        prefetch(row, LANES * row.nbytes + offset)  # of the same lane in the next block
+                        prefetch(
+                            row, LANES * row.nbytes + offset, np.float32
+                        )  # of the same lane in the next block
                     if begun & (1 << lane):
                         write_segment(
                             row, block, lane, radii,

@@ -17,7 +17,7 @@ def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
 
 
-BLOCK = lanes_of(
+_TICK = (
     ("random_state", np.uint64, (4,)),
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
     ("true_centre", np.float64, (2,)),  # [m]
@@ -25,18 +25,25 @@ BLOCK = lanes_of(
     ("measurement", np.float64, (2,)),  # [m]
     ("anchor", np.float64, (4,)),  # what the bank starts from: the estimate, or the truth of an oracle
     ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
-    ("speed", np.float64, ()),  # of the anchor [m/s]
-    ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("estimate", np.float64, (4,)),  # of the active filter
     ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
-    ("segment", np.int64, ()),
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
     ("length", np.int64, ()),  # of the segment in ticks
-    ("true_mode", np.int64, ()),
     ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
+)
+_SEGMENT = (
+    ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
+    ("speed", np.float64, ()),  # of the anchor [m/s]
+    ("segment", np.int64, ()),
+    ("true_mode", np.int64, ()),
     ("traced", np.int64, ()),  # rows written to the trace in this call
 )
+
+BLOCK = lanes_of(*_TICK, *_SEGMENT)
 """State of `LANES` tracks."""
+
+EVERY_TICK = lanes_of(*_TICK)
+"""The front of a block, which every tick reads or writes."""
 
 SCRATCH = lanes_of(
     ("going", np.int64, ()),  # whether the track takes this tick

@@ -124,8 +124,8 @@ def test_prefetching_beyond_all_memory_does_nothing():
     @njit
     def ask(address, count):
         pairs = array_at(address, (count,), PAIR)
-        prefetch(pairs, pairs.nbytes)
-        prefetch(pairs[count - 1], 1 << 40)
+        prefetch(pairs, pairs.nbytes, np.float64)
+        prefetch(pairs[count - 1], 1 << 40, PAIR)
         return pairs.nbytes
 
     memory = np.zeros(2, PAIR)
