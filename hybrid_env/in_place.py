@@ -192,7 +192,7 @@ def _left(array: _Array, index: Any) -> tuple[int | None, ...]:
 
 
 def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any, list[Any]]:
-    """Address of what an index stands for, and all extents."""
+    """Pointer to the first element that an index stands for, and all extents."""
     array, kinds = call.args[:2]
     start, extents = _open(builder, array, arguments[0])
     numbers = [arguments[1]]
@@ -200,12 +200,15 @@ def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any,
         numbers = cgutils.unpack_tuple(builder, arguments[1])
     else:
         kinds = [kinds]
-    flat = WORD(0)
+    flat = None
     for k, extent in enumerate(extents):
-        flat = builder.mul(flat, extent)
+        if flat is not None:
+            flat = builder.mul(flat, extent)
         if k < len(numbers):
-            flat = builder.add(flat, context.cast(builder, numbers[k], kinds[k], types.intp))
-    return builder.gep(start, [builder.mul(flat, WORD(array.itemsize))]), extents
+            number = context.cast(builder, numbers[k], kinds[k], types.intp)
+            flat = number if flat is None else builder.add(flat, number)
+    element = context.get_data_type(array.dtype).as_pointer()
+    return builder.gep(builder.bitcast(start, element), [flat]), extents
 
 
 @infer_global(operator.getitem)
@@ -220,14 +223,14 @@ class _Item(AbstractTemplate):
 
 @lower_builtin(operator.getitem, _Array, types.Any)
 def _load(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
-    start, extents = _locate(context, builder, call, arguments)
+    place, extents = _locate(context, builder, call, arguments)
     found = call.return_type
-    if isinstance(found, _Array):
-        return _make(context, builder, found, start, extents[-len(found.extents) :])
+    if not isinstance(found, _Array | _Record):
+        return context.unpack_value(builder, found, place)
+    start = builder.bitcast(place, cgutils.voidptr_t)
     if isinstance(found, _Record):
         return start
-    pointer = builder.bitcast(start, context.get_data_type(found).as_pointer())
-    return context.unpack_value(builder, found, pointer)
+    return _make(context, builder, found, start, extents[-len(found.extents) :])
 
 
 @infer_global(operator.setitem)
@@ -241,8 +244,6 @@ class _SetItem(AbstractTemplate):
 
 @lower_builtin(operator.setitem, _Array, types.Any, types.Any)
 def _store(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
-    start, _extents = _locate(context, builder, call, arguments)
-    dtype = call.args[0].dtype
-    pointer = builder.bitcast(start, context.get_data_type(dtype).as_pointer())
-    context.pack_value(builder, dtype, arguments[2], pointer)
+    place, _extents = _locate(context, builder, call, arguments)
+    context.pack_value(builder, call.args[0].dtype, arguments[2], place)
     return context.get_dummy_value()
