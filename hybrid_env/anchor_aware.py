@@ -19,6 +19,7 @@ from hybrid_env.bank import INNOVATION, LOG_TWO_PI, Quadruple
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log, sine_cosine
 from hybrid_env.in_place import in_place, prefetch
+from hybrid_env.instructions import span
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, turn_centre
 from hybrid_env.track import lanes_of
@@ -75,7 +76,7 @@ def anchor_aware(
     speed, along_x, along_y = heading_vector(anchor[1], anchor[3])
     # an object slower than its uncertainty has no heading to linearise at: at most about a radian
     slow = 1.0 / max(speed, math.sqrt(uu + vv), 1e-12)
-    for h in range(2 * n + 1):
+    for h in span(0, 2 * n + 1):
         kalman = in_place(bank.hypotheses[h])
         radius = 0.0
         if h > n:
@@ -169,7 +170,7 @@ def step_hypothesis(
 ) -> None:
     """Predict, compare with the measurement, correct, add to the log-likelihood: one hypothesis, one tick."""
     P = kalman.covariance
-    for lane in range(first, last):
+    for lane in span(first, last):
         x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
         centre_x, centre_y, rate = kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane]
         C, quotient, product, derivative = turn_derivatives(rate * tau)
@@ -312,7 +313,7 @@ def step_aware(
     variance_y: float,
 ) -> None:
     """One tick of every hypothesis, for lanes first .. last - 1; arguments as in `bank.step_bank`."""
-    for h in range(bank.hypotheses.size):
+    for h in span(0, bank.hypotheses.size):
         kalman = in_place(bank.hypotheses[h])
         prefetch(kalman, bank.hypotheses.nbytes, AWARE)
         step_hypothesis(

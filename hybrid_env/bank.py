@@ -19,6 +19,7 @@ from hybrid_env.checks import check_array, check_positive
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import log
 from hybrid_env.in_place import in_place, prefetch
+from hybrid_env.instructions import span
 from hybrid_env.memory import aligned_zeros
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.track import lanes_of
@@ -108,17 +109,17 @@ def anchor_bank(
     """
     n = radii.size
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
-    for c in range(n + 1):
+    for c in span(0, n + 1):
         turn_rate = 0.0 if c == 0 else speed / radii[c - 1]
         cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
-        for axis in range(bank.covariances.shape[0]):
+        for axis in span(0, bank.covariances.shape[0]):
             one = in_place(bank.covariances[axis, c])
             one.cosine[lane], one.sine_velocity[lane], one.sine_position[lane] = (
                 cosine, sine_velocity, sine_position,
             )  # fmt: skip
             covariance = covariance_x if axis == 0 else covariance_y
             one.xx[lane], one.xv[lane], one.vv[lane] = covariance
-    for h in range(2 * n + 1):
+    for h in span(0, 2 * n + 1):
         kalman = in_place(bank.hypotheses[h])
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = anchor
         kalman.log_likelihood[lane] = 0.0
@@ -216,21 +217,21 @@ def step_bank(
         variance_x, variance_y: R [m^2].
     """
     axes, columns = bank.covariances.shape
-    for axis in range(axes):
+    for axis in span(0, axes):
         variance = variance_x if axis == 0 else variance_y
-        for c in range(columns):
+        for c in span(0, columns):
             one, gain = in_place(bank.covariances[axis, c]), in_place(bank.gains[axis, c])
             prefetch(one, bank.covariances.nbytes, COVARIANCE)
-            for lane in range(first, last):
+            for lane in span(first, last):
                 innovation_variance, inverse = step_covariance(one, gain, lane, process_variance, variance)
                 gain.whitener[lane] = math.sqrt(inverse)
                 gain.log_variance[lane] = log(innovation_variance)
-    for h in range(bank.hypotheses.size):
+    for h in span(0, bank.hypotheses.size):
         kalman, innovation = in_place(bank.hypotheses[h]), in_place(bank.innovations[h])
         prefetch(kalman, bank.hypotheses.nbytes, HYPOTHESIS)
         column = radius_column(h, columns - 1)
         gain_x, gain_y = in_place(bank.gains[0, column]), in_place(bank.gains[axes - 1, column])
-        for lane in range(first, last):
+        for lane in span(first, last):
             innovation_x, innovation_y = step_estimate(
                 kalman, gain_x, gain_y, lane, measurement[0, lane], measurement[1, lane]
             )
@@ -262,7 +263,7 @@ def step_alone(
     """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
-    for axis in range(axes):
+    for axis in span(0, axes):
         variance = variance_x if axis == 0 else variance_y
         one, gain = in_place(bank.covariances[axis, column]), in_place(bank.gains[axis, column])
         step_covariance(one, gain, lane, process_variance, variance)
@@ -275,7 +276,7 @@ def step_alone(
 def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
     """The hypothesis with the largest log-likelihood, the first of equals."""
     best, largest = 0, in_place(hypotheses[0]).log_likelihood[lane]
-    for h in range(1, hypotheses.size):
+    for h in span(1, hypotheses.size):
         log_likelihood = in_place(hypotheses[h]).log_likelihood[lane]
         if log_likelihood > largest:
             best, largest = h, log_likelihood

@@ -15,7 +15,7 @@ from hybrid_env import banks
 from hybrid_env.bank import estimate_of, likeliest, mode_type
 from hybrid_env.compiled import compiled, formula, internal
 from hybrid_env.in_place import array_at, prefetch
-from hybrid_env.instructions import smaller
+from hybrid_env.instructions import smaller, span
 from hybrid_env.memory import CACHE_LINE
 from hybrid_env.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.noise import draw_noise, draw_noise_ahead, integer_below, uniform
@@ -101,7 +101,7 @@ def move(
     each axis [m]. outliers: share of measurements with `noise.OUTLIER` times that deviation.
     """
     draw_noise(block.random_state, noise, first, last, outliers)
-    for lane in range(first, last):
+    for lane in span(first, last):
         _move(block, lane, noise, lane, process_deviation, deviation_x, deviation_y)
 
 
@@ -127,7 +127,7 @@ def _account(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.
     block.squared_error[lane] += error_x * error_x + error_y * error_y
     if trace.shape[0] > 0 and block.traced[lane] < trace.shape[0]:
         row = trace[block.traced[lane]]
-        for k in range(4):
+        for k in span(0, 4):
             row[k] = block.truth[k, lane]
         row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
         row[6], row[7] = x, y
@@ -148,14 +148,14 @@ def _begin_segment(
     """Anchor the object at its true state and the bank at the estimate; the first tick is still to come."""
     if parameters.random_scheme:
         row = integer_below(block.random_state, lane, table.shape[0])
-        span = parameters.longest - parameters.shortest + 1
-        block.length[lane] = parameters.shortest + integer_below(block.random_state, lane, span)
+        lengths = parameters.longest - parameters.shortest + 1
+        block.length[lane] = parameters.shortest + integer_below(block.random_state, lane, lengths)
     else:
         row = block.segment[lane]
         block.length[lane] = np.int64(table[row, 2])
     block.true_mode[lane] = np.int64(table[row, 1])
     turn(block, lane, table[row, 0], parameters.tau)
-    for k in range(4):
+    for k in span(0, 4):
         block.anchor[k, lane] = block.truth[k, lane] if parameters.oracle else block.estimate[k, lane]
     anchor = (
         block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
@@ -185,9 +185,9 @@ def _begin_episode(block: Any, scratch: Any, lane: int, parameters: Any) -> None
     block.truth[1, lane] = parameters.speed * math.cos(heading)
     block.truth[3, lane] = parameters.speed * math.sin(heading)
     draw_noise(block.random_state, scratch.noise, lane, lane + 1, 0.0)
-    for k in range(len(NOTHING)):
+    for k in span(0, len(NOTHING)):
         block.kept_covariance[k, lane] = 0.0
-    for axis in range(2):
+    for axis in span(0, 2):
         variance = parameters.variance_x if axis == 0 else parameters.variance_y
         position_variance = parameters.initial_position * variance
         velocity_variance = parameters.initial_velocity
@@ -236,7 +236,7 @@ def _decide(
         ticks = smaller(LANES, block.length[lane] - block.tick[lane])
         # noise of many ticks at once becomes SIMD code
         draw_noise_ahead(block.random_state, lane, scratch.noise, ticks, parameters.outliers)
-        for column in range(ticks):
+        for column in span(0, ticks):
             _move(
                 block, lane, scratch.noise, column,
                 parameters.process_deviation, parameters.deviation_x, parameters.deviation_y,
@@ -268,16 +268,16 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
     flags = array_at(setting.decision_flags, (len(DECISION_FLAGS), tracks), np.bool_)
     squared_errors = array_at(setting.decisions, decisions.shape, np.float64)[DECIDED_SQUARED_ERROR]
     if not reset:
-        for i in range(tracks):
+        for i in span(0, tracks):
             if actions[i] < 0 or actions[i] >= setting.action_count:
                 return -1 - i
     events = 0
-    for b in range(number):
+    for b in span(0, number):
         block, bank = blocks[b], banks.bank_of_block(all_banks, b)
         lanes = smaller(LANES, tracks - b * LANES)
         prefetch(block, BLOCK_SIZE, EVERY_TICK)  # of the next, at once: it is small beside the bank
         begun = resting = 0
-        for lane in range(lanes):
+        for lane in span(0, lanes):
             i = b * LANES + lane
             action = actions[i]
             scratch.going[lane] = 1
@@ -289,9 +289,9 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
             if setting.trace_rows > 0:
                 block.traced[lane] = 0
             if flags[HAS_DECISION, i]:
-                for k in range(len(DECISION)):
+                for k in span(0, len(DECISION)):
                     decisions[k, i] = 0
-                for k in range(len(DECISION_FLAGS)):
+                for k in span(0, len(DECISION_FLAGS)):
                     flags[k, i] = False
             if begins:
                 _begin_episode(block, scratch, lane, setting)
@@ -323,11 +323,11 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
                 _begin_segment(block, lane, bank, setting, radii, table)
                 begun |= 1 << lane
         together = resting == 0  # else one by one
-        for first in range(1 if together else lanes):
+        for first in span(0, 1 if together else lanes):
             if scratch.going[first]:
                 last = lanes if together else first + 1
                 _tick(block, bank, scratch, setting, first, last)
-                for lane in range(first, last):
+                for lane in span(first, last):
                     i = b * LANES + lane
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]

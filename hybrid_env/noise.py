@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.compiled import formula, internal
 from hybrid_env.elementary import ONE, log, sine_cosine
-from hybrid_env.instructions import reinterpret
+from hybrid_env.instructions import reinterpret, span
 
 OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 
@@ -60,7 +60,7 @@ def uniform(state: NDArray[np.uint64], lane: int) -> float:
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
     """Four uniforms into the first rows of a column; the state stays in registers meanwhile."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
-    for k in range(4):
+    for k in span(0, 4):
         bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
         noise[k, column] = _to_uniform(bits)
     state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
@@ -84,10 +84,10 @@ def draw_noise(
             which are multiplied by `OUTLIER` at times; then a number to work with.
         outliers: share of the ticks at which they are.
     """
-    for lane in range(first, last):
+    for lane in span(first, last):
         _draw_uniforms(state, lane, noise, lane)
     if outliers > 0.0:
-        for lane in range(first, last):
+        for lane in span(first, last):
             noise[4, lane] = uniform(state, lane)
     _to_normals(noise, first, last, outliers)
 
@@ -97,7 +97,7 @@ def draw_noise_ahead(
     state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
 ) -> None:
     """The same noise for as many ticks of one lane, up to LANES: those of tick k are in column k."""
-    for tick in range(ticks):
+    for tick in span(0, ticks):
         _draw_uniforms(state, lane, noise, tick)
         if outliers > 0.0:
             noise[4, tick] = uniform(state, lane)
@@ -107,14 +107,15 @@ def draw_noise_ahead(
 @internal
 def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
     """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
-    for k in range(0, 4, 2):
-        for column in range(first, last):
+    for pair in span(0, 2):
+        k = 2 * pair
+        for column in span(first, last):
             radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
             sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
             noise[k, column] = radius * cosine
             noise[k + 1, column] = radius * sine
     if outliers > 0.0:
-        for column in range(first, last):
+        for column in span(first, last):
             factor = OUTLIER if noise[4, column] < outliers else 1.0
             noise[2, column] *= factor
             noise[3, column] *= factor

@@ -13,7 +13,7 @@ from hybrid_env.checks import reject
 from hybrid_env.compiled import internal
 from hybrid_env.elementary import exp, log
 from hybrid_env.in_place import in_place
-from hybrid_env.instructions import larger, smaller
+from hybrid_env.instructions import larger, smaller, span
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
 LARGEST = 1e6  # innovations over their deviation are clipped here
@@ -122,10 +122,10 @@ def write_segment(
     """Fill what stays the same over a segment. row: (6 M + 10,); variances R of each axis [m^2]."""
     n = radii.size
     M = 2 * n + 1
-    for h in range(M):
+    for h in span(0, M):
         row[4 * M + h] = 1.0 if h == block.active_mode[lane] else 0.0
     row[5 * M] = 0.0
-    for c in range(n):
+    for c in span(0, n):
         row[5 * M + 1 + c] = 1.0 / radii[c]
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
     base = 6 * M
@@ -140,22 +140,22 @@ def write_segment(
 @internal
 def weigh(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
     """The largest log-likelihood, and the logarithm of the posterior that is not its hypothesis's."""
-    for lane in range(first, last):
+    for lane in span(first, last):
         scratch.top[lane] = in_place(hypotheses[0]).log_likelihood[lane]
         scratch.doubt[lane] = 0.0
         scratch.equals[lane] = -1.0  # the best itself
-    for h in range(1, hypotheses.size):
+    for h in span(1, hypotheses.size):
         kalman = in_place(hypotheses[h])
-        for lane in range(first, last):
+        for lane in span(first, last):
             scratch.top[lane] = larger(scratch.top[lane], kalman.log_likelihood[lane])
-    for h in range(hypotheses.size):
+    for h in span(0, hypotheses.size):
         kalman = in_place(hypotheses[h])
-        for lane in range(first, last):
+        for lane in span(first, last):
             ratio = kalman.log_likelihood[lane] - scratch.top[lane]
             below = ratio < 0.0  # the equals apart: beside a 1, the small ones would lose their digits
             scratch.doubt[lane] += exp(larger(ratio, NEGLIGIBLE)) if below else 0.0
             scratch.equals[lane] += 0.0 if below else 1.0
-    for lane in range(first, last):
+    for lane in span(first, last):
         others = scratch.doubt[lane] + scratch.equals[lane]
         scratch.doubt[lane] = larger(log(others / (1.0 + others)), LOG_FLOOR)
 
@@ -180,7 +180,7 @@ def write_tick(
     M = bank.hypotheses.size
     along_x, along_y = block.heading[0, lane], block.heading[1, lane]
     top = scratch.top[lane]
-    for h in range(M):
+    for h in span(0, M):
         kalman, innovation = in_place(bank.hypotheses[h]), in_place(bank.innovations[h])
         white_x = larger(smaller(innovation.white_x[lane], LARGEST), -LARGEST)
         white_y = larger(smaller(innovation.white_y[lane], LARGEST), -LARGEST)

@@ -6,7 +6,7 @@ import struct
 import pytest
 from numba import njit
 
-from hybrid_env.instructions import larger, reinterpret, smaller
+from hybrid_env.instructions import larger, reinterpret, smaller, span
 
 NUMBERS = [-float("inf"), -1e300, -1.5, 0.0, 5e-324, 1.0, 1e300, float("inf")]
 
@@ -19,6 +19,7 @@ def test_larger_and_smaller(values):
 
     for a, b in itertools.product(values, repeat=2):
         assert both(a, b) == (max(a, b), min(a, b))
+    assert both(2, 1.5) == both(1.5, 2) == (2.0, 1.5)
 
 
 def test_bits_of_numbers_and_back():
@@ -29,3 +30,25 @@ def test_bits_of_numbers_and_back():
     for number in NUMBERS:
         (bits,) = struct.unpack("<q", struct.pack("<d", number))
         assert around(number) == (bits, number)
+
+
+def test_a_span_counts_like_a_range():
+    @njit
+    def counted(first, last):
+        return list(span(first, last))
+
+    @njit
+    def pairs(n):
+        found = []
+        for i in span(0, n):
+            if i == 1:
+                continue
+            for j in span(i, n):
+                if j == 3:
+                    break
+                found.append((i, j))
+        return found
+
+    for first, last in itertools.product((-3, 0, 1, 8), repeat=2):
+        assert counted(first, last) == list(range(first, last))
+    assert pairs(5) == [(0, 0), (0, 1), (0, 2), (2, 2), (4, 4)]
