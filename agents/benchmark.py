@@ -312,14 +312,20 @@ def growth() -> Iterator[Measurement]:
         return 1e9 * np.array(rounds) / [tracks for tracks, _, _ in worlds]
 
     def growing(
-        name: str, figures: FloatArray, costs: FloatArray, sizes: Sequence[int], of: str
+        name: str,
+        figures: FloatArray,
+        costs: FloatArray,
+        sizes: Sequence[int],
+        of: str,
+        goal: float | None = None,
     ) -> Measurement:
         shown = ", ".join(
             f"{size:,}{of}: {cost:,.0f} ns"
             for size, cost in zip(sizes, np.median(costs, axis=0), strict=True)
         )
         low, middle, high = np.percentile(figures, [0, 50, 100])
-        return Measurement("growth", name, middle, low, high, "", detail=f"{shown} a track")
+        detail = f"{shown} a track"
+        return Measurement("growth", name, middle, low, high, "", goal, at_most=True, detail=detail)
 
     def exponents(sizes: Sequence[int], times: FloatArray) -> FloatArray:
         upper = np.array(sizes) >= sizes[-1] / 10
@@ -327,10 +333,10 @@ def growth() -> Iterator[Measurement]:
 
     tracks = (1, 16, 256, 4096, 8192, 16384, 65536)
     costs = nanoseconds([(count, 1, "random") for count in tracks])
-    yield growing("exponent in tracks", exponents(tracks, costs * tracks), costs, tracks, "")
+    yield growing("exponent in tracks", exponents(tracks, costs * tracks), costs, tracks, "", 1.1)
     hypotheses = (3, 21, 41, 101, 201)
     costs = nanoseconds([(512, count // 2, "random") for count in hypotheses])
-    yield growing("exponent in hypotheses", exponents(hypotheses, costs), costs, hypotheses, "")
+    yield growing("exponent in hypotheses", exponents(hypotheses, costs), costs, hypotheses, "", 1.1)
     lengths = (10, 100, 1000, 10_000)
     costs = nanoseconds([(512, 1, f"random 6x{length}") for length in lengths])
     yield growing("long segments against 100 ticks", costs[:, -1] / costs[:, 1], costs, lengths, " ticks")

@@ -186,26 +186,34 @@ def _extent(context: Any, builder: Any, array: Any, value: Any, name: str) -> An
     return product
 
 
-def _left(array: _Array, index: Any) -> tuple[int | None, ...]:
-    """The extents that an index, a number or a tuple of them, leaves."""
-    return array.extents[len(index) if isinstance(index, types.BaseTuple) else 1 :]
+def _numbers(index: Any) -> tuple[Any, ...]:
+    """Types of an index, a number or a tuple of them."""
+    return tuple(index) if isinstance(index, types.Tuple | types.UniTuple) else (index,)
+
+
+def _found(array: Any, index: Any) -> Any:
+    """Type of what an index stands for: an element, or an array if it leaves extents; None if it is none."""
+    numbers = _numbers(index)
+    if not isinstance(array, _Array) or not all(isinstance(number, types.Integer) for number in numbers):
+        return None
+    left = array.extents[len(numbers) :]
+    if left:
+        return _Array(array.dtype, left)
+    return array.element if len(numbers) == len(array.extents) else None
 
 
 def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any, list[Any]]:
     """Pointer to the first element that an index stands for, and all extents."""
-    array, kinds = call.args[:2]
+    array, index = call.args[:2]
     start, extents = _open(builder, array, arguments[0])
-    numbers = [arguments[1]]
-    if isinstance(kinds, types.BaseTuple):
-        numbers = cgutils.unpack_tuple(builder, arguments[1])
-    else:
-        kinds = [kinds]
+    several = isinstance(index, types.BaseTuple)
+    numbers = cgutils.unpack_tuple(builder, arguments[1]) if several else [arguments[1]]
     flat = None
     for k, extent in enumerate(extents):
         if flat is not None:
             flat = builder.mul(flat, extent)
         if k < len(numbers):
-            number = context.cast(builder, numbers[k], kinds[k], types.intp)
+            number = context.cast(builder, numbers[k], _numbers(index)[k], types.intp)
             flat = number if flat is None else builder.add(flat, number)
     element = context.get_data_type(array.dtype).as_pointer()
     return builder.gep(builder.bitcast(start, element), [flat]), extents
@@ -215,10 +223,8 @@ def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any,
 class _Item(AbstractTemplate):
     def generic(self, arguments: Any, _: Any) -> Any:
         array, index = arguments
-        if not isinstance(array, _Array):
-            return None
-        left = _left(array, index)
-        return signature(_Array(array.dtype, left) if left else array.element, array, index)
+        found = _found(array, index)
+        return signature(found, array, index) if found else None
 
 
 @lower_builtin(operator.getitem, _Array, types.Any)
@@ -237,9 +243,10 @@ def _load(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
 class _SetItem(AbstractTemplate):
     def generic(self, arguments: Any, _: Any) -> Any:
         array, index, _value = arguments
-        if not isinstance(array, _Array) or _left(array, index) or isinstance(array.element, _Record):
+        found = _found(array, index)
+        if found is None or isinstance(found, _Array | _Record):
             return None
-        return signature(types.none, array, index, array.dtype)
+        return signature(types.none, array, index, found)
 
 
 @lower_builtin(operator.setitem, _Array, types.Any, types.Any)

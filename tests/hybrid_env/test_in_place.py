@@ -145,7 +145,29 @@ def _number_for_a_record(pairs):
     array_at(0, (2,), PAIR)[0] = 1.0
 
 
-@pytest.mark.parametrize("wrong", [_unknown_field, _number_for_an_array, _number_for_a_record])
+def _too_many_indices(pairs):
+    return in_place(pairs[0]).left[0, 1, 2]
+
+
+def _fraction_for_an_index(pairs):
+    return in_place(pairs[0]).right[1.0]
+
+
+def _slice(pairs):
+    return in_place(pairs[0]).left[:, 1]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        _unknown_field,
+        _number_for_an_array,
+        _number_for_a_record,
+        _too_many_indices,
+        _fraction_for_an_index,
+        _slice,
+    ],
+)
 def test_what_is_not_there_is_a_typing_error(wrong):
     with pytest.raises(numba.TypingError):
         njit(wrong)(np.zeros(1, PAIR))
