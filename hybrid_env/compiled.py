@@ -41,7 +41,11 @@ PASSES = (
     NativeLowering,
     NoPythonBackend,
 )
-"""numba's passes without those for closures, dead branches, loops in object mode and array expressions."""
+"""The passes that simple functions need.
+
+There are no closures, no inlining, no literals and no raises with values, no check for what numba does not
+support, and no release of variables, which is only needed where references are counted.
+"""
 
 
 class _Ingredient(JITCodeLibrary):
@@ -54,6 +58,8 @@ class _Ingredient(JITCodeLibrary):
         pass
 
     def finalize(self) -> None:
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
         for function in self._final_module.functions:
             if not function.is_declaration:
                 function.linkage = "linkonce_odr"
@@ -66,6 +72,8 @@ class _Ingredient(JITCodeLibrary):
             for module in _modules(self._linking_libraries):
                 self._shared_module.link_in(module, preserve=True)
         return self._shared_module
+
+    # numba would make a function for Python here; there is none, and no environment to give it
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
@@ -83,6 +91,8 @@ class _Whole(JITCodeLibrary):
     """Code with all that it calls, optimised once; numba's second time is for counts of references."""
 
     def finalize(self) -> None:
+        for library in self._linking_libraries:
+            self._reload_init.update(library._reload_init)
         for module in _modules(self._linking_libraries):
             self._final_module.link_in(module, preserve=True)
         self._linking_libraries = []
@@ -134,7 +144,10 @@ class _Outermost(Compiler):
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No collection of garbage, a seventh of the time; no operation or size looked up twice, an eighth."""
+    """No collection of garbage, a seventh of the time; no operation or size looked up twice, an eighth.
+
+    Methods of numba are exchanged for a while, under the lock that it holds while it compiles.
+    """
     collects = gc.isenabled()
     operations: Any = BaseFunction
     target: Any = BaseContext
@@ -168,7 +181,7 @@ _options: Any = {
 }
 
 internal = njit(**_options)
-"""A function for compiled code, and on disk a part of its caller; Python must not call it."""
+"""A function for compiled code, and on disk a part of its caller. Called by Python it crashes."""
 
 formula = njit(forceinline=True, **_options)
 """An internal function that becomes part of the loop it stands in."""
@@ -176,12 +189,7 @@ formula = njit(forceinline=True, **_options)
 internal_overload: Any = functools.partial(overload, jit_options=_options)
 """Chooses an internal function by the types of its arguments, see `numba.extending.overload`."""
 
-_kept: Any = {
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-    "cache": True,
-    "pipeline_class": _Outermost,
-}
+_kept: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, "cache": True, "pipeline_class": _Outermost}
 
 compiled = njit(**_kept)
 """A function that Python calls; kept on disk."""

@@ -3,7 +3,7 @@
 For `record.field[lane]` numba makes an array of the field, then asks whether the index counts from the end;
 an array is nine numbers to every function that it is given to. LLVM removes that again, but it was three in
 five of all instructions and a third of a first start. Here a record is its address, an array, C-ordered, its
-address and extents. Indices are not checked and must not be negative.
+address and extents. Indices must not be negative; only those known to the compiler are checked.
 """
 
 import itertools
@@ -14,6 +14,7 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.errors import TypingError
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_global, signature
 from numba.extending import (
     infer_getattr,
@@ -51,6 +52,10 @@ class _Array(types.Type):
         self.element = _Record(dtype) if isinstance(dtype, types.Record) else dtype
         super().__init__(f"InPlace({self.element}, {extents})")
 
+    @property
+    def key(self) -> Any:
+        return self.dtype, self.extents
+
 
 register_model(_Record)(models.OpaqueModel)
 
@@ -61,6 +66,17 @@ def _model(manager: Any, array: _Array) -> Any:
         return models.OpaqueModel(manager, array)
     free = [(f"extent{k}", types.intp) for k, extent in enumerate(array.extents) if extent is None]
     return models.StructModel(manager, array, [("start", types.voidptr), *free])
+
+
+def _numbers(index: Any) -> tuple[Any, ...]:
+    """Types of an index, a number or a tuple of them."""
+    return tuple(index) if isinstance(index, types.Tuple | types.UniTuple) else (index,)
+
+
+def _are_integers(index: Any) -> bool:
+    """Whether an index or a shape is an integer or a tuple of them."""
+    numbers = _numbers(index)
+    return bool(numbers) and all(isinstance(number, types.Integer) for number in numbers)
 
 
 def _make(context: Any, builder: Any, array: _Array, start: Any, extents: Any) -> Any:
@@ -85,6 +101,9 @@ def _open(builder: Any, array: _Array, value: Any) -> tuple[Any, list[Any]]:
 
 
 def _in_place(_typing: Any, record: Any) -> Any:
+    if not isinstance(record, _Record | types.Record):
+        return None
+
     def build(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         return builder.bitcast(arguments[0], cgutils.voidptr_t)
 
@@ -96,6 +115,8 @@ in_place: Any = intrinsic(_in_place)
 
 
 def _array_at(_typing: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    if not isinstance(address, types.Integer) or not _are_integers(shape):
+        return None
     array = _Array(dtype.dtype, (None,) * len(shape))
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -114,6 +135,8 @@ array_at: Any = intrinsic(_array_at)
 
 
 def _prefetch(_typing: Any, place: Any, beyond: Any, dtype: Any) -> Any:
+    if not isinstance(place, _Array | _Record) or not isinstance(beyond, types.Integer):
+        return None
     size = as_dtype(dtype.dtype).itemsize
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -148,7 +171,12 @@ class _Fields(AttributeTemplate):
         if name not in place.record.fields:
             return None
         field = place.record.typeof(name)
-        return _Array(field.dtype, field.shape) if isinstance(field, types.NestedArray) else field
+        if not isinstance(field, types.NestedArray):
+            return field
+        alignment = as_dtype(field.dtype).alignment
+        if place.record.offset(name) % alignment or place.record.size % alignment:
+            raise TypingError(f"array {name} of a record is not aligned to {alignment} bytes")
+        return _Array(field.dtype, field.shape)
 
 
 @lower_getattr_generic(_Record)
@@ -186,20 +214,25 @@ def _extent(context: Any, builder: Any, array: Any, value: Any, name: str) -> An
     return product
 
 
-def _numbers(index: Any) -> tuple[Any, ...]:
-    """Types of an index, a number or a tuple of them."""
-    return tuple(index) if isinstance(index, types.Tuple | types.UniTuple) else (index,)
-
-
 def _found(array: Any, index: Any) -> Any:
     """Type of what an index stands for: an element, or an array if it leaves extents; None if it is none."""
-    numbers = _numbers(index)
-    if not isinstance(array, _Array) or not all(isinstance(number, types.Integer) for number in numbers):
+    if not isinstance(array, _Array) or not _are_integers(index):
         return None
+    numbers = _numbers(index)
     left = array.extents[len(numbers) :]
     if left:
         return _Array(array.dtype, left)
     return array.element if len(numbers) == len(array.extents) else None
+
+
+def _position(context: Any, builder: Any, array: _Array, k: int, kind: Any, number: Any) -> Any:
+    if not isinstance(kind, types.IntegerLiteral):
+        return context.cast(builder, number, kind, types.intp)
+    known, extent = kind.literal_value, array.extents[k]
+    if known < 0 or (extent is not None and known >= extent):
+        allowed = "0 or more" if extent is None else f"from 0 to {extent - 1}"
+        raise TypingError(f"index {known} is not allowed: expected {allowed}")
+    return WORD(known)
 
 
 def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any, list[Any]]:
@@ -213,7 +246,7 @@ def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any,
         if flat is not None:
             flat = builder.mul(flat, extent)
         if k < len(numbers):
-            number = context.cast(builder, numbers[k], _numbers(index)[k], types.intp)
+            number = _position(context, builder, array, k, _numbers(index)[k], numbers[k])
             flat = number if flat is None else builder.add(flat, number)
     element = context.get_data_type(array.dtype).as_pointer()
     return builder.gep(builder.bitcast(start, element), [flat]), extents
@@ -221,10 +254,12 @@ def _locate(context: Any, builder: Any, call: Any, arguments: Any) -> tuple[Any,
 
 @infer_global(operator.getitem)
 class _Item(AbstractTemplate):
+    prefer_literal = True  # so that a known index is checked
+
     def generic(self, arguments: Any, _: Any) -> Any:
         array, index = arguments
         found = _found(array, index)
-        return signature(found, array, index) if found else None
+        return None if found is None else signature(found, array, index)
 
 
 @lower_builtin(operator.getitem, _Array, types.Any)
@@ -241,6 +276,8 @@ def _load(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
 
 @infer_global(operator.setitem)
 class _SetItem(AbstractTemplate):
+    prefer_literal = True
+
     def generic(self, arguments: Any, _: Any) -> Any:
         array, index, _value = arguments
         found = _found(array, index)

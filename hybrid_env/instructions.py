@@ -8,6 +8,8 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 
 
 def _reinterpret(_typing: Any, number: Any) -> Any:
+    if number not in (types.float64, types.int64, types.uint64):
+        return None
     other = types.int64 if isinstance(number, types.Float) else types.float64
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -22,8 +24,10 @@ reinterpret: Any = intrinsic(_reinterpret)
 
 def _chooses(sign: str) -> Any:
     def typed(_typing: Any, first: Any, second: Any) -> Any:
-        floats = isinstance(first, types.Float) or isinstance(second, types.Float)
-        kind = types.float64 if floats else types.int64
+        kinds = (first, second)
+        if not all(isinstance(each, types.Float) or each in types.signed_domain for each in kinds):
+            return None
+        kind = types.float64 if any(isinstance(each, types.Float) for each in kinds) else types.int64
 
         def build(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
             compare = builder.fcmp_ordered if kind is types.float64 else builder.icmp_signed
@@ -35,7 +39,7 @@ def _chooses(sign: str) -> Any:
 
 
 larger: Any = intrinsic(_chooses(">"))
-"""max(first, second) of numbers, without a branch."""
+"""max(first, second) of floats or signed integers, without a branch."""
 
 smaller: Any = intrinsic(_chooses("<"))
 """min(first, second), likewise."""
@@ -51,10 +55,15 @@ SPAN = _Span("Span", types.intp)
 @register_model(_Span)
 class _SpanModel(models.StructModel):
     def __init__(self, manager: Any, span_type: _Span):
-        super().__init__(manager, span_type, [("next", types.CPointer(types.intp)), ("last", types.intp)])
+        super().__init__(
+            manager, span_type, [("next", types.EphemeralPointer(types.intp)), ("last", types.intp)]
+        )
 
 
-def _span(_typing: Any, _first: Any, _last: Any) -> Any:
+def _span(_typing: Any, first: Any, last: Any) -> Any:
+    if not isinstance(first, types.Integer) or not isinstance(last, types.Integer):
+        return None
+
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         coming = cgutils.alloca_once_value(builder, arguments[0])
         made = builder.insert_value(context.get_constant_undef(SPAN), coming, 0)
@@ -64,7 +73,7 @@ def _span(_typing: Any, _first: Any, _last: Any) -> Any:
 
 
 span: Any = intrinsic(_span)
-"""range(first, last), which counts up by one and cannot fail: a tenth of what range is before LLVM."""
+"""For loops: counts from first to last - 1, once. It is a tenth of what range is before LLVM."""
 
 
 @lower_builtin("iternext", _Span)

@@ -332,9 +332,8 @@ def _advance(reset: bool, world: int, open_banks: Any) -> int:
                     _account(block, lane, bank.hypotheses, trace[i])
                     row = observations[i]
                     for offset in range(0, row.nbytes, CACHE_LINE):
-                        prefetch(
-                            row, LANES * row.nbytes + offset, np.float32
-                        )  # of the same lane in the next block
+                        # of the same lane in the next block
+                        prefetch(row, LANES * row.nbytes + offset, np.float32)
                     if begun & (1 << lane):
                         write_segment(
                             row, block, lane, radii,

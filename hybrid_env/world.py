@@ -80,6 +80,8 @@ class World:
                 value = np.require(value, requirements=["C", "W"])
             setattr(self, name, value)
         self.bank = type(self.bank)(*(np.require(array, requirements=["C", "W"]) for array in self.bank))
+        if self.blocks.dtype != BLOCK:
+            raise ValueError("this environment was pickled by another version of hybrid_env")
         self._bind()
 
     def field(self, name: str) -> NDArray[Any]:

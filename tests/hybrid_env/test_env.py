@@ -289,6 +289,16 @@ def test_a_copy_goes_on_alone_and_alike(clone):
         assert mine[4]["tick"] == info["tick"]
 
 
+def test_a_pickle_with_other_records_is_refused():
+    env = HybridTrackEnv()
+    names = env.world.blocks.dtype.names
+    env.world.blocks = env.world.blocks.astype(
+        [(name, env.world.blocks.dtype[name]) for name in reversed(names)]
+    )
+    with pytest.raises(ValueError, match="pickled by another version of hybrid_env"):
+        pickle.loads(pickle.dumps(env))
+
+
 def test_modes_of_a_random_scheme_are_equally_likely():
     env = HybridTrackEnv(radii=(2.0, 5.0), scheme="random 2000x1")
     env.reset(seed=0)

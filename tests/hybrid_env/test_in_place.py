@@ -19,6 +19,8 @@ PACKED = np.dtype(
     ]
 )
 
+ODD = np.dtype([("flag", np.bool_), ("numbers", np.float64, (2,))])
+
 
 @njit
 def _scale(array, factor):
@@ -157,6 +159,30 @@ def _slice(pairs):
     return in_place(pairs[0]).left[:, 1]
 
 
+def _counting_from_the_end(pairs):
+    in_place(pairs[0]).right[-1] = 1
+
+
+def _beyond_the_end(pairs):
+    return in_place(pairs[0]).left[3, 0]
+
+
+def _no_record(pairs):
+    return in_place(pairs).right[0]
+
+
+def _fraction_for_an_extent(pairs):
+    return array_at(0, (2.0,), np.float64).size
+
+
+def _prefetch_of_an_array_not_in_place(pairs):
+    prefetch(pairs, 0, PAIR)
+
+
+def _array_off_its_boundary(_pairs):
+    return array_at(0, (1,), ODD)[0].numbers[0]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -166,6 +192,12 @@ def _slice(pairs):
         _too_many_indices,
         _fraction_for_an_index,
         _slice,
+        _counting_from_the_end,
+        _beyond_the_end,
+        _no_record,
+        _fraction_for_an_extent,
+        _prefetch_of_an_array_not_in_place,
+        _array_off_its_boundary,
     ],
 )
 def test_what_is_not_there_is_a_typing_error(wrong):

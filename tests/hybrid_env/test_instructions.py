@@ -1,8 +1,11 @@
 """Single instructions against what Python says."""
 
 import itertools
+import math
 import struct
 
+import numba
+import numpy as np
 import pytest
 from numba import njit
 
@@ -20,6 +23,29 @@ def test_larger_and_smaller(values):
     for a, b in itertools.product(values, repeat=2):
         assert both(a, b) == (max(a, b), min(a, b))
     assert both(2, 1.5) == both(1.5, 2) == (2.0, 1.5)
+    for pair in itertools.product((math.nan, 0.0, -0.0, 1.0), repeat=2):
+        for found, expected in zip(both(*pair), (max(pair), min(pair)), strict=True):
+            assert struct.pack("<d", found) == struct.pack("<d", expected)  # which of equals, and NaN
+
+
+def _largest_of_unsigned(x):
+    return larger(np.uint64(x), np.uint64(1))
+
+
+def _bits_of_half_a_word(x):
+    return reinterpret(np.float32(x))
+
+
+def _span_of_fractions(x):
+    for k in span(0, 1.5):
+        x += k
+    return x
+
+
+@pytest.mark.parametrize("wrong", [_largest_of_unsigned, _bits_of_half_a_word, _span_of_fractions])
+def test_other_types_are_refused(wrong):
+    with pytest.raises(numba.TypingError):
+        njit(wrong)(1)
 
 
 def test_bits_of_numbers_and_back():
@@ -49,6 +75,12 @@ def test_a_span_counts_like_a_range():
                 found.append((i, j))
         return found
 
+    @njit
+    def generated(n):
+        for k in span(0, n):
+            yield 2 * k
+
+    assert list(generated(5)) == [0, 2, 4, 6, 8]
     for first, last in itertools.product((-3, 0, 1, 8), repeat=2):
         assert counted(first, last) == list(range(first, last))
     assert pairs(5) == [(0, 0), (0, 1), (0, 2), (2, 2), (4, 4)]
