@@ -54,8 +54,8 @@ class _Ingredient(JITCodeLibrary):
     It stays apart from the code that it calls, so that everything is linked once.
     """
 
-    def _optimize_functions(self, module: Any) -> None:
-        pass
+    def add_llvm_module(self, module: Any) -> None:
+        self._final_module = module  # the only one: there are no wrappers
 
     def finalize(self) -> None:
         for library in self._linking_libraries:
