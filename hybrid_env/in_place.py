@@ -6,7 +6,6 @@ five of all instructions and a third of a first start. Here a record is its addr
 address and extents. Indices must not be negative; only those known to the compiler are checked.
 """
 
-import itertools
 import operator
 import zlib
 from typing import Any
@@ -44,7 +43,7 @@ class _Record(types.Type):
 
 
 class _Array(types.Type):
-    """An array in place; extents that are None are known only to the program."""
+    """An array in place. Extents: those of a field, or all None where only the program knows them."""
 
     def __init__(self, dtype: types.Type, extents: tuple[int | None, ...]):
         self.dtype, self.extents = dtype, extents
@@ -64,8 +63,8 @@ register_model(_Record)(models.OpaqueModel)
 def _model(manager: Any, array: _Array) -> Any:
     if None not in array.extents:
         return models.OpaqueModel(manager, array)
-    free = [(f"extent{k}", types.intp) for k, extent in enumerate(array.extents) if extent is None]
-    return models.StructModel(manager, array, [("start", types.voidptr), *free])
+    extents = [(f"extent{k}", types.intp) for k in range(len(array.extents))]
+    return models.StructModel(manager, array, [("start", types.voidptr), *extents])
 
 
 def _numbers(index: Any) -> tuple[Any, ...]:
@@ -83,8 +82,7 @@ def _make(context: Any, builder: Any, array: _Array, start: Any, extents: Any) -
     if None not in array.extents:
         return start
     made = builder.insert_value(ir.Constant(context.get_value_type(array), ir.Undefined), start, 0)
-    free = [each for each, known in zip(extents, array.extents, strict=True) if known is None]
-    for position, extent in enumerate(free, 1):
+    for position, extent in enumerate(extents, 1):
         made = builder.insert_value(made, extent, position)
     return made
 
@@ -93,11 +91,8 @@ def _open(builder: Any, array: _Array, value: Any) -> tuple[Any, list[Any]]:
     """Address and extents of an array."""
     if None not in array.extents:
         return value, [WORD(extent) for extent in array.extents]
-    positions = itertools.count(1)
-    return builder.extract_value(value, 0), [
-        builder.extract_value(value, next(positions)) if extent is None else WORD(extent)
-        for extent in array.extents
-    ]
+    start, *extents = (builder.extract_value(value, k) for k in range(1 + len(array.extents)))
+    return start, extents
 
 
 def _in_place(_typing: Any, record: Any) -> Any:
