@@ -106,7 +106,10 @@ def _in_place(_typing: Any, record: Any) -> Any:
 
 
 in_place: Any = intrinsic(_in_place)
-"""A record where it lies: `record.field` is a number or an array in place."""
+"""A record where it lies: `record.field` is a number or an array in place.
+
+It may be one of NumPy's array or in place already, so that code that begins with this takes either.
+"""
 
 
 def _array_at(_typing: Any, address: Any, shape: Any, dtype: Any) -> Any:
