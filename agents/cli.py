@@ -10,14 +10,14 @@ from typing import Annotated
 import gymnasium as gym
 import tyro
 
-from agents.bench import Bench
-from agents.compare import Compare
-from agents.evaluate import Evaluate
-from agents.limits import Limits
-from agents.play import Play
-from agents.reproduce import Reproduce
-from agents.track import Track
-from agents.train import Train
+from agents.benchmark.command import Bench
+from agents.comparison.command import Compare
+from agents.evaluation.command import Evaluate
+from agents.limits.command import Limits
+from agents.playing.command import Play
+from agents.recordings.command import Track
+from agents.reproduction.command import Reproduce
+from agents.training.command import Train
 from hybrid_env.checks import ArgumentError
 
 Command = (

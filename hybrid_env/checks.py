@@ -110,3 +110,14 @@ def check_radii(name: str, value: ArrayLike) -> NDArray[np.float64]:
     ):
         raise reject(name, value, allowed)
     return radii
+
+
+def noise_axes(measurement_variance: float | ArrayLike) -> NDArray[np.float64]:
+    """Variance [m^2] of each distinct noise axis: (1,) where x and y are equal, else (2,)."""
+    values = np.atleast_1d(np.asarray(measurement_variance))
+    if values.size == 1:
+        return np.array([check_positive("measurement_variance", values.item())])
+    pair = check_array("measurement_variance", measurement_variance, (2,))
+    for value in pair:
+        check_positive("measurement_variance", value)
+    return pair[:1].copy() if pair[0] == pair[1] else pair

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_choice
-from hybrid_env.history import EpisodeHistory
-from hybrid_env.kernel import DECIDED
+from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering import RENDER_FPS, Renderer
+from hybrid_env.rendering.figure import RENDER_FPS, Renderer
+from hybrid_env.rendering.history import EpisodeHistory
 from hybrid_env.world import World
 
 

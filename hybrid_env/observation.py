@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
-from hybrid_env.compiled import internal
-from hybrid_env.elementary import exp, log
-from hybrid_env.in_place import in_place
-from hybrid_env.instructions import larger, smaller, span
+from hybrid_env.core.compilation import internal
+from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.in_place import in_place
+from hybrid_env.core.instructions import larger, smaller, span
 
 LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
 LARGEST = 1e6  # innovations over their deviation are clipped here

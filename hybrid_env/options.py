@@ -9,10 +9,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.bank import noise_axes
-from hybrid_env.checks import check_choice, check_flag, check_number, check_positive, check_radii, reject
+from hybrid_env.checks import (
+    check_choice,
+    check_flag,
+    check_number,
+    check_positive,
+    check_radii,
+    noise_axes,
+    reject,
+)
+from hybrid_env.core.records import PARAMETERS
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.track import PARAMETERS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.bank import noise_axes
-from hybrid_env.checks import check_array, check_integer, check_positive, reject
-from hybrid_env.compiled import compiled
-from hybrid_env.in_place import in_place
-from hybrid_env.kernel import move, turn
-from hybrid_env.memory import aligned_zeros
+from hybrid_env.checks import check_array, check_integer, check_positive, noise_axes, reject
+from hybrid_env.core.compilation import compiled
+from hybrid_env.core.in_place import in_place
+from hybrid_env.core.kernel import move, turn
+from hybrid_env.core.memory import aligned_zeros
+from hybrid_env.core.records import BLOCK, LANES
 from hybrid_env.scheme import FixedScheme, parse_scheme
-from hybrid_env.track import BLOCK, LANES
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_flag, check_integer, reject
-from hybrid_env.kernel import DECIDED, TERMINATED
+from hybrid_env.core.kernel import DECIDED, TERMINATED
+from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import DECISION, DECISION_FLAGS
 from hybrid_env.world import TICK_INFO, World
 
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")

@@ -7,13 +7,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hybrid_env import kernel
-from hybrid_env.anchor_aware import AwareBank, aware_arrays
-from hybrid_env.bank import Bank, bank_arrays
-from hybrid_env.memory import aligned_zeros
+from hybrid_env.core import kernel
+from hybrid_env.core.anchor_aware_bank import AwareBank, aware_arrays
+from hybrid_env.core.memory import aligned_zeros
+from hybrid_env.core.published_bank import Bank, bank_arrays
+from hybrid_env.core.records import BLOCK, DECISION, DECISION_FLAGS, LANES, SCRATCH, TRACE_COLUMNS
 from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.track import BLOCK, DECISION, DECISION_FLAGS, LANES, SCRATCH, TRACE_COLUMNS
 
 TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""

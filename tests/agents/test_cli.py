@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from agents import seeds
 from agents.cli import main
+from agents.evaluation import seeds
 
 WORLD_NONSENSE = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
@@ -145,12 +145,12 @@ def test_nonsense_is_answered_with_one_line_and_exit_code_2(line, message, capsy
 def test_every_flag_of_every_command_is_in_the_list():
     from dataclasses import fields
 
-    from agents.compare import Compare
-    from agents.evaluate import Evaluate
-    from agents.play import Play
-    from agents.reproduce import Reproduce
-    from agents.track import Track
-    from agents.train import Train
+    from agents.comparison.command import Compare
+    from agents.evaluation.command import Evaluate
+    from agents.playing.command import Play
+    from agents.recordings.command import Track
+    from agents.reproduction.command import Reproduce
+    from agents.training.command import Train
 
     for command, kinds in {
         "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, KalmanBank, Layout
-from hybrid_env.track import TRACE_COLUMNS
+from hybrid_env.core.records import TRACE_COLUMNS
 
 
 def play(env, policy, seed):

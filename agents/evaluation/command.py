@@ -1,0 +1,137 @@
+"""The command `hybridtrack evaluate`: deciders in numbers, at home and in other worlds."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tyro
+
+from agents.evaluation import seeds
+from agents.interface.world_arguments import WorldArguments
+from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from baselines.deciders.decider import Decider
+
+
+@dataclass(kw_only=True)
+class Evaluate(WorldArguments):
+    """Measure deciders: accuracy, decision time, reward, tracking error, confusions; or who degrades how."""
+
+    deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, also with a
+    threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    episodes: int = 1000
+    """Episodes to measure on."""
+    seed: int = 0
+    """Of the first episode; the next have the next seeds."""
+    shifted: bool = False
+    """Compare them in worlds around this one (noise, radii, lengths, speed, outliers), at the thresholds that
+    are best here; no thresholds behind their names then."""
+    out: Path | None = None
+    """JSON file for the figures."""
+
+    def run(self) -> None:
+        """Evaluate and print the tables."""
+        check_integer("episodes", self.episodes)
+        check_integer("seed", self.seed, minimum=0)
+        if self.out is not None and not self.out.parent.is_dir():
+            raise reject("out", str(self.out), "a file in a folder that exists")
+        if not self.deciders or len(set(self.deciders)) != len(self.deciders):
+            raise reject("deciders", self.deciders, "one or more different names")
+        from agents.interface.output_files import write_json
+
+        if self.shifted and self.seed + self.episodes > seeds.SELECTION:
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes, with --shifted")
+        if self.shifted:
+            figures = self._shifts()
+        else:
+            loaded = [self._load(name) for name in self.deciders]  # refuses before the first is measured
+            figures = [self._figures(*one) for one in loaded]
+        if self.out is not None:
+            write_json(self.out, figures[0] if len(figures) == 1 else figures)
+            print(f"Data {self.out}")
+
+    def _shifts(self) -> list[dict[str, Any]]:
+        from rich.console import Console
+
+        from agents.evaluation.deciders import check_family, decider_family
+        from agents.evaluation.shifted_worlds import measure_shifts, shift_table, shifted_worlds
+        from agents.interface.progress import progress_display
+        from hybrid_env.registration import make_vector_env
+
+        env_id, options = self.world_of(self.deciders[0])
+        world = make_vector_env(env_id, 1, **options).options
+        for name in self.deciders:
+            if ":" in name and not Path(name).is_dir():
+                raise reject("deciders", name, "no threshold behind a name with --shifted")
+        families = [decider_family(name, world) for name in self.deciders]
+        for family, name in zip(families, self.deciders, strict=True):
+            check_family(family, name, world)
+        console = Console()
+        with progress_display(console) as progress:
+            total = len(families) * (1 + len(shifted_worlds(world)))
+            task = progress.add_task("Evaluating", total=total, completed=-1, note="")
+            found = measure_shifts(
+                families, env_id, world, options, self.episodes, self.seed,
+                lambda note: progress.update(task, advance=1, note=note),
+            )  # fmt: skip
+            progress.update(task, completed=total, note="")
+        segments = self.episodes * world.segments
+        console.print(
+            shift_table(found, f"{env_id.rpartition(':')[2]} and around: {segments:,} segments each")
+        )
+        return [asdict(one) for one in found]
+
+    def _load(self, name: str) -> tuple[str, str, dict[str, Any], "Decider"]:
+        from agents.evaluation.deciders import load_decider
+        from hybrid_env.registration import make_vector_env
+
+        env_id, options = self.world_of(name)
+        return name, env_id, options, load_decider(name, make_vector_env(env_id, 1, **options).options)
+
+    def _figures(self, name: str, env_id: str, options: dict[str, Any], decider: "Decider") -> dict[str, Any]:
+        from rich.console import Console
+        from rich.table import Table
+
+        from agents.evaluation.evaluate import evaluate
+        from agents.interface.progress import progress_display
+        from hybrid_env.registration import make_vector_env
+        from hybrid_env.rendering.modes import mode_name
+
+        world = make_vector_env(env_id, 1, **options).options
+        console = Console()
+        with progress_display(console) as progress:
+            task = progress.add_task("Evaluating", total=1.0, note=name)
+            decisions = evaluate(
+                decider, env_id, self.episodes, self.seed,
+                lambda share: progress.update(task, completed=share), **options,
+            )  # fmt: skip
+        summary = decisions.summary()
+
+        table = Table(title=f"{name} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments")
+        for head in ("figure", "mean", "95 % interval"):
+            table.add_column(head, justify="left" if head == "figure" else "right")
+        titles = {
+            "accuracy": "right decisions", "type_accuracy": "right type (S, L or R)",
+            "ticks": "decision time, ticks", "reward": "reward a segment", "forced": "undecided at the end",
+            "rmse": "position RMSE, m",
+        }  # fmt: skip
+        for key, title in titles.items():
+            low, high = summary[key]["interval"]
+            table.add_row(title, f"{summary[key]['mean']:.4f}", f"{low:.4f} to {high:.4f}")
+        console.print(table)
+
+        modes = world.hypotheses
+        counts = np.zeros((modes, modes), np.int64)
+        np.add.at(counts, (decisions.true_mode, decisions.decided_mode), 1)
+        if modes <= 5:
+            confusion = Table(title="True mode in rows, decided mode in columns")
+            confusion.add_column("")
+            for mode in range(modes):
+                confusion.add_column(mode_name(mode, world.radii), justify="right")
+            for mode in range(modes):
+                confusion.add_row(mode_name(mode, world.radii), *map(str, counts[mode]))
+            console.print(confusion)
+        return {"decider": name, "confusion": counts.tolist()} | summary

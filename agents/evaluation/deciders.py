@@ -1,0 +1,241 @@
+"""Deciders by name: the classical rules with the thresholds that they are swept over, and run folders."""
+
+import functools
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agents import learned
+from agents.evaluation import seeds
+from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
+from baselines.deciders.bayes_risk import BayesRiskDecider, stopping_boundary
+from baselines.deciders.decider import Decider
+from baselines.deciders.waited_paths import Paths, waited_paths
+from hybrid_env.checks import ArgumentError, check_positive, reject
+from hybrid_env.options import WorldOptions
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+    from agents.learned.policy import PolicyDecider
+    from agents.learned.sequence import SequenceNet
+
+
+@dataclass(frozen=True)
+class DeciderFamily:
+    """A decider with one threshold that trades time for accuracy.
+
+    Attributes:
+        name: as tables show it.
+        symbol: of the threshold.
+        thresholds: swept over, in the order of growing decision time.
+        default: threshold of the decider when nothing is said.
+        make: decider at a threshold.
+        hypotheses: M of the only bank that it can read; None reads any.
+    """
+
+    name: str
+    symbol: str
+    thresholds: tuple[float, ...]
+    default: float
+    make: Callable[[float], Decider]
+    hypotheses: int | None = None
+
+
+ATE = DeciderFamily(
+    "ATE (SPRT)",
+    "alpha",
+    (0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+    1e-3,
+    SPRTDecider,
+)
+LAST_TICK = 10_000_000  # later than every segment
+FIXED_TIME = DeciderFamily(
+    "fixed time",
+    "ticks",
+    (5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100),
+    25,
+    lambda ticks: FixedTimeDecider(int(ticks)),
+)
+DOUBTS = (
+    *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
+    *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
+)
+FEW_DOUBTS = (0.3, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 3e-3, 5e-4)  # a network is slow
+MSPRT = DeciderFamily("MSPRT", "alpha", DOUBTS, 0.02, MSPRTDecider)
+TYPE_MSPRT = DeciderFamily(
+    "MSPRT of types", "alpha", DOUBTS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
+)
+GAP = DeciderFamily(
+    "gap rule",
+    "gap",
+    (0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0, 22.0, 28.0),
+    4.6,
+    GapDecider,
+)
+LIKELIEST_AT_THE_END = DeciderFamily("ML at the end", "ticks", (LAST_TICK,), LAST_TICK, FIXED_TIME.make)
+CLASSICAL = {
+    "ate": ATE,
+    "fixed": FIXED_TIME,
+    "msprt": MSPRT,
+    "msprt-type": TYPE_MSPRT,
+    "gap": GAP,
+    "ml": LIKELIEST_AT_THE_END,
+}
+LOG_ODDS = (
+    -10.0,
+    -8.0,
+    -6.0,
+    -5.0,
+    -4.0,
+    -3.0,
+    -2.0,
+    -1.5,
+    -1.0,
+    -0.5,
+    0.0,
+    0.5,
+    1.0,
+    1.5,
+    2.0,
+    2.5,
+    3.0,
+    4.0,
+)
+
+
+BAYES = "bayes"
+SHIPPED = "shipped"
+SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
+COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
+FITTING_EPISODES = 3000
+CLASSICAL_NAMES = (*CLASSICAL, BAYES)
+
+
+def bayes_family(world: WorldOptions) -> DeciderFamily:
+    """Bayes-risk stopping fitted to a world, its threshold the delay cost that it was fitted for."""
+
+    @functools.cache
+    def paths() -> Paths:
+        return waited_paths(FITTING_EPISODES, seeds.FITTING, **vars(world))
+
+    @functools.cache
+    def make(cost: float) -> Decider:
+        check_positive("cost", cost, allow_zero=True)
+        waited = paths()
+        return BayesRiskDecider(stopping_boundary(waited, cost), waited.by)
+
+    cost = world.delay_cost or 0.01
+    thresholds = tuple(share * cost for share in reversed(COSTS))
+    return DeciderFamily("Bayes risk", "cost", thresholds, cost, make)
+
+
+def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
+    """The family of a trained policy, its threshold the log-odds of declaring."""
+    return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
+
+
+def policy_decider(policy: "ActorCriticPolicy", world: WorldOptions) -> "PolicyDecider":
+    """A trained actor as a decider of a world."""
+    from agents.learned.policy import PolicyDecider, beliefs_of
+    from agents.learned.stopping import StoppingDecider
+
+    if beliefs_of(policy) is not None:
+        return StoppingDecider(policy, world.correctness == "type")
+    return PolicyDecider(policy)
+
+
+def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
+    """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
+    from agents.learned.sequence import SequenceDecider
+
+    radius = 0.0 if world.correctness == "type" else 1.0
+    return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, radius))
+
+
+def _folder_of(name: str) -> Path:
+    """Of the shipped agent, or of a run; one that is not there where the name is empty."""
+    return SHIPPED_FOLDER if name == SHIPPED else Path(name or os.devnull)
+
+
+def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
+    """The family of a classical name, of the shipped agent or of a run folder, for a world."""
+    if name in CLASSICAL:
+        return CLASSICAL[name]
+    if name == BAYES:
+        return bayes_family(world)
+    folder = _folder_of(name)
+    if folder.is_dir():
+        return learned_family(folder, world)
+    known = ", ".join(map(repr, (*CLASSICAL_NAMES, SHIPPED)))
+    raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
+
+
+def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
+    """The family of the policy in a run folder, whatever algorithm it was trained with."""
+    from agents.learned.policy_file import load_policy
+
+    weights, card = load_policy(folder)
+    if card["recipe"]["entry"]["algo"] == "sequence":
+        from agents.learned.sequence import load_sequence
+
+        return sequence_family(folder.name, load_sequence(folder, weights, card), world)
+    from agents.learned.policy import load_actor
+
+    return policy_family(folder.name, policy_decider(load_actor(folder, weights, card), world))
+
+
+def load_net(name: str) -> "SequenceNet":
+    """The network of 'shipped' or of the run folder of a sequence agent, as a recipe's `beliefs`."""
+    from agents.learned.policy_file import load_policy
+    from agents.learned.sequence import load_sequence
+
+    folder = _folder_of(name)
+    refusal = reject("beliefs", name, f"{SHIPPED!r} or the run folder of a sequence agent")
+    try:
+        weights, card = load_policy(folder)
+    except ArgumentError:
+        raise refusal from None
+    if card["recipe"]["entry"]["algo"] != "sequence":
+        raise refusal
+    return load_sequence(folder, weights, card)
+
+
+def load_decider(name: str, options: WorldOptions) -> Decider:
+    """The decider of "ate", "ate:1e-6", "fixed:25", "runs/ppo" or "runs/ppo:-2".
+
+    Args:
+        name: classical name or run folder, with an optional threshold after a colon.
+        options: of the world it is to decide in.
+
+    Raises:
+        ValueError: unknown name, bad threshold, or a policy trained for another bank.
+    """
+    base, colon, text = name.rpartition(":")
+    try:
+        threshold = float(text) if colon and not Path(name).is_dir() else None
+    except ValueError:
+        raise reject("decider", name, "a number after the colon") from None
+    family = decider_family(base if threshold is not None else name, options)
+    whole = family.symbol == "ticks"
+    if threshold is not None and family is LIKELIEST_AT_THE_END:
+        raise reject("decider", name, "no number after 'ml', which waits to the end")
+    if threshold is not None and (not np.isfinite(threshold) or (whole and threshold % 1)):
+        allowed = "a whole number" if whole else "a finite number"
+        raise reject("decider", name, f"{allowed} after the colon")
+    if options.actions != "all":
+        raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")
+    check_family(family, name, options)
+    return family.make(family.default if threshold is None else threshold)
+
+
+def check_family(family: DeciderFamily, name: str, options: WorldOptions) -> None:
+    """Refuse a policy that was trained for another number of hypotheses."""
+    if family.hypotheses not in (None, options.hypotheses):
+        raise reject(
+            "decider", name, f"a policy for {options.hypotheses} hypotheses; it has {family.hypotheses}"
+        )

@@ -1,0 +1,281 @@
+"""The command `track`: mode decisions on one's own recording, with ATE."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+from numpy.typing import ArrayLike, NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from agents.interface.output_files import output_folder, whole_file
+from agents.interface.recording_files import Column, Recording, read_recording, write_table
+from agents.recordings.figure import draw_track
+from baselines.deciders.sprt import sprt_thresholds
+from baselines.recordings import ate
+from hybrid_env.checks import (
+    ArgumentError,
+    check_array,
+    check_between,
+    check_choice,
+    check_integer,
+    check_positive,
+    check_radii,
+    reject,
+)
+from hybrid_env.rendering.modes import mode_name
+
+DEFAULT_PIECE = 50  # ticks
+DEFAULT_TAU = 0.1  # [s]
+SAME_TAU = 1e-3
+TAU_BOUNDS = (1e-9, 1e9)  # [s]
+FARTHEST = 1e15
+"""An estimate beyond this [m, m/s] is no track."""
+
+SHOWN_PIECES = 20
+FEWEST_ROWS = 50
+"""An estimate of the noise from fewer measurements is not worth the name."""
+
+NOISE_ERROR = 2.4
+"""Relative standard error of the estimate, times the root of the number of rows; found by simulation."""
+
+NORMAL_MEDIAN = 0.6744897501960817
+"""Median of |z| of a standard normal z."""
+
+
+def estimate_noise(measurements: ArrayLike) -> float:
+    """Measurement variance R from the third differences of each coordinate.
+
+    d_k = z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k removes any motion that is quadratic over four ticks and
+    leaves noise of variance (1 + 9 + 9 + 1) R. With the median, so that outliers and switches count little,
+
+        R = (median |d_k| / 0.6745)^2 / 20, the mean of x and y.
+
+    A turn adds about r (omega tau)^3 to |d|, and process noise Q tau^2 / 10 to R; both are far below R
+    where a tick is short. The relative standard error is about 2.4 / sqrt(T). Noise that is correlated from
+    tick to tick, as after smoothing, comes out too small.
+
+    Args:
+        measurements: (T, 2) x and y [m], T >= 50.
+
+    Returns:
+        R [m^2].
+
+    Raises:
+        ArgumentError: too few measurements, or third differences whose median is 0.
+    """
+    values = check_array("measurements", measurements, (None, 2))
+    if len(values) < FEWEST_ROWS:
+        raise reject(
+            "measurement_variance",
+            None,
+            f"a number > 0, as an estimate needs {FEWEST_ROWS} rows, not {len(values)}",
+        )
+    median = np.median(np.abs(np.diff(values, n=3, axis=0)), axis=0)
+    variance = float(np.mean((median / NORMAL_MEDIAN) ** 2) / 20.0)
+    # a smooth recording leaves the rounding of its coordinates, which is no noise of a sensor
+    if variance <= (8.0 * np.finfo(np.float64).eps * np.abs(values).max()) ** 2:
+        raise reject(
+            "measurement_variance", None, "a number > 0, as this recording shows no noise to estimate"
+        )
+    return variance
+
+
+@dataclass
+class Track:
+    """Find the modes of a recording: straight, left or right turn, and since when that is certain.
+
+    Writes modes.csv, estimates.csv and track.png. Ticks are counted from 1, the first row of the recording.
+    """
+
+    file: tyro.conf.Positional[Path]
+    """CSV with columns x, y [m] and perhaps t [s], by header or in the order t,x,y."""
+    lengths: tuple[int, ...] = ()
+    """Ticks of the pieces between possible switches, which add up to the rows; see also --piece."""
+    piece: int | None = None
+    """A possible switch every so many ticks, 50 where --lengths is not given either."""
+    radii: tuple[float, ...] = (5.0,)
+    """Turn radii to choose from [m], each as a left and as a right turn."""
+    tau: float | None = None
+    """Tick [s]; by default that of the t column, else 0.1."""
+    process_variance: float = 0.001
+    """Q, variance that each velocity gains every tick [m^2/s^2]."""
+    measurement_variance: float | None = None
+    """R, variance of a measured coordinate [m^2]; by default estimated from third differences."""
+    alpha: float = 1e-3
+    """Probability of leaving the active mode wrongly."""
+    beta: float | None = None
+    """Probability of staying in it wrongly; by default alpha."""
+    undecided: Literal["keep", "likeliest"] = "likeliest"
+    """What a piece that ends without a decision takes: the mode before it, or the likeliest one."""
+    start: tuple[float, float, float, float] | None = None
+    """Estimate x, vx, y, vy one tick before the first row [m, m/s]; by default a line through ten rows."""
+    out: Path | None = None
+    """Folder for the results; by default <name of the file>_track beside it."""
+
+    def run(self) -> None:
+        """Track the recording, write the results and print the pieces.
+
+        Raises:
+            ArgumentError: one line that names the argument or the place in the file, and what is allowed.
+        """
+        self._check()
+        console = Console()
+        with console.status("Reading"):
+            recording = read_recording(self.file)
+        lengths = self._lengths(len(recording.measurements))
+        tau = self._tau(recording)
+        variance = self.measurement_variance
+        if variance is None:
+            variance = estimate_noise(recording.measurements)
+        folder = self.out or Path(self.file).with_name(f"{Path(self.file).stem}_track")
+        _check_folder(folder)
+
+        with console.status("Tracking"):
+            tracks = ate.track(
+                recording.measurements, lengths, self.start, radii=self.radii, tau=tau,
+                process_variance=self.process_variance, measurement_variance=variance,
+                alpha=self.alpha, beta=self.beta, undecided=self.undecided,
+            )  # fmt: skip
+        if not (np.abs(tracks.estimates) <= FARTHEST).all():
+            raise ArgumentError(
+                f"the estimates of {self.file} leave all bounds: expected coordinates, ticks, start and "
+                "variances in m and s that fit each other"
+            )
+        ticks = len(recording.measurements)
+        times = recording.times
+        if times is None:
+            times = np.round(tau * np.arange(ticks, dtype=np.float64), 9)
+        pieces = _piece_table(lengths, tracks, self.radii)
+        with console.status("Writing"):
+            output_folder("out", folder)
+            write_table(folder / "modes.csv", pieces)
+            write_table(
+                folder / "estimates.csv", _estimate_table(times, recording.measurements, tracks, self.radii)
+            )
+            figure = draw_track(times, recording.measurements, lengths, tracks, self.radii)
+            with whole_file(folder / "track.png") as part:
+                figure.savefig(part, format="png")
+
+        origin = "as given"
+        if self.measurement_variance is None:
+            origin = f"estimated from third differences, within {NOISE_ERROR / np.sqrt(ticks):.0%} or so"
+        console.print(
+            f"{ticks} ticks of {tau:.6g} s, measurement_variance {variance:.4g} m^2 {origin}",
+            highlight=False, soft_wrap=True,
+        )  # fmt: skip
+        console.print(_shown_table(pieces, times, tau))
+        rest = len(lengths) - SHOWN_PIECES
+        if rest > 0:
+            console.print(f"... and {rest} more in modes.csv", highlight=False)
+        for name in ("modes.csv", "estimates.csv", "track.png"):
+            console.print(str(folder / name), markup=False, highlight=False, soft_wrap=True)
+
+    def _check(self) -> None:
+        if self.lengths and self.piece is not None:
+            raise reject("piece", self.piece, "to be left out where lengths are given")
+        for length in self.lengths:
+            check_integer("lengths", length)
+        if self.piece is not None:
+            check_integer("piece", self.piece)
+        check_radii("radii", self.radii)
+        if self.tau is not None:
+            check_between("tau", self.tau, *TAU_BOUNDS)
+        check_positive("process_variance", self.process_variance, allow_zero=True)
+        if self.measurement_variance is not None:
+            check_positive("measurement_variance", self.measurement_variance)
+        sprt_thresholds(self.alpha, self.beta)
+        check_choice("undecided", self.undecided, ("keep", "likeliest"))
+        if self.start is not None:
+            check_array("start", self.start, (4,))
+        if self.out is not None:
+            _check_folder(Path(self.out))
+
+    def _lengths(self, rows: int) -> list[int]:
+        if not self.lengths:
+            piece = self.piece or DEFAULT_PIECE
+            return [min(piece, rows - first) for first in range(0, rows, piece)]
+        if sum(self.lengths) != rows:
+            raise reject(
+                "lengths",
+                self.lengths,
+                f"lengths that add up to the {rows} rows of {self.file}, not {sum(self.lengths)}",
+            )
+        return list(self.lengths)
+
+    def _tau(self, recording: Recording) -> float:
+        if self.tau is None:
+            return check_between("tau", recording.tau or DEFAULT_TAU, *TAU_BOUNDS)
+        if recording.tau is not None and abs(self.tau - recording.tau) > SAME_TAU * recording.tau:
+            raise reject(
+                "tau", self.tau, f"{recording.tau:.6g} as in the t column of {self.file}, or to be left out"
+            )
+        return self.tau
+
+
+def _piece_table(lengths: Sequence[int], tracks: ate.Tracks, radii: Sequence[float]) -> dict[str, list[Any]]:
+    """The columns of modes.csv; what does not apply is empty."""
+    last = np.cumsum(lengths)
+    first = last - np.asarray(lengths) + 1
+    modes = tracks.decided.tolist()
+    decisions = (first - 1 + tracks.ticks).tolist()
+    undecided = tracks.undecided.tolist()
+    return {
+        "piece": list(range(1, len(modes) + 1)),
+        "first_tick": first.tolist(),
+        "last_tick": last.tolist(),
+        "mode": [mode_name(mode, radii) for mode in modes],
+        "mode_index": modes,
+        "radius": [radii[(mode - 1) % len(radii)] if mode else "" for mode in modes],
+        "decision_tick": ["" if open_ else tick for tick, open_ in zip(decisions, undecided, strict=True)],
+        "undecided": undecided,
+    }
+
+
+def _estimate_table(
+    times: NDArray[np.float64],
+    measurements: NDArray[np.float64],
+    tracks: ate.Tracks,
+    radii: Sequence[float],
+) -> dict[str, Column]:
+    """The columns of estimates.csv, whose first three are a recording again."""
+    names = [mode_name(mode, radii) for mode in range(2 * len(radii) + 1)]
+    estimates = {f"estimate_{name}": tracks.estimates[:, k] for k, name in enumerate(("x", "vx", "y", "vy"))}
+    return {
+        "t": times,
+        "x": measurements[:, 0],
+        "y": measurements[:, 1],
+        **estimates,
+        "mode": [names[mode] for mode in tracks.modes.tolist()],
+        "mode_index": tracks.modes,
+    }
+
+
+def _shown_table(pieces: dict[str, list[Any]], times: NDArray[np.float64], tau: float) -> Table:
+    table = Table()
+    for name in ("piece", "ticks", "from\n[s]", "mode", "decided\nat tick", "delay\n[ticks]", "delay\n[s]"):
+        table.add_column(escape(name), justify="left" if name == "mode" else "right")
+    for k in range(min(len(pieces["piece"]), SHOWN_PIECES)):
+        first, last, decision = (pieces[name][k] for name in ("first_tick", "last_tick", "decision_tick"))
+        waited = ("undecided", "", "")
+        if not pieces["undecided"][k]:
+            ticks = decision - first + 1
+            waited = (str(decision), str(ticks), f"{ticks * tau:.3f}")
+        table.add_row(
+            str(pieces["piece"][k]), f"{first}-{last}", f"{times[first - 1]:.3f}", pieces["mode"][k], *waited
+        )
+    return table
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written to, before any work."""
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        raise reject("out", str(folder), "a folder that can be written to")

@@ -1,0 +1,67 @@
+"""The command `hybridtrack reproduce`: the papers' tables and figures beside our own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from hybrid_env.checks import check_integer, reject
+
+Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020"]
+PAPERS: tuple[Paper, ...] = ("golubkov2018", "tsyganov2019", "golubkov2020")
+
+
+@dataclass(kw_only=True)
+class Reproduce:
+    """Run the papers' studies again: published and own figures, the spread of such a study, a verdict."""
+
+    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = PAPERS
+    """Which papers; all three if none is named."""
+    runs: int = 1000
+    """Runs of each study; the papers used 100."""
+    seed: int = 0
+    """Of the simulated recordings."""
+    out: Path = Path("results")
+    """Folder for tables as Markdown and JSON, and the figures."""
+
+    def run(self) -> None:
+        """Run the studies, print the tables, write the files."""
+        check_integer("runs", self.runs, minimum=2)
+        check_integer("seed", self.seed, minimum=0)
+        if not self.papers or len(set(self.papers)) != len(self.papers):
+            raise reject("papers", self.papers, "one or more different papers")
+        import time
+        from importlib import import_module
+
+        from rich.console import Console
+
+        from agents.interface.output_files import output_folder, whole_file, write_json
+        from agents.interface.progress import progress_display
+        from agents.reproduction.figures import draw_figures
+        from agents.reproduction.report import summary_markdown, tables, to_json, to_markdown
+
+        folder = output_folder("out", self.out)
+        console = Console()
+        results, seconds = [], {}
+        with progress_display(console) as progress:
+            task = progress.add_task("Reproducing", total=len(self.papers), note="")
+            for paper in self.papers:
+                progress.update(task, note=paper)
+                started = time.perf_counter()
+                results.append(import_module(f"baselines.papers.{paper}").reproduce(self.runs, self.seed))
+                seconds[paper] = time.perf_counter() - started
+                progress.advance(task)
+            progress.update(task, note="")
+        for paper, result in zip(self.papers, results, strict=True):
+            for table in tables(result):
+                console.print(table)
+            write_json(folder / f"{paper}.json", to_json(result))
+            with whole_file(folder / f"{paper}.md") as part:
+                part.write_text(to_markdown(result), encoding="utf-8")
+            names = draw_figures(paper, result, folder)
+            files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
+            console.print(f"Study of {seconds[paper]:.2f} s; in {folder}: {files}\n", highlight=False)
+        with whole_file(folder / "reproduction.md") as part:
+            part.write_text(summary_markdown(results), encoding="utf-8")
+        console.print(f"Summary {folder / 'reproduction.md'}", highlight=False)

@@ -1,0 +1,121 @@
+"""Logarithm, exponential, sine and cosine without branches, so that a loop over lanes becomes SIMD code.
+
+The polynomials are those of the freely distributable mathematical library (Sun Microsystems 1993), good to
+two units in the last place; the tests compare them with NumPy's.
+"""
+
+import math
+
+import numpy as np
+
+from hybrid_env.core.compilation import formula
+from hybrid_env.core.instructions import reinterpret
+
+LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # exact products with k
+ONE = np.int64(0x3FF0000000000000)  # bits of 1.0
+ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)  # bits of sqrt(1/2)
+MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
+# adding 2^52 + 2^51 leaves an integer in the low bits of a float
+SHIFTER = 6755399441055744.0
+SHIFTER_BITS = np.int64(0x4338000000000000)
+
+
+@formula
+def log(x: float) -> float:
+    """Natural logarithm of a normal positive number; about -709 for zero and less."""
+    bits = reinterpret(x) + (ONE - ROOT_HALF)
+    exponent = bits >> 52  # of x over a mantissa in [sqrt(1/2), sqrt(2)), plus 1023
+    mantissa = reinterpret((bits & MANTISSA) + ROOT_HALF)
+    k = reinterpret(exponent + SHIFTER_BITS) - (SHIFTER + 1023.0)
+    f = mantissa - 1.0
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01))
+    odd = z * (
+        6.666666666666735130e-01
+        + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860510658591e-01))
+    )
+    square = 0.5 * f * f
+    return k * LOG_TWO_HIGH - ((square - (s * (square + even + odd) + k * LOG_TWO_LOW)) - f)
+
+
+@formula
+def exp(x: float) -> float:
+    """Exponential of a number between -700 and 700."""
+    shifted = x * (1.0 / math.log(2.0)) + SHIFTER
+    k = shifted - SHIFTER
+    high, low = x - k * LOG_TWO_HIGH, k * LOG_TWO_LOW
+    r = high - low
+    t = r * r
+    c = r - t * (
+        1.66666666666666019037e-01
+        + t
+        * (
+            -2.77777777770155933842e-03
+            + t
+            * (
+                6.61375632143793436117e-05
+                + t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08)
+            )
+        )
+    )
+    mantissa = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
+    power = reinterpret((reinterpret(shifted) - SHIFTER_BITS + 1023) << 52)
+    return mantissa * power
+
+
+@formula
+def sine_cosine(x: float) -> tuple[float, float]:
+    """Sine and cosine of an angle [rad]; the absolute error grows with |x| as |x| 1e-16."""
+    shifted = x * (2.0 / math.pi) + SHIFTER
+    k = shifted - SHIFTER
+    quadrant = reinterpret(shifted)
+    # pi/2 in two parts, the first with 20 low bits clear
+    r = (x - k * 1.57079632673412561417e00) - k * 6.07710050650619224932e-11
+    z = r * r
+    sine = r + r * z * (
+        -1.66666666666666324348e-01
+        + z
+        * (
+            8.33333333332248946124e-03
+            + z
+            * (
+                -1.98412698298579493134e-04
+                + z
+                * (
+                    2.75573137070700676789e-06
+                    + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+                )
+            )
+        )
+    )
+    half = 0.5 * z
+    first = 1.0 - half
+    cosine = first + (
+        ((1.0 - first) - half)
+        + z
+        * z
+        * (
+            4.16666666666666019037e-02
+            + z
+            * (
+                -1.38888888888741095749e-03
+                + z
+                * (
+                    2.48015872894767294178e-05
+                    + z
+                    * (
+                        -2.75573143513906633035e-07
+                        + z * (2.08757232129817482790e-09 - z * 1.13596475577881948265e-11)
+                    )
+                )
+            )
+        )
+    )
+    swapped = (quadrant & 1) == 1
+    s = cosine if swapped else sine
+    c = sine if swapped else cosine
+    s = -s if (quadrant & 2) == 2 else s
+    c = -c if ((quadrant + 1) & 2) == 2 else c
+    return s, c

@@ -1,0 +1,64 @@
+"""Motion of the object: straight pieces and turns about a fixed centre, one axis at a time.
+
+Golubkov 2018, eq. (1). A turn anchored at the switch state (p_s, v_s) has the turn rate
+omega = |v_s| / r and the centre c = p_s + n r (left) or p_s - n r (right), with n the left normal of
+v_s / |v_s|. Centre and turn rate stay fixed over the segment, so each axis is a linear oscillator about
+its centre coordinate and the straight line is its limit omega = 0.
+"""
+
+import math
+
+from hybrid_env.core.compilation import formula, internal
+
+
+@internal
+def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
+    """The entries of the transition matrix of one axis over one tick.
+
+    Args:
+        turn_rate: omega >= 0 [rad/s]; 0 is straight motion.
+        tau: length of a tick [s].
+
+    Returns:
+        (cos(omega tau), sin(omega tau) / omega [s], omega sin(omega tau) [1/s]).
+    """
+    if turn_rate < 1e-150:  # sin(x)/x is 1 here, and the quotient would be 0/0 at the end of the range
+        return 1.0, tau, 0.0
+    sine = math.sin(turn_rate * tau)
+    return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
+
+
+@formula
+def propagate(
+    position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
+) -> tuple[float, float]:
+    """Advance one axis by one tick without noise. Golubkov 2018, eq. (1), Phi and B.
+
+    Args:
+        position: coordinate [m].
+        velocity: velocity along the axis [m/s].
+        centre: coordinate of the centre of the turn [m]; any finite number for straight motion.
+        cosine, sine_velocity, sine_position: from `motion_coefficients`.
+
+    Returns:
+        (position [m], velocity [m/s]) one tick later.
+    """
+    offset = position - centre
+    return centre + cosine * offset + sine_velocity * velocity, cosine * velocity - sine_position * offset
+
+
+@internal
+def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, float]:
+    """Speed [m/s] and unit vector of the heading; (1, 0) where the object stands still."""
+    speed = math.hypot(velocity_x, velocity_y)
+    if speed > 0.0:
+        return speed, velocity_x / speed, velocity_y / speed
+    return 0.0, 1.0, 0.0
+
+
+@internal
+def turn_centre(
+    x: float, y: float, heading_x: float, heading_y: float, signed_radius: float
+) -> tuple[float, float]:
+    """Centre [m] of a turn that starts at (x, y) with a unit heading; radius > 0 turns left, < 0 right."""
+    return x - heading_y * signed_radius, y + heading_x * signed_radius

@@ -1,0 +1,121 @@
+"""Random numbers of the kernel: a small xoshiro256++ generator a track, and standard normals from it.
+
+A generator of its own for every track makes track i of a vector environment the very stream of a single
+environment with the same seed, whatever the other tracks do. Blackman & Vigna 2021 (xoshiro256++); Box &
+Muller 1958, whose pairs take the same steps for every draw, so that tracks, or ticks of one track, can be
+drawn side by side.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.elementary import ONE, log, sine_cosine
+from hybrid_env.core.instructions import reinterpret, span
+
+OUTLIER = 5.0  # deviation of an outlier over that of other measurements
+
+
+_Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+
+
+@formula
+def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, _Words]:
+    """Next 64 random bits and the state after them. xoshiro256++."""
+    total = s0 + s3
+    bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
+    shifted = s1 << np.uint64(17)
+    s2 ^= s0
+    s3 ^= s1
+    s1 ^= s2
+    s0 ^= s3
+    s2 ^= shifted
+    s3 = (s3 << np.uint64(45)) | (s3 >> np.uint64(19))
+    return bits, (s0, s1, s2, s3)
+
+
+@formula
+def _to_uniform(bits: np.uint64) -> float:
+    """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
+    return reinterpret((bits >> np.uint64(12)) | np.uint64(ONE)) - 1.0
+
+
+@formula
+def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
+    """Next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
+    bits, words = _advance(state[0, lane], state[1, lane], state[2, lane], state[3, lane])
+    state[0, lane], state[1, lane], state[2, lane], state[3, lane] = words
+    return bits
+
+
+@formula
+def uniform(state: NDArray[np.uint64], lane: int) -> float:
+    """Uniform on [0, 1)."""
+    return _to_uniform(next_uint64(state, lane))
+
+
+@formula
+def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
+    """Four uniforms into the first rows of a column; the state stays in registers meanwhile."""
+    s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
+    for k in span(0, 4):
+        bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
+        noise[k, column] = _to_uniform(bits)
+    state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
+
+
+@internal
+def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
+    """Uniform integer in 0 .. bound - 1; the bias of the product method is below bound / 2^52."""
+    return np.int64(uniform(state, lane) * bound)
+
+
+@internal
+def draw_noise(
+    state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, outliers: float
+) -> None:
+    """What a tick needs, for each of the lanes first .. last - 1.
+
+    Args:
+        state: (4, LANES), advanced.
+        noise: (5, LANES), written: four independent draws of N(0, 1), none beyond 8.5, the last two of
+            which are multiplied by `OUTLIER` at times; then a number to work with.
+        outliers: share of the ticks at which they are.
+    """
+    for lane in span(first, last):
+        _draw_uniforms(state, lane, noise, lane)
+    if outliers > 0.0:
+        for lane in span(first, last):
+            noise[4, lane] = uniform(state, lane)
+    _to_normals(noise, first, last, outliers)
+
+
+@internal
+def draw_noise_ahead(
+    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
+) -> None:
+    """The same noise for as many ticks of one lane, up to LANES: those of tick k are in column k."""
+    for tick in span(0, ticks):
+        _draw_uniforms(state, lane, noise, tick)
+        if outliers > 0.0:
+            noise[4, tick] = uniform(state, lane)
+    _to_normals(noise, np.int64(0), ticks, outliers)  # a literal would be a type of its own
+
+
+@internal
+def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
+    """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
+    for pair in span(0, 2):
+        k = 2 * pair
+        for column in span(first, last):
+            radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
+            sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
+            noise[k, column] = radius * cosine
+            noise[k + 1, column] = radius * sine
+    if outliers > 0.0:
+        for column in span(first, last):
+            factor = OUTLIER if noise[4, column] < outliers else 1.0
+            noise[2, column] *= factor
+            noise[3, column] *= factor

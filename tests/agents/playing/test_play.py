@@ -1,0 +1,201 @@
+import csv
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+import agents.playing.command
+import hybrid_env  # noqa: F401
+from agents.interface.recording_files import read_recording
+from agents.playing.command import PALETTE_SIZE, Play, palette_colours
+from hybrid_env.checks import ArgumentError
+from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.figure import FRAME_SIZE
+
+SCHEME = "S8 L8r5"
+STEPS = 10  # fixed:5 waits at four ticks of each segment and declares at the fifth
+
+
+class Decider:
+    """Waits, and does at one step of an episode what a test wants."""
+
+    def __init__(self, step, act):
+        self.step, self.act, self.calls = step, act, 0
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.calls += 1
+        if self.calls == self.step:
+            self.act()
+        return np.zeros(len(observation), np.int64), state
+
+
+def fail():
+    raise RuntimeError("decider failed")
+
+
+def play(**arguments):
+    Play(**{"scheme": SCHEME, "decider": "fixed:5", "seed": 3} | arguments).run()
+
+
+def test_a_gif_has_a_frame_for_the_reset_and_each_step_at_ten_a_second(tmp_path):
+    play(out=tmp_path / "episode.gif")
+    with Image.open(tmp_path / "episode.gif") as animation:
+        assert animation.n_frames == 1 + STEPS
+        assert animation.size == FRAME_SIZE
+        assert animation.info["loop"] == 0
+        assert {frame.info["duration"] for frame in ImageSequence.Iterator(animation)} == {100}
+    assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
+
+
+def test_a_gif_of_two_episodes_has_the_frames_of_both(tmp_path):
+    play(out=tmp_path / "two.gif", episodes=2)
+    with Image.open(tmp_path / "two.gif") as animation:
+        assert animation.n_frames == 2 * (1 + STEPS)
+
+
+def test_the_last_frame_of_the_gif_is_the_png_but_for_the_palette(tmp_path):
+    for name in ("episode.gif", "episode.png"):
+        play(out=tmp_path / name, env="hybrid_env:HybridTrackBank-v0")
+    with Image.open(tmp_path / "episode.gif") as animation, Image.open(tmp_path / "episode.png") as picture:
+        animation.seek(animation.n_frames - 1)
+        difference = np.asarray(animation.convert("RGB")).astype(int) - np.asarray(picture)
+    assert np.abs(difference).mean() < 0.5
+    assert (np.abs(difference).max(-1) > 64).mean() < 1e-3
+
+
+def test_a_png_is_the_frame_of_the_finished_episode(tmp_path):
+    play(out=tmp_path / "episode.png")
+    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=SCHEME)
+    _, info = env.reset(seed=3)
+    terminated = False
+    while not terminated:
+        likeliest = int(np.argmax(info["log_likelihood"]))
+        _, _, terminated, _, info = env.step(likeliest + 1 if info["tick"] == 5 else 0)
+    with Image.open(tmp_path / "episode.png") as picture:
+        np.testing.assert_array_equal(np.asarray(picture), env.render())
+
+
+def test_the_recording_holds_every_measurement_with_its_time(tmp_path):
+    play(out=tmp_path / "episode.png", record=tmp_path / "episode.csv")
+    with (tmp_path / "episode.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["t", "x", "y"]
+    assert [row[0] for row in rows[1:4]] == ["0.1", "0.2", "0.3"]
+    env = gym.make("HybridTrack-v0", scheme=SCHEME)
+    _, info = env.reset(seed=3)
+    measured, terminated = [], False
+    while not terminated:  # truth and noise do not depend on the decisions
+        measured.append(info["measurement"])
+        _, _, terminated, _, info = env.step(0)
+    recording = read_recording(tmp_path / "episode.csv")
+    np.testing.assert_array_equal(recording.measurements, measured)
+    np.testing.assert_allclose(recording.times, 0.1 * np.arange(1, 17))
+    assert recording.tau == pytest.approx(0.1)
+
+
+def test_options_of_the_world_reach_the_environment(tmp_path):
+    play(out=tmp_path / "a.png", record=tmp_path / "quiet.csv", measurement_variance=1e-12, tau=0.5)
+    recording = read_recording(tmp_path / "quiet.csv")
+    assert recording.tau == pytest.approx(0.5)
+    steps = np.linalg.norm(np.diff(recording.measurements[:8], axis=0), axis=1)
+    np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
+
+
+def test_the_table_says_what_was_decided_and_when(tmp_path, capsys):
+    play(out=tmp_path / "episode.png", decider="fixed:50")
+    told = capsys.readouterr().out
+    assert "seed 3" in told
+    assert told.count("forced") == told.count("8 of 8") == 2
+    assert told.count("correct") + told.count("wrong") == 2
+    assert "L r=5 m" in told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"out": "episode.mp4"},
+            r"^out='.*episode.mp4' is not allowed: expected a file that ends in .gif or",
+        ),
+        ({"out": "episode"}, r"^out='.*episode' is not allowed"),
+        ({"out": "missing/episode.gif"}, r"^out=.* expected a file in a folder that exists$"),
+        ({"out": "a.png", "record": "a.txt"}, r"^record='.*a.txt' is not allowed: expected .* ends in .csv$"),
+        ({"out": "a.png", "record": "missing/a.csv"}, r"^record=.* expected a file in a folder that exists$"),
+        ({"out": "a.gif", "episodes": 0}, r"^episodes=0 is not allowed: expected an integer >= 1$"),
+        ({"out": "a.png", "episodes": 2}, r"^episodes=2 is not allowed: expected 1 with --out"),
+        ({"out": "a.gif", "record": "a.csv", "episodes": 2}, r"^episodes=2 .* expected 1 with --record"),
+        ({"out": "a.gif", "seed": -1}, r"^seed=-1 is not allowed"),
+        ({"out": "a.gif", "decider": "nobody"}, r"^decider='nobody' is not allowed"),
+        ({"out": "a.gif", "scheme": "X5"}, r"^scheme='X5' is not allowed"),
+        ({"out": "a.gif", "env": "CartPole-v1", "scheme": None}, r"^env='CartPole-v1' is not allowed"),
+        ({"out": "a.gif", "env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
+        ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
+    ],
+)
+def test_a_bad_argument_is_one_line_and_leaves_no_file(tmp_path, arguments, message):
+    for name in ("out", "record"):
+        if name in arguments:
+            arguments = arguments | {name: tmp_path / arguments[name]}
+    with pytest.raises(ArgumentError, match=message) as error:
+        play(**arguments)
+    assert "\n" not in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_no_file(tmp_path):
+    (tmp_path / "folder.gif").mkdir()
+    with pytest.raises(ArgumentError, match="expected a file, not a folder"):
+        play(out=tmp_path / "folder.gif")
+
+
+@pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
+def test_a_failure_midway_leaves_the_old_file_alone_and_nothing_beside_it(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(agents.playing.command, "load_decider", lambda *_: Decider(4, fail))
+    (tmp_path / name).write_bytes(b"old")
+    with pytest.raises(RuntimeError, match="decider failed"):
+        play(out=tmp_path / name, record=tmp_path / "episode.csv")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes() == b"old"
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(agents.playing.command, "write_gif", full)
+    with pytest.raises(ArgumentError, match=r"a.gif cannot be written: No space left on device$"):
+        play(out=tmp_path / "a.gif")
+
+
+def test_without_a_display_the_error_says_to_use_out(monkeypatch):
+    monkeypatch.setattr(agents.playing.command, "display_available", lambda: False)
+    with pytest.raises(ArgumentError, match=r"^no window can be opened here: give --out FILE"):
+        play()
+
+
+def test_closing_the_window_ends_the_play(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    decider = Decider(2, lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)))
+    monkeypatch.setattr(agents.playing.command, "load_decider", lambda *_: decider)
+    play(record=tmp_path / "episode.csv")
+    assert decider.calls == 2
+    assert list(tmp_path.iterdir()) == []
+    assert not pygame.display.get_init()
+
+
+def test_an_episode_in_the_window_is_recorded_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr(agents.playing.command, "LAST_FRAME", 0.1)
+    play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
+    assert len(read_recording(tmp_path / "episode.csv").measurements) == 3
+
+
+@pytest.mark.parametrize("count", [1, 3, 10, 60, 200])
+def test_the_palette_fits_into_a_gif_for_every_bank(count):
+    options = WorldOptions(radii=tuple(range(1, count + 1)))
+    colours = palette_colours(options)
+    assert len(colours) <= PALETTE_SIZE < 256
+    assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, colours.tolist()))

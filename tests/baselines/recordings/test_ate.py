@@ -1,0 +1,119 @@
+"""ATE on recordings against ATE in the environment, and against independent figures."""
+
+import numpy as np
+import pytest
+
+from agents.evaluation.evaluate import evaluate
+from baselines import SPRTDecider, first_estimate, track
+from hybrid_env import HybridTrackVectorEnv
+from hybrid_env.checks import ArgumentError
+from hybrid_env.core.records import TRACE_COLUMNS
+
+MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
+ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y")]
+
+
+def record_episodes(tracks: int, alpha: float = 1e-3, **options):
+    """Let the decider play one episode a track and keep what it saw and did."""
+    env = HybridTrackVectorEnv(tracks, trace_rows=201, **options)
+    decider = SPRTDecider(alpha)
+    observation, info = env.reset(seed=77)
+    starts = info["anchor"].copy()
+    traces = [[env.world.traced(i)] for i in range(tracks)]
+    decisions = [[] for _ in range(tracks)]
+    state, going_on = None, np.ones(tracks, bool)
+    while going_on.any():
+        actions, state = decider.predict(observation, state)
+        observation, _, terminated, _, info = env.step(actions)
+        for i in np.flatnonzero(going_on):
+            traces[i].append(env.world.traced(i))
+            if info.get("_ticks", going_on & False)[i]:
+                decisions[i].append(
+                    [info[key][i] for key in ("decided_mode", "ticks", "forced", "decided_length")]
+                )
+        going_on &= ~terminated
+    return starts, [np.concatenate(rows) for rows in traces], [np.array(rows) for rows in decisions]
+
+
+BANK = {"radii": tuple(range(1, 11))}
+
+
+@pytest.mark.parametrize(
+    ("count", "alpha", "options"),
+    [
+        (1000, 1e-3, {}),
+        (200, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
+        (200, 1e-3, {"measurement_variance": (0.1, 0.4)}),
+        (200, 1e-10, BANK),  # ratios far beyond the clip of the observation
+        (200, 1e-3, BANK | {"measurement_variance": 0.01}),
+        (200, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
+    ],
+)
+def test_ate_on_recordings_takes_every_decision_of_the_decider_in_the_environment(count, alpha, options):
+    starts, traces, decisions = record_episodes(count, alpha, **options)
+    for start, trace, made in zip(starts, traces, decisions, strict=True):
+        found = track(
+            trace[:, MEASURED], made[:, 3], start, undecided="likeliest", alpha=alpha,
+            **({"measurement_variance": 0.1} | options),
+        )  # fmt: skip
+        np.testing.assert_array_equal(found.decided, made[:, 0])
+        np.testing.assert_array_equal(found.ticks, made[:, 1])
+        np.testing.assert_array_equal(found.undecided, made[:, 2])
+        np.testing.assert_allclose(found.estimates[:, [0, 2]], trace[:, ESTIMATED], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "accuracy", "ticks"),
+    [(0.1, 0.846, 20.4), (0.01, 0.935, 24.5), (0.001, 0.958, 26.9), (1e-6, 0.986, 31.5)],
+)
+def test_ate_has_the_accuracy_and_time_of_an_independent_implementation(alpha, accuracy, ticks):
+    # 9,000 segments: standard errors .004 and .1 tick at the most, well inside the allowed .012 and .6
+    decisions = evaluate(SPRTDecider(alpha), episodes=1500, seed=123)
+    assert decisions.correct.mean() == pytest.approx(accuracy, abs=0.012)
+    assert decisions.ticks.mean() == pytest.approx(ticks, abs=0.6)
+
+
+def test_a_batch_of_runs_equals_the_runs_one_by_one():
+    _, traces, _ = record_episodes(3, scheme="S40 L60r5 R50r5")
+    batch = np.stack([trace[:, MEASURED] for trace in traces])
+    together = track(batch, [40, 60, 50])
+    for i, measurements in enumerate(batch):
+        alone = track(measurements, [40, 60, 50])
+        np.testing.assert_array_equal(together.estimates[i], alone.estimates)
+        np.testing.assert_array_equal(together.modes[i], alone.modes)
+
+
+def test_first_estimate_is_exact_on_a_noiseless_line():
+    times = 0.1 * np.arange(1, 31)
+    line = np.stack([1.0 + 2.0 * times, -3.0 + 0.5 * times], axis=1)
+    np.testing.assert_allclose(first_estimate(line, 0.1), [1.0, 2.0, -3.0, 0.5], atol=1e-12)
+
+
+BAD = [
+    ({"measurements": [[0.0, np.nan]] * 4}, "measurements[0, 1]=nan"),
+    ({"measurements": np.zeros((4, 3))}, "measurements has shape (4, 3)"),
+    ({"measurements": np.zeros((0, 2))}, "measurements has shape (0, 2)"),
+    ({"measurements": "track"}, "measurements="),
+    ({"lengths": [2, 3]}, "lengths=[2, 3]"),
+    ({"lengths": [4, 0]}, "lengths=0"),
+    ({"lengths": []}, "lengths=[]"),
+    ({"start": [0.0, 1.0]}, "start has shape (2,)"),
+    ({"radii": [0.0]}, "radii=[0.0]"),
+    ({"tau": 0.0}, "tau=0.0"),
+    ({"process_variance": -1.0}, "process_variance=-1.0"),
+    ({"measurement_variance": -1.0}, "measurement_variance=-1.0"),
+    ({"alpha": 0.0}, "alpha=0.0"),
+    ({"alpha": 0.6, "beta": 0.4}, "alpha + beta=1.0"),
+    ({"beta": float("nan")}, "beta=nan"),
+    ({"undecided": "guess"}, "undecided='guess'"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
+    good = {"measurements": np.zeros((4, 2)), "lengths": [4]}
+    with pytest.raises(ArgumentError) as caught:
+        track(**(good | arguments))
+    assert message in str(caught.value)
+    assert "expected" in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,128 @@
+"""ATE with recalculation, refinement, and the filter of known modes, against literal 4x4 filters."""
+
+import numpy as np
+import pytest
+from literal import LiteralFilter
+
+from baselines import track
+from baselines.filters.known_modes import filter_known_modes
+from hybrid_env.checks import ArgumentError
+from hybrid_env.simulation import simulate
+
+START = np.array([0.0, 0.0, 0.0, 2.0])
+MODES = [("S", 0.0), ("L", 5.0), ("R", 5.0)]
+
+
+def literal(start, P, mode, radius, R=0.1, Q=0.001):
+    return LiteralFilter(start, P, mode, radius, 0.1, Q, R * np.eye(2))
+
+
+def blocks(P):
+    return [(P[k, k], P[k, k + 1], P[k + 1, k + 1]) for k in (0, 2)]
+
+
+@pytest.mark.parametrize("way", ["as_published", "rewind"])
+def test_recalculated_estimates_are_those_of_the_chosen_filter_from_the_start_of_the_piece(way):
+    recording = simulate("S60 L60r5 R60r5", runs=3, seed=4)
+    found = track(recording.measurements, recording.lengths, START, recalculation=way)
+    assert not found.undecided.all(1).any()
+    for run in range(3):
+        anchor = START
+        for piece in range(3):
+            first = 60 * piece
+            mode = found.decided[run, piece]
+            P = np.eye(4)
+            if way == "as_published" and not found.undecided[run, piece]:
+                spent = literal(anchor, P, *MODES[mode])
+                for z in recording.measurements[run, first : first + found.ticks[run, piece]]:
+                    spent.step(z)
+                P = spent.P  # the covariance stays where the decision left it
+            one = literal(anchor, P, *MODES[mode])
+            for k in range(first, first + 60):
+                one.step(recording.measurements[run, k])
+                if not found.undecided[run, piece]:
+                    np.testing.assert_allclose(found.estimates[run, k], one.x, atol=1e-11)
+                    np.testing.assert_allclose(found.covariances[run, k], blocks(one.P), atol=1e-12)
+                    assert found.modes[run, k] == mode
+            anchor = found.estimates[run, first + 59]
+
+
+def test_without_recalculation_the_old_mode_gives_the_output_up_to_the_decision():
+    recording = simulate("S60 L60r5", runs=1, seed=4)
+    found = track(recording.measurements[0], recording.lengths, START)
+    tick = found.ticks[1]
+    assert (found.modes[60 : 60 + tick] == found.decided[0]).all()
+    assert (found.modes[60 + tick :] == found.decided[1]).all()
+    assert np.isfinite(found.ratios[60 : 60 + tick]).all()
+    assert np.isnan(found.ratios[60 + tick :]).all()
+    assert (found.ratios[np.arange(60, 60 + tick), found.modes[60 : 60 + tick]] == 0).all()
+
+
+def test_tested_against_straight_a_wrong_old_mode_is_no_reference():
+    recording = simulate("L60r5 L60r5", runs=20, seed=1)
+    found = track(recording.measurements, recording.lengths, START, reference="straight")
+    second = found.ratios[:, 60]  # the first tick of the second piece
+    np.testing.assert_array_equal(second[:, 0], 0.0)
+    assert (second[:, 1] != 0.0).all()
+
+
+def test_refinement_follows_the_likeliest_radius_of_the_decided_side():
+    radii = tuple(range(1, 11))
+    recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
+    plain = track(recording.measurements, [100], START, radii=radii, measurement_variance=0.01)
+    refined = track(
+        recording.measurements, [100], START, radii=radii, measurement_variance=0.01, refine_radius=True
+    )
+    np.testing.assert_array_equal(plain.ticks, refined.ticks)
+    assert (refined.decided == 4).mean() > (plain.decided == 4).mean()
+    sides = (plain.decided == 0, refined.decided == 0)
+    np.testing.assert_array_equal(*sides)
+
+
+@pytest.mark.parametrize("carry", [True, False])
+def test_the_filter_of_known_modes_equals_literal_ones(carry):
+    recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
+    found = filter_known_modes(
+        recording.measurements, recording.lengths, recording.signed_radii, START,
+        measurement_variance=(0.1, 0.3), carry_covariance=carry,
+    )  # fmt: skip
+    for run in range(2):
+        state, P, k = START, np.eye(4), 0
+        for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
+            mode = "S" if radius == 0 else "L" if radius > 0 else "R"
+            one = LiteralFilter(state, P, mode, abs(radius), 0.1, 0.001, np.diag([0.1, 0.3]))
+            for _ in range(length):
+                one.step(recording.measurements[run, k])
+                np.testing.assert_allclose(found.estimates[run, k], one.x, atol=1e-11)
+                np.testing.assert_allclose(found.covariances[run, k], blocks(one.P), atol=1e-12)
+                k += 1
+            state, P = one.x, one.P if carry else np.eye(4)
+
+
+BAD = [
+    ({"measurements": [[0.0, np.nan]] * 4}, "measurements[0, 1]=nan"),
+    ({"lengths": [3]}, "lengths=[3]"),
+    ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
+    ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
+    ({"start_covariance": [1.0, 0.0]}, "start_covariance has shape (2,)"),
+    ({"carry_covariance": 1}, "carry_covariance=1"),
+    ({"tau": -1.0}, "tau=-1.0"),
+    ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
+    good = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
+    with pytest.raises(ArgumentError) as caught:
+        filter_known_modes(**(good | arguments))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("recalculation", "twice"), ("reference", "left"), ("refine_radius", "yes")]
+)
+def test_bad_ways_are_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"{name}={value!r}.*expected"):
+        track(np.zeros((4, 2)), [4], **{name: value})

@@ -1,0 +1,38 @@
+"""Elementary functions against NumPy's."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from hybrid_env.core.elementary import exp, log, sine_cosine
+
+
+def units(found, expected):
+    """Largest error in units of the last place."""
+    return np.max(np.abs(found - expected) / np.spacing(np.abs(expected)))
+
+
+def test_the_logarithm_is_good_to_the_last_places():
+    generator = np.random.default_rng(1)
+    x = np.concatenate(
+        [generator.lognormal(0, 30, 200_000), generator.uniform(0.5, 2, 200_000), [1.0, 2.0**-1000, 1e300]]
+    )
+    assert units(njit(lambda x: np.array([log(v) for v in x]))(x), np.log(x)) <= 2
+    floor = njit(lambda: (log(0.0), log(-1.0)))()
+    assert floor[0] < -700  # a number, so that it can be clipped
+    assert math.isfinite(floor[1])
+
+
+def test_the_exponential_is_good_to_the_last_places():
+    x = np.concatenate([np.random.default_rng(2).uniform(-700, 700, 200_000), np.linspace(-1, 1, 100_001)])
+    assert units(njit(lambda x: np.array([exp(v) for v in x]))(x), np.exp(x)) <= 2
+
+
+def test_sine_and_cosine_are_good_over_many_turns():
+    x = np.concatenate([np.random.default_rng(3).uniform(-1000, 1000, 200_000), np.linspace(-7, 7, 100_001)])
+    found = np.array(njit(lambda x: [sine_cosine(v) for v in x])(x))
+    for k, function in enumerate((np.sin, np.cos)):
+        assert np.all(np.abs(found[:, k] - function(x)) < 3e-16 * (1 + np.abs(x)))
+    assert njit(lambda: sine_cosine(0.0))() == (0.0, 1.0)
+    assert math.isclose(njit(lambda: sine_cosine(math.pi / 6)[0])(), 0.5, rel_tol=1e-15)

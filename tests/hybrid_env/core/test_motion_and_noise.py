@@ -1,0 +1,146 @@
+"""Motion against circles, random numbers against their published stream and their distributions."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+from scipy import stats
+
+from hybrid_env.core import motion
+from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, next_uint64, uniform
+from hybrid_env.core.records import LANES
+
+propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
+heading_vector, turn_centre = motion.heading_vector.py_func, motion.turn_centre.py_func
+
+
+@pytest.mark.parametrize("radius", [5.0, -5.0, 0.3])
+def test_a_turn_stays_on_its_circle_and_keeps_its_speed(radius):
+    state = np.array([1.0, 1.2, -2.0, 1.6])
+    speed, heading_x, heading_y = heading_vector(state[1], state[3])
+    centre = turn_centre(state[0], state[2], heading_x, heading_y, radius)
+    rate = speed / abs(radius)
+    coefficients = motion_coefficients(rate, 0.1)
+    start = math.atan2(state[2] - centre[1], state[0] - centre[0])
+    for k in range(1, 200):
+        state[0], state[1] = propagate(state[0], state[1], centre[0], *coefficients)
+        state[2], state[3] = propagate(state[2], state[3], centre[1], *coefficients)
+        angle = start + math.copysign(rate, radius) * 0.1 * k
+        expected = np.array(centre) + abs(radius) * np.array([math.cos(angle), math.sin(angle)])
+        np.testing.assert_allclose(state[[0, 2]], expected, atol=1e-11)
+        assert math.hypot(state[1], state[3]) == pytest.approx(2.0, abs=1e-11)
+
+
+def test_a_left_turn_bends_to_the_left_of_the_heading():
+    assert turn_centre(0.0, 0.0, 1.0, 0.0, 3.0) == (0.0, 3.0)
+    assert turn_centre(0.0, 0.0, 1.0, 0.0, -3.0) == (0.0, -3.0)
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-200, 1e-12])
+def test_a_turn_of_vanishing_rate_is_straight(rate):
+    np.testing.assert_allclose(motion_coefficients(rate, 0.1), (1.0, 0.1, 0.0), atol=1e-20)
+
+
+def test_an_object_that_stands_still_has_a_heading():
+    assert heading_vector(0.0, 0.0) == (0.0, 1.0, 0.0)
+
+
+@njit
+def bits(state, count):
+    return [next_uint64(state, 2) for _ in range(count)]
+
+
+@njit
+def uniforms(state, count):
+    return np.array([uniform(state, 2) for _ in range(count)])
+
+
+@njit
+def integers(state, count, bound):
+    return np.array([integer_below(state, 2, bound) for _ in range(count)])
+
+
+@njit
+def normals(state, count):
+    drawn = np.empty((count, 5, state.shape[1]))
+    for k in range(count):
+        draw_noise(state, drawn[k], 0, state.shape[1], 0.0)
+    return drawn[:, :4]
+
+
+def seeded(seed):
+    return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
+
+
+def test_the_generator_gives_the_published_stream():
+    # first outputs of xoshiro256++ from the state (1, 2, 3, 4), as its reference implementation gives them
+    state = np.zeros((4, LANES), np.uint64)
+    state[:, 2] = [1, 2, 3, 4]
+    expected = [
+        41943041,
+        58720359,
+        3588806011781223,
+        3591011842654386,
+        9228616714210784205,
+        9973669472204895162,
+    ]
+    assert [int(value) for value in bits(state, len(expected))] == expected
+    assert not state[:, [0, 1, *range(3, LANES)]].any()
+
+
+def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
+    drawn = normals(seeded(5), 12_500)
+    sample = drawn.ravel()
+    assert stats.kstest(sample, "norm").pvalue > 1e-3
+    # standard errors of the moments of N(0, 1): 1, sqrt(2), sqrt(15), sqrt(96) over sqrt(n); 4 of them
+    for power, moment, deviation in (
+        (1, 0, 1),
+        (2, 1, math.sqrt(2)),
+        (3, 0, math.sqrt(15)),
+        (4, 3, math.sqrt(96)),
+    ):
+        assert abs((sample**power).mean() - moment) < 4 * deviation / math.sqrt(sample.size)
+    beyond = np.abs(sample[np.abs(sample) > 3.0])
+    assert stats.binomtest(beyond.size, sample.size, 2 * stats.norm.sf(3.0)).pvalue > 1e-3
+    assert stats.kstest(beyond, lambda x: 1 - stats.norm.sf(x) / stats.norm.sf(3.0)).pvalue > 1e-3
+    # the four draws of a tick, the lanes, and draws that follow each other
+    variables = np.concatenate(
+        [drawn.reshape(len(drawn), -1)[:-1], drawn.reshape(len(drawn), -1)[1:]], axis=1
+    )
+    off = np.corrcoef(variables.T)[np.triu_indices(variables.shape[1], 1)]
+    assert np.abs(off).max() < stats.norm.isf(5e-4 / off.size) / math.sqrt(len(drawn))
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.3])
+def test_a_lane_draws_the_same_whichever_lanes_go_with_it_and_however_far_ahead(outliers):
+    together, alone, ahead = seeded(9), seeded(9), seeded(9)
+    wide, narrow, long = np.zeros((5, LANES)), np.zeros((5, LANES)), np.zeros((5, LANES))
+
+    @njit
+    def draw(state, numbers, first, last):
+        draw_noise(state, numbers, first, last, outliers)
+
+    @njit
+    def draw_ticks(state, lane, numbers, ticks):
+        draw_noise_ahead(state, lane, numbers, ticks, outliers)
+
+    largest = 0.0
+    for _ in range(200):
+        for ticks in range(1, LANES + 1):
+            draw_ticks(ahead, 3, long, ticks)
+            for tick in range(ticks):
+                draw(together, wide, 0, LANES)
+                for lane in range(LANES):
+                    draw(alone, narrow, lane, lane + 1)
+                np.testing.assert_array_equal(wide[:4], narrow[:4])
+                np.testing.assert_array_equal(wide[:4, 3], long[:4, tick])
+                largest = max(largest, np.abs(wide[:4]).max())
+    assert (largest > 8.5) == (outliers > 0.0)
+
+
+def test_uniforms_and_integers_are_uniform():
+    assert stats.kstest(uniforms(seeded(6), 100_000), "uniform").pvalue > 1e-3
+    counts = np.bincount(integers(seeded(7), 70_000, 7), minlength=7)
+    assert counts.size == 7
+    assert stats.chisquare(counts).pvalue > 1e-3
