@@ -2,5 +2,6 @@
 
 `command` lets a decider play and writes animation, picture or recording.
 
-May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other study.
+May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
+study.
 """
