@@ -56,7 +56,7 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
     | 5 M .. | curvature | signed, left is positive [1/m] | | | 1 |
     | 6 M | ticks | since the switch, 1 at the first measurement | 1 | | 0.01 |
     | 6 M + 1 | ticks_left | to the next switch | 0 | | 0.01 |
-    | 6 M + 2 | log_doubt | log(1 - largest posterior), equal priors | -30 | 0 | 0.1 |
+    | 6 M + 2 | log_error_probability | log(1 - largest posterior), equal priors | -30 | 0 | 0.1 |
     | 6 M + 3 | speed | of the anchor [m/s] | 0 | | 1 |
     | 6 M + 4 | displacement_along | measurement less anchor, over sqrt(R) | | | 0.1 |
     | 6 M + 5 | displacement_across | the same, across | | | 0.1 |

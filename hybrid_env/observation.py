@@ -37,7 +37,7 @@ HYPOTHESIS_FEATURES = {
 TRACK_FEATURES = {
     "ticks": TICK_SCALE,
     "ticks_left": TICK_SCALE,
-    "log_doubt": LOG_SCALE,
+    "log_error_probability": LOG_SCALE,
     "speed": 1.0,
     "displacement_along": LENGTH_SCALE,
     "displacement_across": LENGTH_SCALE,

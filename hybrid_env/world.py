@@ -147,7 +147,7 @@ class World:
         high = np.full(self.layout.width, unbounded, np.float32)
         bounds: dict[str, tuple[float, float]] = {
             "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "log_doubt": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
             "log_variance": (0.0, unbounded),
             "previous": (0.0, 1.0),
             "ticks": (0.0, TICK_SCALE * self.options.longest_segment * (1 + 1e-6)),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
-from baselines.deciders.msprt import read_doubt
+from baselines.deciders.msprt import read_error_probability
 from baselines.deciders.waited_paths import Paths
 from hybrid_env.checks import check_array, check_choice, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
@@ -104,6 +104,6 @@ class BayesRiskDecider:
         """See `Decider.predict`; there is no state."""
         layout = Layout.of_rows(observation)
         ticks = np.rint(layout.read(observation, "ticks")).astype(np.int64)
-        doubt, best = read_doubt(observation, self.by)
+        doubt, best = read_error_probability(observation, self.by)
         limit = self.boundary[np.clip(ticks - 1, 0, self.boundary.size - 1)]
         return np.where(doubt <= limit, best + 1, 0), None

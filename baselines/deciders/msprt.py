@@ -49,14 +49,14 @@ def other_types(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
     return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
-def read_doubt(
+def read_error_probability(
     observation: Observations, by: Literal["hypothesis", "type"]
 ) -> tuple[FloatArray, NDArray[np.int64]]:
     """Log-posterior of all that would make a declaration wrong, and the hypothesis to declare, (N,) each."""
     layout = Layout.of_rows(observation)
     log_ratio = layout.read(observation, "log_ratio")
     if by == "hypothesis":
-        return layout.read(observation, "log_doubt"), log_ratio.argmax(-1)
+        return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
     posterior = type_posteriors(log_ratio)
     others = other_types(posterior, posterior.argmax(-1))
     doubt = np.log(np.maximum(others, np.exp(LOG_FLOOR)))
@@ -87,7 +87,7 @@ class MSPRTDecider:
         deterministic: bool = True,
     ) -> tuple[Actions, None]:
         """See `Decider.predict`; there is no state."""
-        doubt, best = read_doubt(observation, self.by)
+        doubt, best = read_error_probability(observation, self.by)
         return np.where(doubt <= np.log(self.alpha), best + 1, 0), None
 
 

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.deciders.msprt import mode_types, read_doubt
+from baselines.deciders.msprt import mode_types, read_error_probability
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -59,7 +59,7 @@ def waited_paths(episodes: int, seed: int, ticks: int | None = None, **options: 
     while going.any():
         rows = first + env.world.field("segment")
         tick = env.world.field("tick")
-        value, best = read_doubt(observation, by)
+        value, best = read_error_probability(observation, by)
         good = kind[best] == kind[env.world.field("true_mode")]
         noted = going & (tick <= last)
         doubt[rows[noted], tick[noted] - 1] = value[noted]

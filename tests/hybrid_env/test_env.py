@@ -161,7 +161,7 @@ def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
             "previous": np.eye(len(curvature))[previous],
             "curvature": curvature,
             "ticks": info["tick"],
-            "log_doubt": max(doubt, -30),
+            "log_error_probability": max(doubt, -30),
             "speed": np.hypot(anchor[1], anchor[3]),
             "displacement_along": shift @ heading,
             "displacement_across": shift @ [-heading[1], heading[0]],
