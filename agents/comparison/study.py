@@ -24,7 +24,7 @@ from agents.evaluation.operating_curve import (
 from agents.training.recipe import Recipe, load_recipe, recipe_names
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
-from baselines.deciders.waited_paths import Paths, at_tick, waited_paths
+from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths, summarise_calibration
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
@@ -128,12 +128,12 @@ class Comparison:
     world: WorldOptions
     equal_time: float
     entries: tuple[Entry, ...]
-    waited: Paths
+    waited: PosteriorPaths
 
     def bank_rows(self) -> list[dict[str, float]]:
         """What the bank says after some ticks, if no one decides before."""
         return [
-            {"ticks": tick, **asdict(at_tick(self.waited, tick))}
+            {"ticks": tick, **asdict(summarise_calibration(self.waited, tick))}
             for tick in BANK_TICKS
             if (self.waited.length >= tick).any()
         ]
@@ -249,7 +249,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
         entries.append(_entry(curve, index, equal_time))
         progress.advance(task)
     world = plan.world()
-    waited = waited_paths(plan.episodes, plan.seed, max(BANK_TICKS), **vars(world))
+    waited = simulate_posterior_paths(plan.episodes, plan.seed, max(BANK_TICKS), **vars(world))
     return Comparison(plan, world, equal_time, tuple(entries), waited)
 
 

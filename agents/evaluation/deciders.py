@@ -14,7 +14,7 @@ from agents.evaluation import seeds
 from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
 from baselines.deciders.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.deciders.decider import Decider
-from baselines.deciders.waited_paths import Paths, waited_paths
+from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from hybrid_env.checks import ArgumentError, check_positive, reject
 from hybrid_env.options import WorldOptions
 
@@ -120,8 +120,8 @@ def bayes_family(world: WorldOptions) -> DeciderFamily:
     """Bayes-risk stopping fitted to a world, its threshold the delay cost that it was fitted for."""
 
     @functools.cache
-    def paths() -> Paths:
-        return waited_paths(FITTING_EPISODES, seeds.FITTING, **vars(world))
+    def paths() -> PosteriorPaths:
+        return simulate_posterior_paths(FITTING_EPISODES, seeds.FITTING, **vars(world))
 
     @functools.cache
     def make(cost: float) -> Decider:

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from agents.learned.policy_file import save_policy, unreadable
 from baselines.deciders.decider import Actions, Observations
-from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types, type_sums
+from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
 from hybrid_env.options import WorldOptions
@@ -111,7 +111,7 @@ def doubts_and_best(
     kind = mode_types(posterior.shape[1])
     same_type = kind == kind[best][:, None]
     same_type[np.arange(len(best)), best] = False
-    return other_types(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
+    return other_types_sum(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
 
 
 def doubt_and_best(

@@ -12,7 +12,11 @@ from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_fami
 from agents.evaluation.evaluate import evaluate, interval
 from agents.evaluation.operating_curve import REWARD, Figure, at_threshold, sweep, ticks_at_accuracy
 from baselines.deciders.msprt import GapDecider
-from baselines.deciders.waited_paths import Statement, at_tick, waited_paths
+from baselines.deciders.posterior_paths import (
+    CalibrationSummary,
+    simulate_posterior_paths,
+    summarise_calibration,
+)
 from baselines.papers import golubkov2018
 from hybrid_env.registration import make_vector_env
 
@@ -59,7 +63,7 @@ class Stated:
     bank: str
     noise: float
     tick: int
-    statement: Statement
+    statement: CalibrationSummary
 
 
 @dataclass(frozen=True)
@@ -105,8 +109,10 @@ def statements(seed: int, on_progress: Callable[[str], None]) -> list[Stated]:
     found = []
     for bank, options in STATEMENTS.items():
         for noise in NOISE:
-            paths = waited_paths(STATEMENT_EPISODES, seed, measurement_variance=noise, **options)
-            found += [Stated(bank, noise, tick, at_tick(paths, tick)) for tick in STATEMENT_TICKS]
+            paths = simulate_posterior_paths(STATEMENT_EPISODES, seed, measurement_variance=noise, **options)
+            found += [
+                Stated(bank, noise, tick, summarise_calibration(paths, tick)) for tick in STATEMENT_TICKS
+            ]
             on_progress(f"calibration, {bank}, R = {noise:g}")
     return found
 

@@ -1,8 +1,8 @@
-"""Classical decision rules that read the rows of the environment.
+"""Classical decision rules that read the observation rows of the environment.
 
-`decider` is the protocol that every rule and every learned agent follows. `sprt` is Wald's test as ATE uses
-it, `msprt` the tests between all hypotheses, `fixed_time` the likeliest hypothesis after a given time, and
-`bayes_risk` optimal stopping, fitted on the segments that `waited_paths` simulates.
+`decider` is the protocol of all rules and learned agents. `sprt` is Wald's test as ATE uses it, `msprt` has
+the tests between all hypotheses, and `fixed_time` decides after a fixed number of ticks. `bayes_risk` is
+optimal stopping, fitted to the segments that `posterior_paths` simulates.
 
 May import: `hybrid_env`. Never `baselines.recordings`, `baselines.papers` or `agents`.
 """

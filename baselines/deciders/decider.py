@@ -1,4 +1,4 @@
-"""What everything that decides looks like, classical or learned."""
+"""The protocol that every decision rule follows, classical or learned."""
 
 from typing import Any, Protocol
 
@@ -10,7 +10,7 @@ Actions = NDArray[np.int64]
 
 
 class Decider(Protocol):
-    """Stable-Baselines3's own signature, vectorised over tracks."""
+    """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks."""
 
     def predict(
         self,
@@ -19,15 +19,15 @@ class Decider(Protocol):
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """Answer one step of N tracks.
+        """Return the actions of N tracks for one step.
 
         Args:
-            observation: (N, 6 M + 10) rows of the environment.
-            state: what the last call returned; None at the very first step.
+            observation: (N, 6 M + 10) rows of the environment; M is the number of hypotheses.
+            state: the state that the previous call returned; None at the first step.
             episode_start: (N,) True where an episode begins.
-            deterministic: False lets a stochastic decider sample.
+            deterministic: if False, a stochastic decider samples its actions.
 
         Returns:
-            (N,) actions, 0 waits and i + 1 declares hypothesis i; and the new state.
+            (N,) actions (0 waits, i + 1 declares hypothesis i) and the new state.
         """
         ...

@@ -1,4 +1,4 @@
-"""The decider that knows no doubt: the likeliest hypothesis after a fixed number of ticks."""
+"""A decision after a fixed number of ticks: the maximum-likelihood hypothesis is declared."""
 
 from typing import Any
 
@@ -11,10 +11,13 @@ from hybrid_env.observation import Layout
 
 
 class FixedTimeDecider:
-    """Declares the hypothesis of maximum likelihood at a fixed tick of each segment.
+    """Declares the maximum-likelihood hypothesis at a fixed tick of each segment.
 
     Args:
-        ticks: when, from 1 on; a shorter segment is decided by the environment at its end.
+        ticks: tick of the decision, at least 1. The environment decides shorter segments at their end.
+
+    Raises:
+        ArgumentError: `ticks` is not an integer >= 1.
     """
 
     def __init__(self, ticks: int = 25):
@@ -27,8 +30,8 @@ class FixedTimeDecider:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, None]:
-        """See `Decider.predict`; there is no state."""
+        """See `Decider.predict`. The decider has no state."""
         layout = Layout.of_rows(observation)
-        likeliest = layout.read(observation, "log_ratio").argmax(-1)
-        due = np.rint(layout.read(observation, "ticks")) >= self.ticks
-        return np.where(due, likeliest + 1, 0), None
+        most_likely = layout.read(observation, "log_ratio").argmax(-1)
+        decides = np.rint(layout.read(observation, "ticks")) >= self.ticks
+        return np.where(decides, most_likely + 1, 0), None
