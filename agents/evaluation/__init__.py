@@ -1,8 +1,11 @@
-"""Any decider on fixed episodes.
+"""Evaluation of deciders on fixed episodes.
 
-`deciders` finds a decider by its name and lists the thresholds to sweep; `evaluate` runs it on the episodes
-of given seeds; `operating_curve` sweeps its threshold; `shifted_worlds` changes the world. `seeds` keeps
-the episodes of different purposes apart. `command` is `hybridtrack evaluate`.
+- `deciders`: finds a decider by name and lists the thresholds to sweep.
+- `evaluate`: runs a decider on the episodes of given seeds.
+- `operating_curve`: sweeps the threshold of a decider.
+- `shifted_worlds`: evaluates deciders under distribution shift.
+- `seeds`: keeps the episodes of different purposes disjoint.
+- `command`: `hybridtrack evaluate`.
 
 May import: `hybrid_env`, `baselines`, `agents.interface`, `agents.learned`.
 """

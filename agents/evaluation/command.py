@@ -1,4 +1,4 @@
-"""The command `hybridtrack evaluate`: deciders in numbers, at home and in other worlds."""
+"""The command `hybridtrack evaluate`: metrics of deciders, nominal or under distribution shift."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Evaluate(WorldArguments):
-    """Measure deciders: accuracy, decision time, reward, tracking error, confusions; or who degrades how."""
+    """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix."""
 
     deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
-    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, also with a
-    threshold: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional
+    thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
     episodes: int = 1000
-    """Episodes to measure on."""
+    """Number of evaluation episodes."""
     seed: int = 0
-    """Of the first episode; the next have the next seeds."""
+    """Seed of the first episode; later episodes use consecutive seeds."""
     shifted: bool = False
-    """Compare them in worlds around this one (noise, radii, lengths, speed, outliers), at the thresholds that
-    are best here; no thresholds behind their names then."""
+    """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
+    with the best reward in the nominal environment; the names then take no thresholds."""
     out: Path | None = None
-    """JSON file for the figures."""
+    """JSON file for the metrics."""
 
     def run(self) -> None:
-        """Evaluate and print the tables."""
+        """Evaluate the deciders and print the tables."""
         check_integer("episodes", self.episodes)
         check_integer("seed", self.seed, minimum=0)
         if self.out is not None and not self.out.parent.is_dir():
@@ -43,21 +43,23 @@ class Evaluate(WorldArguments):
         from agents.interface.output_files import write_json
 
         if self.shifted and self.seed + self.episodes > seeds.SELECTION:
-            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes, with --shifted")
+            raise reject(
+                "seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes, with --shifted"
+            )
         if self.shifted:
-            figures = self._shifts()
+            metrics = self._evaluate_shifts()
         else:
-            loaded = [self._load(name) for name in self.deciders]  # refuses before the first is measured
-            figures = [self._figures(*one) for one in loaded]
+            loaded = [self._load(name) for name in self.deciders]  # checks all names before evaluating
+            metrics = [self._evaluate(*one) for one in loaded]
         if self.out is not None:
-            write_json(self.out, figures[0] if len(figures) == 1 else figures)
+            write_json(self.out, metrics[0] if len(metrics) == 1 else metrics)
             print(f"Data {self.out}")
 
-    def _shifts(self) -> list[dict[str, Any]]:
+    def _evaluate_shifts(self) -> list[dict[str, Any]]:
         from rich.console import Console
 
         from agents.evaluation.deciders import check_family, decider_family
-        from agents.evaluation.shifted_worlds import measure_shifts, shift_table, shifted_worlds
+        from agents.evaluation.shifted_worlds import evaluate_shifts, shift_table, shifted_worlds
         from agents.interface.progress import progress_display
         from hybrid_env.registration import make_vector_env
 
@@ -65,7 +67,7 @@ class Evaluate(WorldArguments):
         world = make_vector_env(env_id, 1, **options).options
         for name in self.deciders:
             if ":" in name and not Path(name).is_dir():
-                raise reject("deciders", name, "no threshold behind a name with --shifted")
+                raise reject("deciders", name, "a name without a threshold, with --shifted")
         families = [decider_family(name, world) for name in self.deciders]
         for family, name in zip(families, self.deciders, strict=True):
             check_family(family, name, world)
@@ -73,16 +75,15 @@ class Evaluate(WorldArguments):
         with progress_display(console) as progress:
             total = len(families) * (1 + len(shifted_worlds(world)))
             task = progress.add_task("Evaluating", total=total, completed=-1, note="")
-            found = measure_shifts(
+            results = evaluate_shifts(
                 families, env_id, world, options, self.episodes, self.seed,
                 lambda note: progress.update(task, advance=1, note=note),
             )  # fmt: skip
             progress.update(task, completed=total, note="")
         segments = self.episodes * world.segments
-        console.print(
-            shift_table(found, f"{env_id.rpartition(':')[2]} and around: {segments:,} segments each")
-        )
-        return [asdict(one) for one in found]
+        name = env_id.rpartition(":")[2]
+        console.print(shift_table(results, f"{name} under distribution shift: {segments:,} segments each"))
+        return [asdict(result) for result in results]
 
     def _load(self, name: str) -> tuple[str, str, dict[str, Any], "Decider"]:
         from agents.evaluation.deciders import load_decider
@@ -91,7 +92,9 @@ class Evaluate(WorldArguments):
         env_id, options = self.world_of(name)
         return name, env_id, options, load_decider(name, make_vector_env(env_id, 1, **options).options)
 
-    def _figures(self, name: str, env_id: str, options: dict[str, Any], decider: "Decider") -> dict[str, Any]:
+    def _evaluate(
+        self, name: str, env_id: str, options: dict[str, Any], decider: "Decider"
+    ) -> dict[str, Any]:
         from rich.console import Console
         from rich.table import Table
 
@@ -106,16 +109,17 @@ class Evaluate(WorldArguments):
             task = progress.add_task("Evaluating", total=1.0, note=name)
             decisions = evaluate(
                 decider, env_id, self.episodes, self.seed,
-                lambda share: progress.update(task, completed=share), **options,
+                lambda fraction: progress.update(task, completed=fraction), **options,
             )  # fmt: skip
         summary = decisions.summary()
 
         table = Table(title=f"{name} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments")
-        for head in ("figure", "mean", "95 % interval"):
-            table.add_column(head, justify="left" if head == "figure" else "right")
+        for header in ("metric", "mean", "95 % confidence interval"):
+            table.add_column(header, justify="left" if header == "metric" else "right")
         titles = {
-            "accuracy": "right decisions", "type_accuracy": "right type (S, L or R)",
-            "ticks": "decision time, ticks", "reward": "reward a segment", "forced": "undecided at the end",
+            "accuracy": "accuracy", "type_accuracy": "type accuracy (S, L or R)",
+            "ticks": "decision time, ticks", "reward": "reward per segment",
+            "forced": "undecided at segment end",
             "rmse": "position RMSE, m",
         }  # fmt: skip
         for key, title in titles.items():
@@ -127,7 +131,7 @@ class Evaluate(WorldArguments):
         counts = np.zeros((modes, modes), np.int64)
         np.add.at(counts, (decisions.true_mode, decisions.decided_mode), 1)
         if modes <= 5:
-            confusion = Table(title="True mode in rows, decided mode in columns")
+            confusion = Table(title="Confusion matrix: true mode in rows, decided mode in columns")
             confusion.add_column("")
             for mode in range(modes):
                 confusion.add_column(mode_name(mode, world.radii), justify="right")

@@ -1,4 +1,4 @@
-"""Deciders by name: the classical rules with the thresholds that they are swept over, and run folders."""
+"""Deciders by name: the classical rules with the thresholds to sweep, and trained policies in run folders."""
 
 import functools
 import os
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DeciderFamily:
-    """A decider with one threshold that trades time for accuracy.
+    """A decider with one threshold that trades decision time against accuracy.
 
     Attributes:
-        name: as tables show it.
+        name: shown in tables.
         symbol: of the threshold.
-        thresholds: swept over, in the order of growing decision time.
-        default: threshold of the decider when nothing is said.
-        make: decider at a threshold.
-        hypotheses: M of the only bank that it can read; None reads any.
+        thresholds: to sweep, in order of increasing decision time.
+        default: threshold used when none is given.
+        make: creates the decider at a threshold.
+        hypotheses: number M of hypotheses that the decider requires; None applies to any.
     """
 
     name: str
@@ -53,7 +53,7 @@ ATE = DeciderFamily(
     1e-3,
     SPRTDecider,
 )
-LAST_TICK = 10_000_000  # later than every segment
+NO_EARLY_DECISION = 10_000_000  # ticks; longer than any segment
 FIXED_TIME = DeciderFamily(
     "fixed time",
     "ticks",
@@ -61,14 +61,14 @@ FIXED_TIME = DeciderFamily(
     25,
     lambda ticks: FixedTimeDecider(int(ticks)),
 )
-DOUBTS = (
+ALPHAS = (
     *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
-FEW_DOUBTS = (0.3, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 3e-3, 5e-4)  # a network is slow
-MSPRT = DeciderFamily("MSPRT", "alpha", DOUBTS, 0.02, MSPRTDecider)
+FEW_ALPHAS = (0.3, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 3e-3, 5e-4)  # networks are slow to evaluate
+MSPRT = DeciderFamily("MSPRT", "alpha", ALPHAS, 0.02, MSPRTDecider)
 TYPE_MSPRT = DeciderFamily(
-    "MSPRT of types", "alpha", DOUBTS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
+    "MSPRT of types", "alpha", ALPHAS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
 )
 GAP = DeciderFamily(
     "gap rule",
@@ -77,14 +77,14 @@ GAP = DeciderFamily(
     4.6,
     GapDecider,
 )
-LIKELIEST_AT_THE_END = DeciderFamily("ML at the end", "ticks", (LAST_TICK,), LAST_TICK, FIXED_TIME.make)
+ML_AT_END = DeciderFamily("ML at the end", "ticks", (NO_EARLY_DECISION,), NO_EARLY_DECISION, FIXED_TIME.make)
 CLASSICAL = {
     "ate": ATE,
     "fixed": FIXED_TIME,
     "msprt": MSPRT,
     "msprt-type": TYPE_MSPRT,
     "gap": GAP,
-    "ml": LIKELIEST_AT_THE_END,
+    "ml": ML_AT_END,
 }
 LOG_ODDS = (
     -10.0,
@@ -107,17 +107,16 @@ LOG_ODDS = (
     4.0,
 )
 
-
 BAYES = "bayes"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
-COSTS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # of the world's delay cost
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # times the delay cost
 FITTING_EPISODES = 3000
 CLASSICAL_NAMES = (*CLASSICAL, BAYES)
 
 
 def bayes_family(world: WorldOptions) -> DeciderFamily:
-    """Bayes-risk stopping fitted to a world, its threshold the delay cost that it was fitted for."""
+    """Return Bayes-risk stopping fitted to an environment; its threshold is the delay cost of the fit."""
 
     @functools.cache
     def paths() -> PosteriorPaths:
@@ -126,49 +125,57 @@ def bayes_family(world: WorldOptions) -> DeciderFamily:
     @functools.cache
     def make(cost: float) -> Decider:
         check_positive("cost", cost, allow_zero=True)
-        waited = paths()
-        return BayesRiskDecider(stopping_boundary(waited, cost), waited.by)
+        fitted = paths()
+        return BayesRiskDecider(stopping_boundary(fitted, cost), fitted.by)
 
     cost = world.delay_cost or 0.01
-    thresholds = tuple(share * cost for share in reversed(COSTS))
+    thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
     return DeciderFamily("Bayes risk", "cost", thresholds, cost, make)
 
 
 def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
-    """The family of a trained policy, its threshold the log-odds of declaring."""
+    """Return the family of a trained policy; its threshold is the log-odds of declaring."""
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
 def policy_decider(policy: "ActorCriticPolicy", world: WorldOptions) -> "PolicyDecider":
-    """A trained actor as a decider of a world."""
-    from agents.learned.policy import PolicyDecider, beliefs_of
+    """Return a trained actor as a decider for an environment."""
+    from agents.learned.policy import PolicyDecider, sequence_net_of
     from agents.learned.stopping import StoppingDecider
 
-    if beliefs_of(policy) is not None:
+    if sequence_net_of(policy) is not None:
         return StoppingDecider(policy, world.correctness == "type")
     return PolicyDecider(policy)
 
 
 def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
-    """The family of a trained sequence agent, its threshold the posterior of all that would be wrong."""
+    """Return the family of a trained sequence agent; its threshold is the posterior error probability."""
     from agents.learned.sequence import SequenceDecider
 
-    radius = 0.0 if world.correctness == "type" else 1.0
-    return DeciderFamily(name, "alpha", FEW_DOUBTS, 0.02, lambda alpha: SequenceDecider(net, alpha, radius))
+    radius_weight = 0.0 if world.correctness == "type" else 1.0
+
+    def make(alpha: float) -> Decider:
+        return SequenceDecider(net, alpha, radius_weight)
+
+    return DeciderFamily(name, "alpha", FEW_ALPHAS, 0.02, make)
 
 
-def _folder_of(name: str) -> Path:
-    """Of the shipped agent, or of a run; one that is not there where the name is empty."""
+def _policy_folder(name: str) -> Path:
+    """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
     return SHIPPED_FOLDER if name == SHIPPED else Path(name or os.devnull)
 
 
 def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
-    """The family of a classical name, of the shipped agent or of a run folder, for a world."""
+    """Return the family of a classical rule, of the shipped agent or of a run folder, for an environment.
+
+    Raises:
+        ArgumentError: an unknown name or an unreadable run folder.
+    """
     if name in CLASSICAL:
         return CLASSICAL[name]
     if name == BAYES:
         return bayes_family(world)
-    folder = _folder_of(name)
+    folder = _policy_folder(name)
     if folder.is_dir():
         return learned_family(folder, world)
     known = ", ".join(map(repr, (*CLASSICAL_NAMES, SHIPPED)))
@@ -176,7 +183,7 @@ def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
 
 
 def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
-    """The family of the policy in a run folder, whatever algorithm it was trained with."""
+    """Return the family of the policy in a run folder, for any training algorithm."""
     from agents.learned.policy_file import load_policy
 
     weights, card = load_policy(folder)
@@ -189,13 +196,17 @@ def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
     return policy_family(folder.name, policy_decider(load_actor(folder, weights, card), world))
 
 
-def load_net(name: str) -> "SequenceNet":
-    """The network of 'shipped' or of the run folder of a sequence agent, as a recipe's `beliefs`."""
+def load_sequence_net(name: str) -> "SequenceNet":
+    """Return the network of 'shipped' or of the run folder of a sequence agent.
+
+    Raises:
+        ArgumentError: the name is neither.
+    """
     from agents.learned.policy_file import load_policy
     from agents.learned.sequence import load_sequence
 
-    folder = _folder_of(name)
-    refusal = reject("beliefs", name, f"{SHIPPED!r} or the run folder of a sequence agent")
+    folder = _policy_folder(name)
+    refusal = reject("sequence_agent", name, f"{SHIPPED!r} or the run folder of a sequence agent")
     try:
         weights, card = load_policy(folder)
     except ArgumentError:
@@ -206,14 +217,14 @@ def load_net(name: str) -> "SequenceNet":
 
 
 def load_decider(name: str, options: WorldOptions) -> Decider:
-    """The decider of "ate", "ate:1e-6", "fixed:25", "runs/ppo" or "runs/ppo:-2".
+    """Return the decider for "ate", "ate:1e-6", "fixed:25", "runs/ppo" or "runs/ppo:-2".
 
     Args:
-        name: classical name or run folder, with an optional threshold after a colon.
-        options: of the world it is to decide in.
+        name: classical rule or run folder, with an optional threshold after a colon.
+        options: of the environment to decide in.
 
     Raises:
-        ValueError: unknown name, bad threshold, or a policy trained for another bank.
+        ArgumentError: unknown name, invalid threshold, or a policy trained for another number of hypotheses.
     """
     base, colon, text = name.rpartition(":")
     try:
@@ -222,20 +233,26 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         raise reject("decider", name, "a number after the colon") from None
     family = decider_family(base if threshold is not None else name, options)
     whole = family.symbol == "ticks"
-    if threshold is not None and family is LIKELIEST_AT_THE_END:
-        raise reject("decider", name, "no number after 'ml', which waits to the end")
+    if threshold is not None and family is ML_AT_END:
+        raise reject("decider", name, "'ml' without a threshold: it declares at the end of the segment")
     if threshold is not None and (not np.isfinite(threshold) or (whole and threshold % 1)):
         allowed = "a whole number" if whole else "a finite number"
         raise reject("decider", name, f"{allowed} after the colon")
     if options.actions != "all":
-        raise reject("actions", options.actions, "'all' for a decider, which declares hypotheses")
+        raise reject("actions", options.actions, "'all': deciders declare hypotheses")
     check_family(family, name, options)
     return family.make(family.default if threshold is None else threshold)
 
 
 def check_family(family: DeciderFamily, name: str, options: WorldOptions) -> None:
-    """Refuse a policy that was trained for another number of hypotheses."""
+    """Check that a decider applies to the number of hypotheses of an environment.
+
+    Raises:
+        ArgumentError: the policy was trained for another number.
+    """
     if family.hypotheses not in (None, options.hypotheses):
         raise reject(
-            "decider", name, f"a policy for {options.hypotheses} hypotheses; it has {family.hypotheses}"
+            "decider",
+            name,
+            f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}",
         )

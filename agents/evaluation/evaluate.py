@@ -1,4 +1,4 @@
-"""Any decider on fixed episodes: what it decided, when, and how surely the averages are known."""
+"""Evaluation of a decider on fixed episodes: decisions, decision times and confidence intervals."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from hybrid_env.checks import reject
 from hybrid_env.registration import make_vector_env
 
 FloatArray = NDArray[np.float64]
-RESAMPLES = 2000
-WORTH = 0.8  # finished tracks are left out once no more than this share is still running
+RESAMPLES = 2000  # of the bootstrap
+COMPACTION_FRACTION = 0.8  # finished tracks are dropped once fewer than this fraction are unfinished
 
 
 @dataclass(frozen=True)
 class Decisions:
-    """Every decision of E episodes with K segments, in arrays of shape (E, K).
+    """All decisions in E episodes with K segments each, as arrays of shape (E, K).
 
     Attributes:
-        correct: as the reward judges it, exact or by type.
-        type_correct: straight, left or right is right.
-        ticks: decision tick within the segment.
-        forced: the segment ended undecided.
+        correct: the decision is correct as defined by the reward, exactly or by type.
+        type_correct: the type (straight, left or right) is correct.
+        ticks: decision time within the segment, in ticks.
+        forced: the segment ended without a declaration.
         true_mode, decided_mode: indices into the bank.
         length: of the segment, in ticks.
         squared_error: of the estimated position, summed over the segment [m^2].
-        delay_cost: of a step.
+        delay_cost: per tick.
     """
 
     correct: NDArray[np.bool_]
@@ -45,25 +45,30 @@ class Decisions:
 
     @cached_property
     def reward(self) -> FloatArray:
-        """(E, K) reward of each segment."""
+        """Reward of each segment, (E, K)."""
         return np.where(self.correct, 1.0, -1.0) - self.delay_cost * self.ticks
 
     @property
     def rmse(self) -> float:
-        """Root mean square error of the estimated position over all ticks [m]."""
+        """Root-mean-square error of the estimated position over all ticks [m]."""
         return float(np.sqrt(self.squared_error.sum() / self.length.sum()))
 
     def error_after(self) -> tuple[float, float]:
-        """Share of wrong decisions after a right and after a wrong one of the episode, NaN without any."""
-        before, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
-        right, spoiled = wrong[before], wrong[~before]
+        """Return the error rate after a correct and after a wrong decision in the episode; NaN if none."""
+        previous_correct, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
+        after_correct, after_wrong = wrong[previous_correct], wrong[~previous_correct]
         return (
-            float(right.mean()) if right.size else float("nan"),
-            float(spoiled.mean()) if spoiled.size else float("nan"),
+            float(after_correct.mean()) if after_correct.size else float("nan"),
+            float(after_wrong.mean()) if after_wrong.size else float("nan"),
         )
 
     def summary(self, confidence: float = 0.95, seed: int = 0) -> dict[str, Any]:
-        """Mean figures, each with its interval, and the counts behind them."""
+        """Return mean metrics with confidence intervals, and the numbers of episodes and segments.
+
+        Args:
+            confidence: level of the intervals.
+            seed: of the bootstrap.
+        """
         rows = {
             "accuracy": self.correct.mean(1),
             "type_accuracy": self.type_correct.mean(1),
@@ -71,32 +76,34 @@ class Decisions:
             "reward": self.reward.mean(1),
             "forced": self.forced.mean(1),
         }
-        figures: dict[str, Any] = {
-            name: {"mean": float(values.mean()), "interval": interval(values, confidence, seed)}
+        metrics: dict[str, Any] = {
+            name: {"mean": float(values.mean()), "interval": confidence_interval(values, confidence, seed)}
             for name, values in rows.items()
         }
         ticks = self.length.sum(1)
         errors = self.squared_error.sum(1)
-        low, high = interval(
+        low, high = confidence_interval(
             np.stack([errors, ticks], 1), confidence, seed, lambda pair: np.sqrt(pair[..., 0] / pair[..., 1])
         )
-        figures["rmse"] = {"mean": self.rmse, "interval": (low, high)}
-        return figures | {"episodes": len(self.correct), "segments": int(self.correct.size)}
+        metrics["rmse"] = {"mean": self.rmse, "interval": (low, high)}
+        return metrics | {"episodes": len(self.correct), "segments": int(self.correct.size)}
 
 
-def interval(
+def confidence_interval(
     episodes: FloatArray,
     confidence: float = 0.95,
     seed: int = 0,
     of_means: Callable[[FloatArray], Any] = lambda means: means,
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of a function of means over episodes.
+    """Return the percentile bootstrap confidence interval of a function of means over episodes.
 
-    Whole episodes are drawn again, because decisions within one depend on each other.
+    Whole episodes are resampled, because the decisions within an episode are dependent.
 
     Args:
         episodes: (E,) or (E, F) values of each episode.
-        of_means: the figure, from means of shape (..., F) or (...).
+        confidence: level of the interval.
+        seed: of the bootstrap.
+        of_means: the statistic, from means of shape (..., F) or (...).
     """
     if len(episodes) < 2 or np.ptp(episodes, axis=0).max() == 0.0:
         value = float(of_means(episodes.mean(0)))
@@ -120,57 +127,70 @@ def evaluate(
     on_progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Decisions:
-    """Run a decider on the episodes seeded seed, seed + 1, ..., each exactly once.
+    """Run a decider on the episodes with seeds seed, seed + 1, ..., each exactly once.
 
-    Every decider sees the same episodes: truth and noise do not depend on the decisions.
+    All deciders face the same episodes: trajectories and noise do not depend on the decisions.
 
     Args:
-        decider: see `baselines.Decider`.
-        episodes: E; all run at once, one a track.
-        on_progress: called with the finished share of segments, now and then.
-        options: of the world, over those of the id.
+        decider: see `baselines.deciders.decider.Decider`. If it has a method
+            `select_tracks(state, mask)`, finished tracks are dropped.
+        env_id: registered id.
+        episodes: E; all run in parallel, one per track.
+        seed: of the first episode.
+        on_progress: called repeatedly with the fraction of finished segments.
+        options: environment options that override those of the id.
+
+    Raises:
+        ArgumentError: the actions of the environment are not declarations of hypotheses.
     """
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
     if env.options.actions != "all":
-        raise reject("actions", env.options.actions, "'all' for a decider, which declares hypotheses")
+        raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments
     fields = {
         "correct": np.bool_, "type_correct": np.bool_, "ticks": np.int64, "forced": np.bool_,
         "decided_true_mode": np.int64, "decided_mode": np.int64, "decided_length": np.int64,
         "decided_squared_error": np.float64,
     }  # fmt: skip
-    held: dict[str, NDArray[Any]] = {
+    recorded: dict[str, NDArray[Any]] = {
         name: np.zeros((episodes, segments), kind) for name, kind in fields.items()
     }
     observation, _ = env.reset(seed=seed)
-    done = np.zeros(episodes, np.int64)  # decisions noted of each track
+    finished = np.zeros(episodes, np.int64)  # recorded decisions of each track
     state: Any = None
     start = np.ones(episodes, np.bool_)
-    running = np.arange(episodes)  # tracks that the decider is asked about
-    keep = getattr(decider, "keep", None)
+    running = np.arange(episodes)  # tracks passed to the decider
+    select_tracks = getattr(decider, "select_tracks", None)
     actions = np.zeros(episodes, np.int64)
     while True:
-        unfinished = done[running] < segments
-        if keep is not None and np.count_nonzero(unfinished) < WORTH * running.size:
-            state, running = keep(state, unfinished), running[unfinished]
+        unfinished = finished[running] < segments
+        if select_tracks is not None and np.count_nonzero(unfinished) < COMPACTION_FRACTION * running.size:
+            state, running = select_tracks(state, unfinished), running[unfinished]
             actions[:] = 0
-        asked, state = decider.predict(
+        chosen, state = decider.predict(
             observation[running], state=state, episode_start=start[running], deterministic=True
         )
-        actions[running] = asked
+        actions[running] = chosen
         observation, _, start, _, info = env.step(actions)
         decided = info.get("_decided_mode")
         if decided is None:
             continue
-        noted = np.flatnonzero(decided & (done < segments))
+        new = np.flatnonzero(decided & (finished < segments))
         for name in fields:
-            held[name][noted, done[noted]] = info[name][noted]
-        done[noted] += 1
+            recorded[name][new, finished[new]] = info[name][new]
+        finished[new] += 1
         if on_progress is not None:
-            on_progress(float(done.sum()) / held["ticks"].size)
-        if (done == segments).all():
+            on_progress(float(finished.sum()) / recorded["ticks"].size)
+        if (finished == segments).all():
             break
     return Decisions(
-        held["correct"], held["type_correct"], held["ticks"], held["forced"], held["decided_true_mode"],
-        held["decided_mode"], held["decided_length"], held["decided_squared_error"], env.options.delay_cost,
-    )  # fmt: skip
+        correct=recorded["correct"],
+        type_correct=recorded["type_correct"],
+        ticks=recorded["ticks"],
+        forced=recorded["forced"],
+        true_mode=recorded["decided_true_mode"],
+        decided_mode=recorded["decided_mode"],
+        length=recorded["decided_length"],
+        squared_error=recorded["decided_squared_error"],
+        delay_cost=env.options.delay_cost,
+    )

@@ -1,7 +1,7 @@
-"""The operating curve of a decider: accuracy, time and reward as its threshold sweeps.
+"""The operating curve of a decider: accuracy, decision time and reward as functions of its threshold.
 
-All figures are functions of means over episodes, so that one bootstrap over episodes gives their intervals,
-and of two deciders on the same episodes the interval of their difference.
+All statistics are functions of means over episodes. One bootstrap over episodes gives their confidence
+intervals, and paired intervals for differences between two deciders on the same episodes.
 """
 
 import math
@@ -13,23 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.deciders import DeciderFamily
-from agents.evaluation.evaluate import Decisions, evaluate, interval
+from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 
 FloatArray = NDArray[np.float64]
 ACCURACY, TICKS, REWARD = 0, 1, 2
-NEVER = 1e9  # ticks; a number to calculate on with where infinity would become NaN in a difference
+NOT_REACHED = 1e9  # ticks; finite, because a difference of infinities would be NaN
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A measured figure with the bounds of its 95 % interval; infinite where it was not reached."""
+class Estimate:
+    """A point estimate with its 95 % confidence interval; infinite where an accuracy is not reached.
+
+    Attributes:
+        value: point estimate.
+        low, high: bounds of the confidence interval.
+    """
 
     value: float
     low: float
     high: float
 
     def as_json(self) -> dict[str, float | None]:
-        """Plain numbers, None where not reached."""
+        """Return finite numbers, and None for infinite ones."""
         return {
             name: number if np.isfinite(number) else None
             for name, number in (("value", self.value), ("low", self.low), ("high", self.high))
@@ -38,11 +43,11 @@ class Figure:
 
 @dataclass(frozen=True)
 class OperatingCurve:
-    """Decisions of one family at every threshold, on the same episodes.
+    """Decisions of one decider at every threshold, on the same episodes.
 
     Attributes:
         family: of the decider.
-        decisions: one item a threshold.
+        decisions: one item per threshold.
     """
 
     family: DeciderFamily
@@ -50,36 +55,49 @@ class OperatingCurve:
 
     @property
     def episodes(self) -> FloatArray:
-        """(E, 3, thresholds) mean accuracy, ticks and reward of each episode."""
+        """Mean accuracy, ticks and reward of each episode, (E, 3, thresholds)."""
         rows = [[d.correct.mean(1), d.ticks.mean(1), d.reward.mean(1)] for d in self.decisions]
         return np.moveaxis(np.array(rows), -1, 0).swapaxes(1, 2)
 
     @property
     def means(self) -> FloatArray:
-        """(3, thresholds) mean accuracy, ticks and reward."""
+        """Mean accuracy, ticks and reward, (3, thresholds)."""
         return self.episodes.mean(0)
 
     def best_index(self) -> int:
-        """The threshold of the largest mean reward."""
+        """Return the index of the threshold with the largest mean reward."""
         return int(self.means[REWARD].argmax())
 
-    def soonest_index(self, accuracy: float) -> int:
-        """The threshold that reaches an accuracy soonest, or else the most accurate."""
+    def fastest_index(self, accuracy: float) -> int:
+        """Return the index of the threshold with the smallest mean decision time at a required accuracy.
+
+        If no threshold reaches the accuracy, return the most accurate one.
+        """
         reached, ticks = self.means[ACCURACY] >= accuracy, self.means[TICKS]
         if not reached.any():
             return int(self.means[ACCURACY].argmax())
         return int(np.where(reached, ticks, np.inf).argmin())
 
-    def figure(self, statistic: Callable[[FloatArray], Any]) -> Figure:
-        """A function of the means (..., 3, thresholds) with its bootstrap interval."""
+    def estimate(self, statistic: Callable[[FloatArray], Any]) -> Estimate:
+        """Return a function of the means (..., 3, thresholds) with its confidence interval."""
         episodes = self.episodes
         flat = episodes.reshape(len(episodes), -1)
-        return _figure(flat, lambda means: statistic(means.reshape(*means.shape[:-1], *episodes.shape[1:])))
+
+        def of_means(means: FloatArray) -> Any:
+            return statistic(means.reshape(*means.shape[:-1], *episodes.shape[1:]))
+
+        return _estimate(flat, of_means)
 
     def difference(
         self, other: "OperatingCurve", statistic: Callable[[FloatArray], Any], of_other: Any = None
-    ) -> Figure:
-        """statistic(self) - statistic(other) on the same episodes, with its paired interval."""
+    ) -> Estimate:
+        """Return statistic(self) - statistic(other) on the same episodes, with its paired interval.
+
+        Args:
+            other: curve on the same episodes.
+            statistic: function of the means (..., 3, thresholds).
+            of_other: statistic of the other curve, if it differs.
+        """
         mine, theirs = self.episodes, other.episodes
         split = mine[0].size
         flat = np.concatenate([mine.reshape(len(mine), -1), theirs.reshape(len(theirs), -1)], axis=1)
@@ -89,24 +107,27 @@ class OperatingCurve:
             second = means[..., split:].reshape(*means.shape[:-1], *theirs.shape[1:])
             return statistic(first) - (of_other or statistic)(second)
 
-        return _figure(flat, of_means)
+        return _estimate(flat, of_means)
 
 
-def _figure(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Figure:
-    numbers = float(of_means(episodes.mean(0))), *interval(episodes, of_means=of_means)
+def _estimate(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Estimate:
+    numbers = float(of_means(episodes.mean(0))), *confidence_interval(episodes, of_means=of_means)
     value, low, high = (
-        math.copysign(math.inf, number) if abs(number) > NEVER / 2 else number for number in numbers
+        math.copysign(math.inf, number) if abs(number) > NOT_REACHED / 2 else number for number in numbers
     )
-    return Figure(value, low, high)
+    return Estimate(value, low, high)
 
 
 def at_threshold(row: int, index: int) -> Callable[[FloatArray], FloatArray]:
-    """Accuracy, ticks or reward at one threshold."""
+    """Return the statistic "accuracy, ticks or reward at one threshold"."""
     return lambda means: means[..., row, index]
 
 
 def ticks_at_accuracy(level: float) -> Callable[[FloatArray], FloatArray]:
-    """Mean ticks where the curve first reaches an accuracy, linear between thresholds, or `NEVER`."""
+    """Return the statistic "mean decision time at which the curve first reaches an accuracy".
+
+    The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` below the accuracy.
+    """
 
     def statistic(means: FloatArray) -> FloatArray:
         accuracy, ticks = means[..., ACCURACY, :], means[..., TICKS, :]
@@ -118,17 +139,17 @@ def ticks_at_accuracy(level: float) -> Callable[[FloatArray], FloatArray]:
             return np.take_along_axis(values, index[..., None], -1)[..., 0]
 
         step = pick(accuracy, right) - pick(accuracy, left)
-        share = np.where(step > 0, (level - pick(accuracy, left)) / np.where(step > 0, step, 1.0), 1.0)
-        crossing = pick(ticks, left) + share * (pick(ticks, right) - pick(ticks, left))
-        return np.where(reached.any(-1), crossing, NEVER)
+        fraction = np.where(step > 0, (level - pick(accuracy, left)) / np.where(step > 0, step, 1.0), 1.0)
+        crossing = pick(ticks, left) + fraction * (pick(ticks, right) - pick(ticks, left))
+        return np.where(reached.any(-1), crossing, NOT_REACHED)
 
     return statistic
 
 
 def error_at_ticks(time: float) -> Callable[[FloatArray], FloatArray]:
-    """Share of wrong decisions at a mean decision time, linear between thresholds.
+    """Return the statistic "error probability at a mean decision time".
 
-    Before the curve's first point and behind its last, the error of that point.
+    The curve is interpolated linearly between thresholds and extrapolated with its first and last values.
     """
 
     def statistic(means: FloatArray) -> FloatArray:
@@ -148,12 +169,16 @@ def sweep(
     thresholds: Sequence[float] | None = None,
     **options: Any,
 ) -> OperatingCurve:
-    """Evaluate a family at each threshold on the same episodes.
+    """Evaluate a decider at each threshold on the same episodes.
 
     Args:
+        family: of the decider.
+        env_id: registered id.
+        episodes: number of episodes.
+        seed: of the first episode.
         on_progress: called after each threshold.
-        thresholds: other than the family's own.
-        options: of the world, over those of the id.
+        thresholds: to use instead of those of the family.
+        options: environment options that override those of the id.
     """
     decisions = []
     for threshold in family.thresholds if thresholds is None else thresholds:

@@ -1,16 +1,16 @@
-"""Where the episodes of each purpose begin, so that none is used for two."""
+"""First seed of the episodes of each purpose, so that no episode serves two purposes."""
 
 SELECTION = 1_000_000_000
-"""Thresholds are chosen on episodes from this seed on; those reported count from small seeds."""
+"""Thresholds are selected on episodes from this seed on; reported episodes use smaller seeds."""
 
 SELECTION_EPISODES = 1000
-"""As many are used to choose a threshold."""
+"""Number of episodes used to select a threshold."""
 
 FITTING = 2_000_000_000
 """Stopping rules are fitted on episodes from this seed on."""
 
 TRAINING = 10**12
-"""Tracks of a training are seeded from here on, 10^9 apart for each training seed."""
+"""Training episodes are seeded from here on, 10^9 apart for each training seed."""
 
-LEARNING = 3_000_000_000
-"""A training is measured on its way on episodes from this seed on."""
+LEARNING_CURVE = 3_000_000_000
+"""Learning curves are evaluated on episodes from this seed on."""

@@ -1,4 +1,4 @@
-"""Deciders in worlds other than the one that they were made for: who degrades, and how."""
+"""Deciders under distribution shift: evaluation in environments other than the nominal one."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from rich.table import Table
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
-from agents.evaluation.evaluate import evaluate, interval
+from agents.evaluation.evaluate import confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
-HOME = "as it is"
+NOMINAL = "nominal"
 
 
 def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
-    """Name and changed options of the worlds around a world, itself first."""
+    """Return name and changed options of the environments around the nominal one, the nominal one first."""
     R, Q = np.asarray(world.measurement_variance), world.process_variance
     shifts: dict[str, dict[str, Any]] = {
-        HOME: {},
+        NOMINAL: {},
         "R / 10": {"measurement_variance": _plain(R / 10)},
         "R x 10": {"measurement_variance": _plain(R * 10)},
         "Q x 10": {"process_variance": 10 * Q},
@@ -45,8 +45,18 @@ def _plain(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Shifted:
-    """Figures of one decider in one world: mean reward with its 95 % interval, accuracy and ticks."""
+class ShiftResult:
+    """Metrics of one decider in one environment.
+
+    Attributes:
+        world: name of the environment, as in `shifted_worlds`.
+        decider: name of the decider.
+        threshold: selected in the nominal environment.
+        reward: mean per segment.
+        low, high: bounds of the 95 % confidence interval of the reward.
+        accuracy: proportion of correct decisions.
+        ticks: mean decision time.
+    """
 
     world: str
     decider: str
@@ -58,7 +68,7 @@ class Shifted:
     ticks: float
 
 
-def measure_shifts(
+def evaluate_shifts(
     families: Sequence[DeciderFamily],
     env_id: str,
     world: WorldOptions,
@@ -66,24 +76,32 @@ def measure_shifts(
     episodes: int,
     seed: int,
     on_progress: Callable[[str], None],
-) -> list[Shifted]:
-    """Every family in every world, at the threshold of the best reward at home (on other episodes).
+) -> list[ShiftResult]:
+    """Evaluate every decider in every environment.
+
+    Each decider uses the threshold with the best reward in the nominal environment, selected on other
+    episodes.
 
     Args:
-        options: of the world at home, over those of the id.
-        on_progress: called with the name of the next decider and world.
+        families: of deciders.
+        env_id: registered id of the nominal environment.
+        world: all options of the nominal environment.
+        options: of the nominal environment that differ from those of the id.
+        episodes: number of evaluation episodes.
+        seed: of the first episode.
+        on_progress: called with the name of the next decider and environment.
     """
-    found = []
+    results = []
     for family in families:
         on_progress(f"{family.name}: threshold")
-        home = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **options)
-        threshold = family.thresholds[home.best_index()]
+        nominal = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **options)
+        threshold = family.thresholds[nominal.best_index()]
         for name, change in shifted_worlds(world).items():
             on_progress(f"{family.name}: {name}")
             decisions = evaluate(family.make(threshold), env_id, episodes, seed, **options | change)
-            low, high = interval(decisions.reward.mean(1))
-            found.append(
-                Shifted(
+            low, high = confidence_interval(decisions.reward.mean(1))
+            results.append(
+                ShiftResult(
                     name,
                     family.name,
                     threshold,
@@ -94,23 +112,27 @@ def measure_shifts(
                     float(decisions.ticks.mean()),
                 )
             )
-    return found
+    return results
 
 
-def shift_table(found: Sequence[Shifted], title: str) -> Table:
-    """A row a world, a column a decider: the reward, and below it accuracy and ticks."""
-    deciders = list(dict.fromkeys(one.decider for one in found))
+def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
+    """Return a table with environments in rows and deciders in columns."""
+    deciders = list(dict.fromkeys(result.decider for result in results))
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.caption = "Reward a segment ± half of the 95 % interval; right at tick. Thresholds as at home."
-    table.add_column("world")
+    table.caption = (
+        "Reward per segment ± half-width of the 95 % confidence interval; accuracy and mean decision tick.\n"
+        "Thresholds selected in the nominal environment."
+    )
+    table.add_column("environment")
     for name in deciders:
         table.add_column(name, justify="right", no_wrap=True)
-    for world in dict.fromkeys(one.world for one in found):
-        row = {one.decider: one for one in found if one.world == world}
+    for world in dict.fromkeys(result.world for result in results):
+        row = {result.decider: result for result in results if result.world == world}
         table.add_row(world, *(_cell(row[name]) for name in deciders))
     return table
 
 
-def _cell(one: Shifted) -> str:
-    half = (one.high - one.low) / 2
-    return f"{one.reward:+.3f} ±{half:.3f}\n[bright_black]{one.accuracy:.1%} at {one.ticks:.1f}[/]"
+def _cell(result: ShiftResult) -> str:
+    half_width = (result.high - result.low) / 2
+    first = f"{result.reward:+.3f} ±{half_width:.3f}"
+    return f"{first}\n[bright_black]{result.accuracy:.1%} at {result.ticks:.1f}[/]"

@@ -1,10 +1,13 @@
-"""Learned deciders: networks, policies, and their files.
+"""Learned deciders: networks, policies and their files.
 
-`sequence` is the recurrent network that corrects the bank's likelihood; `policy` wraps an actor of
-Stable-Baselines3; `stopping` lets such an actor decide on what the sequence network computes; `features`
-selects what an actor sees. `policy_file` reads and writes weights with their card; `shipped/` holds the
-weights that come with the package. An observation row goes in, an action comes out, as
-`baselines.deciders.decider` says.
+- `sequence`: the recurrent network that corrects the bank's log-likelihood ratios.
+- `policy`: an actor of Stable-Baselines3 as a decider.
+- `stopping`: an actor that decides when to stop, from the belief state of the sequence network.
+- `features`: selects the quantities that an actor observes.
+- `policy_file`: reads and writes weights and their card.
+- `shipped/`: the weights that come with the package.
+
+All of them map observation rows to actions through the interface of `baselines.deciders.decider`.
 
 May import: `hybrid_env`, `baselines.deciders`, `agents.interface`.
 """

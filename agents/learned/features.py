@@ -1,4 +1,4 @@
-"""What a policy sees of a row: some of its quantities by name, or the posterior made of them."""
+"""Features extractor of Stable-Baselines3: selected quantities of the observation, or the posterior."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,16 +15,20 @@ from hybrid_env.observation import LOG_SCALE, Layout
 POSTERIOR = "posterior"
 
 
-class RowFeatures(BaseFeaturesExtractor):
-    """Some quantities of the observation, as Stable-Baselines3's extractor of features.
+class ObservationFeatures(BaseFeaturesExtractor):
+    """Features extractor that selects quantities of the observation by name.
 
     Args:
-        space: of the rows.
-        observe: keys of `hybrid_env.Layout`, or "posterior": of each hypothesis, with equal priors.
+        observation_space: of one observation row.
+        observe: keys of `hybrid_env.Layout`, or "posterior": the posterior of each hypothesis under equal
+            priors.
+
+    Raises:
+        ArgumentError: an unknown name.
     """
 
-    def __init__(self, space: spaces.Box, observe: tuple[str, ...]):
-        layout = Layout.of_width(space.shape[0])
+    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...]):
+        layout = Layout.of_width(observation_space.shape[0])
         known = (*layout.slices, POSTERIOR)
         for name in observe:
             if name not in known:
@@ -34,22 +38,22 @@ class RowFeatures(BaseFeaturesExtractor):
             or [np.zeros(0, np.int64)]
         )
         hypotheses = layout.hypotheses if POSTERIOR in observe else 0
-        super().__init__(space, columns.size + hypotheses)
+        super().__init__(observation_space, columns.size + hypotheses)
         self.columns: Any = torch.from_numpy(columns)
         first = layout.slices["log_ratio"].start
-        self.ratios = slice(first, first + hypotheses)
+        self.log_ratios = slice(first, first + hypotheses)
 
     def forward(self, rows: Tensor) -> Tensor:
-        """(N, features) of rows (N, width)."""
-        posterior = torch.softmax(rows[:, self.ratios] / LOG_SCALE, dim=-1)
+        """Return features (N, features) of observation rows (N, width)."""
+        posterior = torch.softmax(rows[:, self.log_ratios] / LOG_SCALE, dim=-1)
         return torch.cat([posterior, rows[:, self.columns]], dim=-1)
 
 
-def policy_keywords(policy_kwargs: Mapping[str, Any], observe: tuple[str, ...]) -> dict[str, Any]:
-    """Keywords of a policy of Stable-Baselines3 that sees some quantities, all if none is named."""
+def policy_kwargs_with_features(policy_kwargs: Mapping[str, Any], observe: tuple[str, ...]) -> dict[str, Any]:
+    """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
     if not observe:
         return dict(policy_kwargs)
     return dict(policy_kwargs) | {
-        "features_extractor_class": RowFeatures,
+        "features_extractor_class": ObservationFeatures,
         "features_extractor_kwargs": {"observe": observe},
     }

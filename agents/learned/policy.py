@@ -1,4 +1,4 @@
-"""A trained actor as a decider, and its file."""
+"""A trained actor of Stable-Baselines3 as a decider, and its file."""
 
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
-from agents.learned.features import policy_keywords
-from agents.learned.policy_file import save_policy, unreadable
+from agents.learned.features import policy_kwargs_with_features
+from agents.learned.policy_file import save_policy, unreadable_policy
 from agents.learned.sequence import SequenceNet
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import reject
@@ -25,12 +25,17 @@ def make_policy(
     observe: tuple[str, ...] = (),
     recurrent: bool = False,
 ) -> ActorCriticPolicy:
-    """An untrained actor and critic of Stable-Baselines3 or of sb3-contrib.
+    """Create an untrained actor-critic policy of Stable-Baselines3 or sb3-contrib.
 
     Args:
-        policy_kwargs: of the policy, such as net_arch.
-        observe: quantities that it sees, all if empty.
-        recurrent: with an LSTM.
+        observation_space: of one observation row.
+        action_space: wait, and the declarations.
+        policy_kwargs: keyword arguments of the policy, such as net_arch.
+        observe: names of the quantities that the policy observes; all if empty.
+        recurrent: use the LSTM policy of sb3-contrib.
+
+    Raises:
+        ImportError: recurrent, and sb3-contrib is not installed.
     """
     kind: Any = ActorCriticPolicy
     if recurrent:
@@ -38,24 +43,28 @@ def make_policy(
 
         kind = MlpLstmPolicy
     policy: ActorCriticPolicy = kind(
-        observation_space, action_space, lambda _: 0.0, **policy_keywords(policy_kwargs, observe)
+        observation_space, action_space, lambda _: 0.0, **policy_kwargs_with_features(policy_kwargs, observe)
     )
     return policy
 
 
-def beliefs_of(policy: ActorCriticPolicy) -> SequenceNet | None:
-    """The network whose beliefs a policy sees, see `agents.stopping`; None sees the rows."""
+def sequence_net_of(policy: ActorCriticPolicy) -> SequenceNet | None:
+    """Return the sequence network that computes a policy's belief state; None if it reads observation rows.
+
+    See `agents.learned.stopping`.
+    """
     return getattr(policy, "beliefs", None)
 
 
 class PolicyDecider:
-    """Declares the likeliest hypothesis once the policy's log-odds of declaring pass a threshold.
+    """Declares a hypothesis once the policy's log-odds of declaring exceed a threshold.
 
-    At threshold 0 this is the policy's own most probable action; other thresholds trade time for accuracy.
-    A policy with a declaration for every hypothesis declares the one that it prefers.
+    At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
+    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
+    the most likely hypothesis of the bank.
 
     Args:
-        policy: actor with 2 actions (wait, declare the likeliest) or M + 1; with or without an LSTM.
+        policy: actor with 2 actions (wait, declare the most likely) or M + 1; with or without an LSTM.
         threshold: on ln p(the declaration) - ln p(wait).
     """
 
@@ -65,12 +74,12 @@ class PolicyDecider:
         self.generator = np.random.default_rng(0)
 
     def with_threshold(self, threshold: float) -> "PolicyDecider":
-        """The same policy at another threshold."""
+        """Return the same policy at another threshold."""
         return PolicyDecider(self.policy, threshold)
 
     @property
     def hypotheses(self) -> int | None:
-        """M of the bank that it was trained on; None reads any."""
+        """Number M of hypotheses that the policy was trained for; None applies to any."""
         shape = self.policy.observation_space.shape
         assert shape is not None
         return Layout.of_width(shape[0]).hypotheses
@@ -79,7 +88,7 @@ class PolicyDecider:
     def logits(
         self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
     ) -> tuple[NDArray[np.float64], Any]:
-        """(N, actions) log-probabilities up to a constant, and an LSTM's state, (layers, N, hidden) twice."""
+        """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
         rows = torch.as_tensor(observation)
         lstm: Any = getattr(self.policy, "lstm_actor", None)
         features: Tensor = self.policy.pi_features_extractor(rows)
@@ -97,7 +106,7 @@ class PolicyDecider:
     def choose(
         self, logits: NDArray[np.float64], deterministic: bool
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Whether to declare, (N,), and which of the declarations, (N,), from logits (N, actions)."""
+        """Return whether to declare (N,) and which declaration (N,), from logits (N, actions)."""
         if not deterministic:
             logits = logits + self.generator.gumbel(size=logits.shape)
         declare = logits[:, 1:].argmax(1)
@@ -111,10 +120,14 @@ class PolicyDecider:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """See `baselines.Decider.predict`; only an LSTM has a state. Sampling ignores the threshold."""
+        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold.
+
+        Raises:
+            ArgumentError: the observation is not that of the bank the policy was trained for.
+        """
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
-            raise reject("observation shape", observation.shape, f"(N, *{expected}), of the bank trained on")
+            raise reject("observation shape", observation.shape, f"(N, *{expected}), as in training")
         logits, state = self.logits(observation, state, episode_start)
         declared, declare = self.choose(logits, deterministic)
         if logits.shape[1] == 2:
@@ -122,28 +135,28 @@ class PolicyDecider:
             declare = layout.read(observation, "log_ratio").argmax(-1)
         return np.where(declared, declare + 1, 0), state
 
-    def keep(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
+    def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
 def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
-    """Write weights and card, each whole or not at all."""
+    """Write weights and card. Each file is written atomically."""
     shape = policy.observation_space.shape
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
-    beliefs = beliefs_of(policy)
-    if beliefs is not None:
-        card["beliefs_hidden"] = beliefs.hidden
+    net = sequence_net_of(policy)
+    if net is not None:
+        card["beliefs_hidden"] = net.hidden
     save_policy(folder, policy.state_dict(), card)
 
 
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
-    """The policy of the weights and card that `run_folder.load_policy` read in a folder.
+    """Return the policy for the weights and card that `policy_file.load_policy` read from a folder.
 
     Raises:
-        ArgumentError: they do not fit together.
+        ArgumentError: weights and card do not match, or sb3-contrib is missing.
     """
     try:
         space = spaces.Box(-np.inf, np.inf, (int(card["observation_width"]),), np.float32)
@@ -158,6 +171,6 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable(folder, error) from None
+        raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)
     return policy

@@ -1,9 +1,10 @@
-"""A recurrent network that learns the likelihood, as a decider, and its file.
+"""A recurrent network that corrects the bank's log-likelihood ratios, as a decider, and its file.
 
-The bank takes its anchor as exact, so its likelihoods are wrong in a way that innovations, displacement and
-the covariance of the anchor give away over a segment. A gated recurrent unit reads them for every hypothesis
-with the same weights and corrects the log-likelihood ratio; the decider stops on the posterior that results.
-Since weights are shared over hypotheses, and a turn is seen from its own side, one network reads any bank.
+The bank treats its anchor as exact, so its likelihoods are biased. Over a segment the bias shows in the
+innovations, the displacement and the covariance of the anchor. A gated recurrent unit (GRU) reads them for
+every hypothesis with shared weights and corrects the log-likelihood ratio; the decider stops on the resulting
+posterior. The weights are shared over hypotheses, and lateral features are mirrored to the side of the turn,
+so one network applies to a bank of any size.
 """
 
 from pathlib import Path
@@ -14,97 +15,114 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.policy_file import save_policy, unreadable
+from agents.learned.policy_file import save_policy, unreadable_policy
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
 from hybrid_env.checks import check_between, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
 from hybrid_env.options import WorldOptions
 
-SINGLES, BLOCKS = list(TRACK_FEATURES), list(HYPOTHESIS_FEATURES)
+HYPOTHESIS_NAMES, TRACK_NAMES = list(HYPOTHESIS_FEATURES), list(TRACK_FEATURES)
 
 
 class SequenceNet(nn.Module):
-    """Scores of the hypotheses, tick by tick; the same weights for each.
+    """Recurrent network that scores the hypotheses at every tick, with the same weights for each hypothesis.
 
     Args:
-        hidden: width of the recurrent state of a hypothesis.
+        hidden: size of the hidden state of one hypothesis.
     """
 
     def __init__(self, hidden: int = 40):
         super().__init__()
         self.hidden = hidden
-        self.encoder = nn.Linear(len(BLOCKS) + len(SINGLES) + 1, hidden)
+        self.encoder = nn.Linear(len(HYPOTHESIS_NAMES) + len(TRACK_NAMES) + 1, hidden)
         self.memory = nn.GRUCell(2 * hidden, hidden)
         self.mix = nn.Linear(2 * hidden, hidden)
         self.score = nn.Linear(hidden, 1)
-        self.trust = nn.Parameter(torch.tensor(0.5))  # in the bank's own log-likelihood ratio
+        self.trust = nn.Parameter(torch.tensor(0.5))  # weight of the bank's log-likelihood ratio
         nn.init.zeros_(self.score.weight)
         nn.init.zeros_(self.score.bias)
 
     def features(self, rows: Tensor) -> Tensor:
-        """What each hypothesis is told, (..., M, hidden * 2), of rows (..., 6 M + 10).
+        """Return the features (..., M, 2 hidden) of each hypothesis from observation rows (..., 6 M + 10).
 
-        "Across" is turned to the side that the hypothesis turns to, so that left and right are alike. The
-        mean over hypotheses stands beside each.
+        Lateral quantities ("across") are mirrored to the side of the turn, so that left and right turns share
+        one representation. The mean over hypotheses is appended to the features of each.
         """
-        count = (rows.shape[-1] - len(SINGLES)) // len(BLOCKS)
-        own = rows[..., : len(BLOCKS) * count].unflatten(-1, (len(BLOCKS), count)).transpose(-1, -2)
-        shared = rows[..., len(BLOCKS) * count :].unsqueeze(-2).expand(*own.shape[:-1], len(SINGLES))
-        curvature = own[..., BLOCKS.index("curvature")].unsqueeze(-1)
+        count = (rows.shape[-1] - len(TRACK_NAMES)) // len(HYPOTHESIS_NAMES)
+        own = rows[..., : len(HYPOTHESIS_NAMES) * count]
+        own = own.unflatten(-1, (len(HYPOTHESIS_NAMES), count)).transpose(-1, -2)
+        shared = rows[..., len(HYPOTHESIS_NAMES) * count :].unsqueeze(-2)
+        shared = shared.expand(*own.shape[:-1], len(TRACK_NAMES))
+        curvature = own[..., HYPOTHESIS_NAMES.index("curvature")].unsqueeze(-1)
         side = torch.where(curvature < 0, -1.0, 1.0)
-        own = torch.where(_is(BLOCKS, "innovation_across", "curvature"), own * side, own)
-        own = torch.where(_is(BLOCKS, "innovation_across", "innovation_along"), torch.asinh(own), own)
-        shared = torch.where(_is(SINGLES, "displacement_across"), shared * side, shared)
-        return _beside_mean(
+        own = torch.where(_mask(HYPOTHESIS_NAMES, "innovation_across", "curvature"), own * side, own)
+        innovations = _mask(HYPOTHESIS_NAMES, "innovation_across", "innovation_along")
+        own = torch.where(innovations, torch.asinh(own), own)
+        shared = torch.where(_mask(TRACK_NAMES, "displacement_across"), shared * side, shared)
+        return _with_mean(
             torch.tanh(self.encoder(torch.cat([own, shared, (curvature == 0).float()], dim=-1)))
         )
 
-    def remember(self, features: Tensor, memory: Tensor) -> Tensor:
-        """The next memory, (N, M, hidden), from features (N, M, 2 hidden)."""
-        return self.memory(features.flatten(0, 1), memory.flatten(0, 1)).unflatten(0, memory.shape[:2])
+    def next_hidden_state(self, features: Tensor, hidden_state: Tensor) -> Tensor:
+        """Return the next hidden state (N, M, hidden) from features (N, M, 2 hidden)."""
+        flat = self.memory(features.flatten(0, 1), hidden_state.flatten(0, 1))
+        return flat.unflatten(0, hidden_state.shape[:2])
 
-    def log_posterior(self, rows: Tensor, memory: Tensor) -> Tensor:
-        """(..., M) from rows and the memories after them."""
-        ratio = rows[..., : memory.shape[-2]] / LOG_SCALE
-        score = self.score(torch.tanh(self.mix(_beside_mean(memory)))).squeeze(-1)
+    def log_posterior(self, rows: Tensor, hidden_state: Tensor) -> Tensor:
+        """Return the log-posterior (..., M) from observation rows and the hidden state updated with them."""
+        ratio = rows[..., : hidden_state.shape[-2]] / LOG_SCALE
+        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state)))).squeeze(-1)
         return torch.log_softmax(score + self.trust * ratio, dim=-1)
 
     @torch.no_grad()
-    def believe(self, observation: Observations, memory: Tensor | None) -> tuple[NDArray[np.float32], Tensor]:
-        """Posterior (N, M) and memory (N, M, hidden) after a tick; memory is None before the first."""
+    def predict_posterior(
+        self, observation: Observations, hidden_state: Tensor | None
+    ) -> tuple[NDArray[np.float32], Tensor]:
+        """Process one tick of N tracks.
+
+        Args:
+            observation: (N, 6 M + 10).
+            hidden_state: (N, M, hidden) after the previous tick; None before the first.
+
+        Returns:
+            Posterior (N, M) and hidden state (N, M, hidden) after the tick.
+        """
         rows = torch.as_tensor(observation)
-        if memory is None:
-            memory = torch.zeros(len(rows), Layout.of_rows(observation).hypotheses, self.hidden)
-        memory = self.remember(self.features(rows), memory * ~first_ticks(rows)[:, None, None])
-        return self.log_posterior(rows, memory).exp().numpy(), memory
+        if hidden_state is None:
+            hidden_state = torch.zeros(len(rows), Layout.of_rows(observation).hypotheses, self.hidden)
+        reset = first_ticks(rows)[:, None, None]
+        hidden_state = self.next_hidden_state(self.features(rows), hidden_state * ~reset)
+        return self.log_posterior(rows, hidden_state).exp().numpy(), hidden_state
 
 
-def _beside_mean(values: Tensor) -> Tensor:
-    """(..., M, 2 F): the values of each hypothesis, and the mean over hypotheses."""
+def _with_mean(values: Tensor) -> Tensor:
+    """Return (..., M, 2 F): the values (..., M, F) of each hypothesis and their mean over hypotheses."""
     return torch.cat([values, values.mean(-2, keepdim=True).expand_as(values)], dim=-1)
 
 
-def _is(names: list[str], *wanted: str) -> Tensor:
-    return torch.tensor([name in wanted for name in names])
+def _mask(names: list[str], *selected: str) -> Tensor:
+    return torch.tensor([name in selected for name in names])
 
 
 def first_ticks(rows: Tensor) -> Tensor:
-    """(...) True where a segment begins, and memory with it."""
-    return rows[..., -len(SINGLES) + SINGLES.index("ticks")] < 1.5 * TICK_SCALE
+    """Return (...) True at the first tick of a segment, where the hidden state is reset."""
+    return rows[..., -len(TRACK_NAMES) + TRACK_NAMES.index("ticks")] < 1.5 * TICK_SCALE
 
 
-def doubts_and_best(
+def error_probabilities_and_best(
     posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """How probable a wrong declaration is, and what to declare.
+    """Return the hypothesis to declare and the posterior probabilities of a wrong type and a wrong radius.
 
     Args:
         posterior: (N, M).
-        by_type: declare the likeliest of the likeliest type, not the likeliest of all; for all or (N,).
+        by_type: choose the most likely hypothesis of the most likely type instead of the most likely
+            hypothesis; one value for all tracks, or (N,).
 
     Returns:
-        Posterior of other types and of other radii of that type, and the hypothesis; (N,) each.
+        Posterior of all other types, posterior of the other radii of the chosen type, and index of the chosen
+        hypothesis, each (N,).
     """
     types = type_sums(posterior)
     best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(1))
@@ -114,36 +132,39 @@ def doubts_and_best(
     return other_types_sum(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
 
 
-def doubt_and_best(
-    posterior: NDArray[np.floating], radius: float | NDArray[np.float64]
+def error_probability_and_best(
+    posterior: NDArray[np.floating], radius_weight: float | NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The doubt and what to declare, (N,) each.
+    """Return the posterior error probability of a declaration and the hypothesis to declare, each (N,).
 
     Args:
         posterior: (N, M).
-        radius: how much a wrong radius of the right type counts, from 0 (not at all) to 1 (as the wrong
-            type), for all or (N,).
+        radius_weight: weight of a wrong radius of the right type, from 0 (no error) to 1 (same as a wrong
+            type); one value for all tracks, or (N,).
     """
-    type_doubt, radius_doubt, best = doubts_and_best(posterior, np.asarray(radius) < 1.0)
-    return type_doubt + radius * radius_doubt, best
+    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, np.asarray(radius_weight) < 1.0)
+    return wrong_type + radius_weight * wrong_radius, best
 
 
 class SequenceDecider:
-    """Declares what the network finds likeliest, when all that would be wrong has at most alpha.
+    """Declares the most likely hypothesis once its posterior error probability is at most alpha.
 
     Args:
-        net: trained.
-        alpha: posterior of all that would be wrong.
-        radius: how much a wrong radius of the right type counts as wrong, from 0 to 1. Where only the type is
-            rewarded it spoils the next anchor all the same.
+        net: trained network.
+        alpha: threshold on the posterior error probability, in (0, 1].
+        radius_weight: weight of a wrong radius of the right type in the error probability, from 0 to 1. A
+            wrong radius degrades the next anchor even where only the type is rewarded.
+
+    Raises:
+        ArgumentError: alpha or radius_weight is out of range.
     """
 
-    def __init__(self, net: SequenceNet, alpha: float = 0.02, radius: float = 1.0):
+    def __init__(self, net: SequenceNet, alpha: float = 0.02, radius_weight: float = 1.0):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
-        if radius not in (0.0, 1.0):
-            check_between("radius", radius, 0.0, 1.0)
-        self.net, self.alpha, self.radius = net, alpha, radius
+        if radius_weight not in (0.0, 1.0):
+            check_between("radius_weight", radius_weight, 0.0, 1.0)
+        self.net, self.alpha, self.radius_weight = net, alpha, radius_weight
 
     def predict(
         self,
@@ -152,36 +173,36 @@ class SequenceDecider:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, Tensor]:
-        """See `Decider.predict`; the state is the memory of every hypothesis, (N, M, hidden)."""
-        posterior, state = self.net.believe(observation, state)
-        doubt, best = doubt_and_best(posterior, self.radius)
-        return np.where(doubt <= self.alpha, best + 1, 0), state
+        """See `Decider.predict`. The state is the hidden state of every hypothesis, (N, M, hidden)."""
+        posterior, state = self.net.predict_posterior(observation, state)
+        error_probability, best = error_probability_and_best(posterior, self.radius_weight)
+        return np.where(error_probability <= self.alpha, best + 1, 0), state
 
-    def keep(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
-        """The state of some of its tracks, (N,) bool: `evaluate` leaves out those that have finished."""
+    def select_tracks(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
+        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return state[torch.from_numpy(tracks)]
 
 
 def check_declares_hypotheses(world: WorldOptions) -> None:
-    """Refuse a world in which only the likeliest hypothesis of the bank can be declared."""
+    """Refuse an environment in which only the most likely hypothesis of the bank can be declared."""
     if world.actions != "all":
         raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
 
 
 def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:
-    """Write weights and card, each whole or not at all."""
+    """Write weights and card. Each file is written atomically."""
     save_policy(folder, net.state_dict(), card)
 
 
 def load_sequence(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> SequenceNet:
-    """The network of the weights and card that `run_folder.load_policy` read in a folder.
+    """Return the network for the weights and card that `policy_file.load_policy` read from a folder.
 
     Raises:
-        ArgumentError: they do not fit together.
+        ArgumentError: weights and card do not match.
     """
     try:
         net = SequenceNet(int(card["recipe"]["entry"]["hidden"]))
         net.load_state_dict(weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable(folder, error) from None
+        raise unreadable_policy(folder, error) from None
     return net.eval()

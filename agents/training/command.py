@@ -1,4 +1,4 @@
-"""The command `hybridtrack train`: an agent into a run folder, by a recipe."""
+"""The command `hybridtrack train`: train an agent with a recipe."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,27 +9,27 @@ from hybrid_env.checks import check_integer, check_positive, reject
 
 @dataclass(kw_only=True)
 class Train(WorldArguments):
-    """Train an agent by a recipe into a run folder: weights, card, metrics, and its learning curve."""
+    """Train an agent with a recipe; write weights, card, metrics and learning curve to a run folder."""
 
     recipe: str = "ppo"
-    """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many worlds),
-    'stopping' (PPO on what the shipped network believes), 'recurrent-ppo', three that lack something
+    """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many environments),
+    'stopping' (PPO on the belief state of the shipped network), 'recurrent-ppo', three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: tuple[str, ...] = ()
-    """Hyper-parameters other than the recipe's, such as n_envs=128 policy_kwargs.net_arch=[32]."""
+    """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Path | None = None
     """Run folder, new or empty; default runs/<environment>-<recipe>-seed<seed>."""
     resume: Path | None = None
-    """Go on with this run folder, its own world and recipe; only --steps and --save-every beside."""
+    """Resume the run in this folder, with its environment and recipe; takes only --steps and --save-every."""
     steps: int | None = None
-    """Environment steps, summed over tracks; default the recipe's, or the resumed run's."""
+    """Environment steps, summed over tracks; default: those of the recipe or of the resumed run."""
     seed: int = 0
-    """Of weights, tracks and mini-batches; the same seed gives the same weights."""
+    """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
     save_every: float = 10.0
-    """Seconds between checkpoints; a killed run loses no more than that and one rollout."""
+    """Seconds between checkpoints; an interrupted run loses at most this time and one rollout."""
 
     def run(self) -> None:
-        """Train with a live display and say where the run is."""
+        """Train with a progress display and print a summary."""
         check_integer("seed", self.seed, minimum=0)
         check_positive("save-every", self.save_every)
         if self.steps is not None:
@@ -41,14 +41,14 @@ class Train(WorldArguments):
         if self.resume is not None:
             folder = self.resume
             if self != Train(resume=self.resume, steps=self.steps, save_every=self.save_every):
-                raise reject("resume", str(folder), "no other flag than --steps and --save-every beside it")
+                raise reject("resume", str(folder), "no flags other than --steps and --save-every")
             run = resume_run(folder, self.steps)
         else:
             recipe = load_recipe(self.recipe, self.env_id, self.set)
             name = self.env_id.rpartition(":")[2]
             folder = self.out or Path("runs") / f"{name}-{recipe.name}-seed{self.seed}"
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-                raise reject("out", str(folder), "a new or empty folder, or --resume to go on with a run")
+                raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
@@ -68,5 +68,5 @@ class Train(WorldArguments):
         for line in summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning(folder, folder / "learning.png")
-        console.print(f"Run {folder}: {run.done:,} steps, learning.png", highlight=False)
+        console.print(f"Run {folder}: {run.num_timesteps:,} steps, learning.png", highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", highlight=False)

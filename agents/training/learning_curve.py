@@ -1,4 +1,4 @@
-"""How an agent gets better while it is trained: measured now and then on episodes kept for that."""
+"""The learning curve: periodic evaluation of an agent during training, on episodes reserved for it."""
 
 import functools
 from collections.abc import Sequence
@@ -10,63 +10,73 @@ from agents.evaluation.evaluate import evaluate
 from agents.evaluation.operating_curve import REWARD, sweep
 
 EPISODES = 200
-LEARNED, SPRT = "evaluation/reward", "evaluation/sprt"
-FIRST, GROWTH = 3.0, 1.4  # seconds to the first measurement; the next come later by that factor
+REWARD_KEY, SPRT_KEY = "evaluation/reward", "evaluation/sprt"
+FIRST_EVALUATION = 3.0  # seconds of training
+EVALUATION_SPACING = 1.4  # ratio of the times of consecutive evaluations
 
 
 class LearningCurve:
-    """Measures an agent at its default threshold, later and later, beside the SPRT at its best.
+    """Evaluates an agent at its default threshold, at geometrically spaced times, next to the best SPRT.
 
     Args:
         env_id: registered id.
-        options: of the world, over those of the id.
+        options: environment options that override those of the id.
     """
 
     def __init__(self, env_id: str, options: dict[str, Any]):
         self.env_id, self.options = env_id, options
-        self._next = FIRST
+        self._next = FIRST_EVALUATION
 
     @functools.cached_property
-    def sprt(self) -> float:
-        """The SPRT's reward at the best of its thresholds, on the same episodes."""
-        means = sweep(ATE, self.env_id, EPISODES, seeds.LEARNING, **self.options).means
+    def sprt_reward(self) -> float:
+        """Mean reward of the SPRT at its best threshold, on the same episodes."""
+        means = sweep(ATE, self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options).means
         return float(means[REWARD].max())
 
     def due(self, seconds: float) -> bool:
-        """Whether it is time to measure."""
+        """Return whether the next evaluation is due."""
         return seconds >= self._next
 
-    def measure(self, family: DeciderFamily, seconds: float) -> dict[str, float]:
-        """Reward, accuracy and ticks of a segment, with the seconds of training before it."""
+    def evaluate(self, family: DeciderFamily, seconds: float) -> dict[str, float]:
+        """Evaluate the agent.
+
+        Args:
+            family: the agent.
+            seconds: training time so far.
+
+        Returns:
+            Training time, mean reward, accuracy and decision time per segment, and reward of the SPRT.
+        """
         while self._next <= seconds:
-            self._next *= GROWTH
+            self._next *= EVALUATION_SPACING
         decisions = evaluate(
-            family.make(family.default), self.env_id, EPISODES, seeds.LEARNING, **self.options
+            family.make(family.default), self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options
         )
         return {
-            "seconds": seconds, LEARNED: float(decisions.reward.mean()),
+            "seconds": seconds, REWARD_KEY: float(decisions.reward.mean()),
             "evaluation/accuracy": float(decisions.correct.mean()),
-            "evaluation/ticks": float(decisions.ticks.mean()), SPRT: self.sprt,
+            "evaluation/ticks": float(decisions.ticks.mean()), SPRT_KEY: self.sprt_reward,
         }  # fmt: skip
 
 
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of a run's metrics that `LearningCurve.measure` made."""
-    return [row for row in metrics if LEARNED in row]
+    """Return the lines of a run's metrics that `LearningCurve.evaluate` wrote."""
+    return [row for row in metrics if REWARD_KEY in row]
 
 
 def summary(metrics: Sequence[dict[str, Any]]) -> list[str]:
-    """What the terminal says after a training: how good, and when it passed the SPRT at its best."""
+    """Return the lines printed after training: final metrics, and when the agent surpassed the best SPRT."""
     points = learning_points(metrics)
     if not points:
         return []
     last = points[-1]
     lines = [
-        f"Reward {last[LEARNED]:.3f} a segment, {last['evaluation/accuracy']:.1%} right at tick "
-        f"{last['evaluation/ticks']:.1f}, after {last['seconds']:.0f} s of training ({EPISODES} episodes)"
+        f"Reward {last[REWARD_KEY]:.3f} per segment, accuracy {last['evaluation/accuracy']:.1%}, "
+        f"mean decision time {last['evaluation/ticks']:.1f} ticks, after {last['seconds']:.0f} s of training "
+        f"({EPISODES} episodes)"
     ]
-    passed = next((row for row in points if row[LEARNED] > row[SPRT]), None)
-    if passed is None:
-        return [*lines, f"Not past the SPRT's best reward, {last[SPRT]:.3f}"]
-    when = f"after {passed['seconds']:.0f} s and {passed['step']:,} steps"
-    return [*lines, f"Past the SPRT's best reward, {last[SPRT]:.3f}, {when}"]
+    surpassed = next((row for row in points if row[REWARD_KEY] > row[SPRT_KEY]), None)
+    if surpassed is None:
+        return [*lines, f"Best reward of the SPRT not surpassed: {last[SPRT_KEY]:.3f}"]
+    when = f"after {surpassed['seconds']:.0f} s and {surpassed['step']:,} steps"
+    return [*lines, f"Best reward of the SPRT surpassed: {last[SPRT_KEY]:.3f}, {when}"]

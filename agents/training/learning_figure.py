@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as Canvas
 
 from agents.interface.decider_colours import COLOURS
 from agents.interface.output_files import whole_file
-from agents.training.learning_curve import LEARNED, SPRT, learning_points
+from agents.training.learning_curve import REWARD_KEY, SPRT_KEY, learning_points
 from agents.training.run_folder import read_metrics
 
 
@@ -17,13 +17,13 @@ def draw_learning(folder: Path, path: Path) -> None:
     FigureCanvasAgg(canvas)
     by_time, by_steps = canvas.subplots(1, 2, sharey=True)
     points = learning_points(read_metrics(folder))
-    rewards, colour = [row[LEARNED] for row in points], COLOURS[3]
+    rewards, colour = [row[REWARD_KEY] for row in points], COLOURS[3]
     by_time.plot([row["seconds"] for row in points], rewards, "o-", ms=3.5, color=colour, label=folder.name)
     by_steps.plot([row["step"] / 1e6 for row in points], rewards, "o-", ms=3.5, color=colour)
     for axes, unit in ((by_time, "seconds of training"), (by_steps, "million environment steps")):
         if points:
             axes.axhline(
-                points[-1][SPRT], color=COLOURS[0], linestyle="--", label="SPRT at its best threshold"
+                points[-1][SPRT_KEY], color=COLOURS[0], linestyle="--", label="SPRT at its best threshold"
             )
         axes.set_xlabel(unit)
         axes.set_xlim(left=0)

@@ -1,8 +1,8 @@
-"""Recipes of training: YAML in the manner of Stable-Baselines3's zoo, one file a recipe.
+"""Training recipes: hyper-parameters as YAML in the format of RL Baselines3 Zoo, one file per recipe.
 
-A file has an entry for an environment's id, or `default` for any; an entry names the algorithm (`algo`), the
-steps (`n_timesteps`) and the hyper-parameters by the names that the algorithm gives them. `lin_6e-3` is a
-learning rate that falls in a straight line. Unlike in the zoo, nothing is evaluated as Python.
+A file has one entry per environment id, or `default` for any id. An entry names the algorithm (`algo`), the
+number of steps (`n_timesteps`) and the hyper-parameters by their names in the algorithm. `lin_6e-3` is a
+learning rate that decays linearly. Unlike in the zoo, no value is evaluated as Python.
 """
 
 import dataclasses
@@ -20,23 +20,33 @@ from hybrid_env.options import WorldOptions
 
 FOLDER = Path(__file__).parent / "recipes"
 POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
-EAGEREST = 0.3  # the largest doubt at which a track of the sequence agent may stop
+LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the sequence agent declares
 
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings:
-    """Hyper-parameters of PPO and of RecurrentPPO, as Stable-Baselines3 names them.
+    """Hyper-parameters of PPO and RecurrentPPO, named as in Stable-Baselines3.
 
-    gamma is 1, because segments are fast-forwarded and haste is priced by the delay cost already.
+    The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already penalised by
+    the delay cost.
 
     Attributes:
-        n_envs: tracks trained on at once.
-        n_steps: steps of each track between updates.
-        wait_bias: first bias of the logit of waiting; at 0 a fresh policy declares at once and never learns
-            to wait.
-        observe: names of the quantities that the policy sees, see `agents.features`; all if empty.
-        beliefs: "shipped" or the run folder of a sequence agent: the policy sees what that believes, see
-            `agents.stopping`, and decides when to stop; None sees the rows.
+        n_envs: number of parallel tracks.
+        n_steps: steps of each track per rollout.
+        batch_size: mini-batch size; a divisor of n_envs x n_steps.
+        n_epochs: passes over a rollout per update.
+        learning_rate: constant, or "lin_" and the initial value for linear decay to zero.
+        gae_lambda: of generalized advantage estimation.
+        ent_coef: entropy coefficient of the loss.
+        policy: class of the policy, as in `POLICIES`.
+        policy_kwargs: keyword arguments of the policy.
+        gamma: discount factor.
+        wait_bias: initial logit bias of the waiting action. With 0 an untrained policy declares immediately
+            and does not learn to wait.
+        observe: names of the observed quantities, see `agents.learned.features`; all if empty.
+        sequence_agent: "shipped" or the run folder of a sequence agent. The policy then observes the belief
+            state of that agent and decides when to stop, see `agents.learned.stopping`. None observes the
+            observation rows.
     """
 
     n_envs: int
@@ -51,13 +61,13 @@ class PPOSettings:
     gamma: float = 1.0
     wait_bias: float = 5.0
     observe: tuple[str, ...] = ()
-    beliefs: str | None = None
+    sequence_agent: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("n_envs", "n_steps", "n_epochs"):
             check_integer(name, getattr(self, name))
         check_integer("batch_size", self.batch_size, minimum=2)
-        schedule(self.learning_rate)
+        learning_rate_schedule(self.learning_rate)
         for name in ("gae_lambda", "gamma"):
             if isinstance(getattr(self, name), bool) or getattr(self, name) != 1.0:
                 check_between(name, getattr(self, name), 0.0, 1.0)
@@ -66,11 +76,13 @@ class PPOSettings:
         if self.n_envs * self.n_steps % self.batch_size:
             samples = self.n_envs * self.n_steps
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
-        if self.beliefs is not None:
-            if not isinstance(self.beliefs, str):
-                raise reject("beliefs", self.beliefs, "'shipped' or the run folder of a sequence agent")
+        if self.sequence_agent is not None:
+            if not isinstance(self.sequence_agent, str):
+                raise reject(
+                    "sequence_agent", self.sequence_agent, "'shipped' or the run folder of a sequence agent"
+                )
             if self.observe:
-                raise reject("observe", self.observe, "nothing where the policy sees beliefs")
+                raise reject("observe", self.observe, "no value together with sequence_agent")
         if not isinstance(self.policy_kwargs, Mapping):
             raise reject("policy_kwargs", self.policy_kwargs, "a mapping")
         layers = self.policy_kwargs.get("net_arch", [1])
@@ -81,13 +93,13 @@ class PPOSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainedWorld:
-    """A world that the sequence agent is trained on, and its share of the tracks.
+class TrainingWorld:
+    """One environment that the sequence agent is trained in, and its number of tracks.
 
     Attributes:
-        env: registered id; None is the id that the training is for.
-        options: over those of the id and those that the training is for.
-        n_envs: tracks.
+        n_envs: number of parallel tracks.
+        env: registered id; None uses the id of the run.
+        options: environment options that override those of the id and of the run.
     """
 
     n_envs: int
@@ -108,33 +120,36 @@ class SequenceSettings:
     """Hyper-parameters of the sequence agent.
 
     Attributes:
-        worlds: what it is trained on at once.
-        n_steps: ticks between updates.
-        hidden: width of the memory of a hypothesis.
-        strictest: smallest doubt at which a track may stop; the largest is 0.3, drawn in the logarithm.
-        latest: tick at which every track stops: later ones teach little.
-        stray: share of declarations that are replaced by any other. An anchor that a wrong decision spoiled
-            is rare under a good policy, but takes three times as long where it was never practised.
+        worlds: environments that it is trained in at the same time.
+        n_steps: ticks per update, the length of truncated backpropagation through time.
+        hidden: size of the hidden state of one hypothesis.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        smallest_alpha: smallest error probability at which a track declares. The threshold of a track is
+            drawn log-uniformly between this value and 0.3 after each declaration.
+        last_tick: tick at which every track declares; later ticks contribute little to learning.
+        random_declarations: probability that a declaration is replaced by a random hypothesis. Anchors after
+            a wrong decision are rare under a good policy; without such training, decisions from them take
+            three times as long.
     """
 
-    worlds: tuple[TrainedWorld, ...]
+    worlds: tuple[TrainingWorld, ...]
     n_steps: int
     hidden: int
     learning_rate: str | float
-    strictest: float
-    latest: int
-    stray: float
+    smallest_alpha: float
+    last_tick: int
+    random_declarations: float
 
     def __post_init__(self) -> None:
-        for name in ("n_steps", "hidden", "latest"):
+        for name in ("n_steps", "hidden", "last_tick"):
             check_integer(name, getattr(self, name))
         if not self.worlds:
-            raise reject("worlds", self.worlds, "one or more worlds")
-        schedule(self.learning_rate)
-        if not 0.0 < check_number("strictest", self.strictest) < EAGEREST:
-            raise reject("strictest", self.strictest, f"a number between 0 and {EAGEREST}")
-        if not 0.0 <= check_number("stray", self.stray) < 1.0:
-            raise reject("stray", self.stray, "a number from 0 to below 1")
+            raise reject("worlds", self.worlds, "one or more environments")
+        learning_rate_schedule(self.learning_rate)
+        if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
+            raise reject("smallest_alpha", self.smallest_alpha, f"a number between 0 and {LARGEST_ALPHA}")
+        if not 0.0 <= check_number("random_declarations", self.random_declarations) < 1.0:
+            raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
 
 
 Settings = PPOSettings | SequenceSettings
@@ -147,13 +162,13 @@ ALGORITHMS: dict[str, type[PPOSettings] | type[SequenceSettings]] = {
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to train an agent.
+    """Algorithm and hyper-parameters of a training run.
 
     Attributes:
         name: of the recipe.
         algo: a key of `ALGORITHMS`.
         n_timesteps: environment steps, summed over tracks.
-        settings: hyper-parameters.
+        settings: hyper-parameters of the algorithm.
     """
 
     name: str
@@ -162,26 +177,30 @@ class Recipe:
     settings: Settings
 
     def as_json(self) -> dict[str, Any]:
-        """What `recipe_of` reads."""
+        """Return plain values; `recipe_of` reads the entry."""
         entry = {"algo": self.algo, "n_timesteps": self.n_timesteps} | asdict(self.settings)
         return {"name": self.name, "entry": entry}
 
 
-def schedule(rate: str | float) -> tuple[float, bool]:
-    """A learning rate, and whether it falls to nothing."""
+def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
+    """Return the initial learning rate and whether it decays linearly.
+
+    Raises:
+        ArgumentError: not a number in (0, 1], with or without "lin_".
+    """
     text = str(rate)
-    falls = text.startswith("lin_")
+    decays = text.startswith("lin_")
     try:
         value = float(text.removeprefix("lin_"))
     except ValueError:
         value = math.nan
     if isinstance(rate, bool) or not 0.0 < value <= 1.0:
         raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
-    return value, falls
+    return value, decays
 
 
 def recipe_names() -> list[str]:
-    """Of the recipes that come with the package."""
+    """Return the names of the recipes that come with the package."""
     return sorted(path.stem for path in FOLDER.glob("*.yml"))
 
 
@@ -190,11 +209,11 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
 
     Args:
         name: of a recipe of the package, or the path of a YAML file.
-        env_id: whose entry is taken, or else the entry `default`.
-        changes: hyper-parameters to take instead, each "name=value" with a value in YAML.
+        env_id: id whose entry is used; the entry `default` if there is none.
+        changes: hyper-parameters to override, each "name=value" with a value in YAML.
 
     Raises:
-        ArgumentError: no such recipe, an unreadable one, or a bad value in it.
+        ArgumentError: the recipe does not exist, is unreadable, or has an invalid value.
     """
     path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
     allowed = ", ".join(recipe_names()) + ", or a YAML file"
@@ -221,17 +240,21 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
         place = entry
         for part in outer:
             if not isinstance(place.get(part, {}), dict):
-                raise reject("set", change, f"a value for {part} as a whole")
+                raise reject("set", change, f"a single value for {part}")
             place[part] = place = dict(place.get(part, {}))
         place[last] = value
     return recipe_of(path.stem, entry)
 
 
 def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
-    """The recipe of an entry.
+    """Create a recipe from an entry.
+
+    Args:
+        name: of the recipe.
+        entry: algorithm, number of steps and hyper-parameters.
 
     Raises:
-        ArgumentError: a name that the algorithm does not have, one that it lacks, or a bad value.
+        ArgumentError: an unknown hyper-parameter, a missing one, or an invalid value.
     """
     entry = dict(entry)
     algo = entry.pop("algo", None)
@@ -261,8 +284,8 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         entry["observe"] = tuple(names)
     if "policy" in entry and entry["policy"] != POLICIES[algo]:
         raise reject("policy", entry["policy"], POLICIES[algo])
-    if entry.get("beliefs") is not None and algo != "ppo":
-        raise reject("beliefs", entry["beliefs"], "nothing for a policy that has a memory of its own")
+    if entry.get("sequence_agent") is not None and algo != "ppo":
+        raise reject("sequence_agent", entry["sequence_agent"], "no value for a recurrent policy")
     recipe = Recipe(name, algo, steps, kind(**entry))
     try:
         json.dumps(recipe.as_json(), allow_nan=False)
@@ -271,8 +294,10 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     return recipe
 
 
-def _worlds(value: Any) -> tuple[TrainedWorld, ...]:
+def _worlds(value: Any) -> tuple[TrainingWorld, ...]:
     try:
-        return tuple(TrainedWorld(**world) for world in value)
+        return tuple(TrainingWorld(**world) for world in value)
     except TypeError:
-        raise reject("worlds", value, "a list of mappings with n_envs, and maybe env and options") from None
+        raise reject(
+            "worlds", value, "a list of mappings with n_envs, and optionally env and options"
+        ) from None

@@ -1,4 +1,4 @@
-"""What every training has in common: its folder, how it stands, and how good its agent is."""
+"""Base class of training runs: run folder, progress and learning curve."""
 
 import math
 from abc import ABC, abstractmethod
@@ -13,7 +13,7 @@ from torch.optim import Optimizer
 
 from agents.evaluation.deciders import DeciderFamily
 from agents.interface.output_files import output_folder, write_json
-from agents.learned.policy_file import versions
+from agents.learned.policy_file import package_versions
 from agents.training import run_folder
 from agents.training.learning_curve import LearningCurve
 from agents.training.recipe import Recipe
@@ -21,12 +21,13 @@ from agents.training.recipe import Recipe
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """Where a training run stands.
+    """Progress of a training run.
 
     Attributes:
-        steps, total: environment steps, done and wanted.
-        reward: mean of a segment lately; NaN before the first has ended.
-        ticks: mean decision time of a segment lately, likewise.
+        steps: environment steps so far.
+        total: environment steps of the run.
+        reward: mean reward of recent segments; NaN before the first segment ends.
+        ticks: mean decision time of recent segments, in ticks; NaN before the first segment ends.
     """
 
     steps: int
@@ -36,18 +37,18 @@ class TrainingProgress:
 
     @property
     def note(self) -> str:
-        """For a progress display."""
+        """Text for a progress display."""
         return "" if math.isnan(self.reward) else f"reward {self.reward:+.3f}, {self.ticks:.1f} ticks"
 
 
 class Run(ABC):
-    """One training, of any algorithm, and its folder; see `agents.runs.make_run` for the arguments.
+    """A training run of any algorithm and its folder; see `agents.training.runs.make_run` for the arguments.
 
     Attributes:
-        steps: environment steps wanted.
-        resume: whether it goes on from the checkpoint in its folder.
-        seconds: of training so far, measurements apart.
-        measured: the last point of the learning curve.
+        steps: total environment steps of the run.
+        resume: whether the run starts from the checkpoint in its folder.
+        seconds: training time so far, without evaluations.
+        last_evaluation: last point of the learning curve.
     """
 
     def __init__(
@@ -63,86 +64,91 @@ class Run(ABC):
         self.env_id, self.options, self.recipe = env_id, options, recipe
         self.seed, self.folder, self.steps, self.resume = seed, folder, steps, resume
         self.seconds = 0.0
-        self.measured: dict[str, float] = {}
+        self.last_evaluation: dict[str, float] = {}
         self.curve = LearningCurve(env_id, options)
-        torch.set_num_threads(1)  # small networks lose more to threads than they gain
+        torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
         self.build()
-        self.start(self._begin())
+        self.start_at(self._prepare_folder())
 
     @abstractmethod
     def build(self) -> None:
-        """Make network and tracks; refuse a bad world or recipe before anything is written."""
+        """Create network and environments; invalid settings are refused before anything is written."""
 
     @abstractmethod
-    def start(self, done: int) -> None:
-        """Go on from as many environment steps."""
+    def start_at(self, num_timesteps: int) -> None:
+        """Set the number of environment steps already made."""
 
     @property
     @abstractmethod
-    def done(self) -> int:
-        """Environment steps made."""
+    def num_timesteps(self) -> int:
+        """Environment steps so far."""
 
     @property
     @abstractmethod
     def network(self) -> nn.Module:
-        """What is trained."""
+        """The trained module."""
 
     @property
     @abstractmethod
     def optimizer(self) -> Optimizer:
-        """What trains it."""
+        """Its optimizer."""
 
     @abstractmethod
     def family(self, name: str) -> DeciderFamily:
-        """The agent as it stands, as a decider."""
+        """Return the current agent as a family of deciders."""
 
     @abstractmethod
     def train(
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
-        """Train to the end, saving the run every so many seconds."""
+        """Train for the remaining steps.
+
+        Args:
+            on_progress: called after every rollout.
+            save_every: seconds between checkpoints.
+        """
 
     @abstractmethod
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the agent as it stands."""
+        """Write weights and card of the current agent."""
 
-    def _begin(self) -> int:
-        """Make the folder, or read its checkpoint; returns the steps that were made before."""
-        done = 0
+    def _prepare_folder(self) -> int:
+        """Create the folder or load its checkpoint; return the environment steps already made."""
+        num_timesteps = 0
         if self.folder is None:
-            return done
+            return num_timesteps
         if self.resume:
-            numbers = run_folder.load_checkpoint(self.folder, self.network, self.optimizer)
-            done, self.seconds = int(numbers["steps"]), numbers["seconds"]
-            run_folder.drop_metrics_beyond(self.folder, done)
+            progress = run_folder.load_checkpoint(self.folder, self.network, self.optimizer)
+            num_timesteps, self.seconds = int(progress["steps"]), progress["seconds"]
+            run_folder.drop_metrics_after(self.folder, num_timesteps)
         output_folder("out", self.folder)
         config = {
             "env": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
             "steps": self.steps, "seed": self.seed,
         }  # fmt: skip
         write_json(self.folder / run_folder.CONFIG, config)
-        return done
+        return num_timesteps
 
-    def measure(self) -> None:
-        """A point of the learning curve, into the metrics."""
+    def evaluate(self) -> None:
+        """Add a point of the learning curve to the metrics."""
         assert self.folder is not None
-        self.measured = self.curve.measure(self.family(""), self.seconds)
-        run_folder.append_metrics(self.folder, self.done, self.measured)
-        self.measured["steps"] = self.done
+        self.last_evaluation = self.curve.evaluate(self.family(""), self.seconds)
+        run_folder.append_metrics(self.folder, self.num_timesteps, self.last_evaluation)
+        self.last_evaluation["steps"] = self.num_timesteps
 
     def save(self) -> None:
         """Write checkpoint and policy."""
         assert self.folder is not None
-        numbers = {"steps": self.done, "seconds": self.seconds}
-        run_folder.save_checkpoint(self.folder, self.network.state_dict(), self.optimizer, numbers)
+        progress = {"steps": self.num_timesteps, "seconds": self.seconds}
+        run_folder.save_checkpoint(self.folder, self.network.state_dict(), self.optimizer, progress)
         card = {
             "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "seed": self.seed, "steps": self.done, "seconds": round(self.seconds, 1),
-            "measured": self.measured, "versions": versions(),
+            "seed": self.seed, "steps": self.num_timesteps, "seconds": round(self.seconds, 1),
+            "measured": self.last_evaluation, "versions": package_versions(),
         }  # fmt: skip
         self.save_agent(self.folder, card)
 
     def save_if_new(self) -> None:
-        """The first checkpoint, so that a run killed before its first interval can go on, too."""
+        """Write the initial checkpoint, so that a run interrupted before the first one can be resumed."""
         if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
             self.save()

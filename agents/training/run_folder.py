@@ -1,7 +1,7 @@
-"""What a run folder holds: config, checkpoint, metrics as JSON lines, and a policy with its card.
+"""The run folder: config, checkpoint, metrics as JSON lines, and the policy with its card.
 
-The checkpoint has weights, optimizer and progress in one file, so that a killed run never mixes two of them.
-Nothing is ever unpickled.
+The checkpoint stores weights, optimizer state and progress in one file, so that they are always consistent
+after an interruption. Nothing is unpickled.
 """
 
 import json
@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from agents.interface.output_files import whole_file
-from agents.learned.policy_file import reason_of
+from agents.learned.policy_file import first_line
 from hybrid_env.checks import reject
 
 CONFIG = "config.json"
@@ -25,26 +25,26 @@ METRICS = "metrics.jsonl"
 
 
 def save_checkpoint(
-    folder: Path, weights: Mapping[str, Tensor], optimizer: Optimizer, numbers: Mapping[str, float]
+    folder: Path, weights: Mapping[str, Tensor], optimizer: Optimizer, progress: Mapping[str, float]
 ) -> None:
-    """Write weights, optimizer and progress as one file."""
+    """Write weights, optimizer state and progress to one file, atomically."""
     tensors = {f"policy.{name}": value.contiguous() for name, value in weights.items()}
     for index, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
     with whole_file(folder / CHECKPOINT) as part:
-        save_file(tensors, part, metadata={name: repr(value) for name, value in numbers.items()})
+        save_file(tensors, part, metadata={name: repr(value) for name, value in progress.items()})
 
 
 def load_checkpoint(folder: Path, module: Any, optimizer: Optimizer) -> dict[str, float]:
-    """Put a checkpoint into a module and its optimizer; returns the progress that was saved with it.
+    """Load a checkpoint into a module and its optimizer, and return the saved progress.
 
     Raises:
-        ArgumentError: there is none, or a damaged one.
+        ArgumentError: the checkpoint is missing or damaged.
     """
     try:
         with safe_open(folder / CHECKPOINT, framework="pt") as file:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            numbers = {name: float(value) for name, value in file.metadata().items()}
+            progress = {name: float(value) for name, value in file.metadata().items()}
         module.load_state_dict(
             {name.removeprefix("policy."): t for name, t in tensors.items() if name.startswith("policy.")}
         )
@@ -55,20 +55,20 @@ def load_checkpoint(folder: Path, module: Any, optimizer: Optimizer) -> dict[str
                 state.setdefault(int(index), {})[key] = value
         groups = optimizer.state_dict()["param_groups"]
         optimizer.load_state_dict({"state": state, "param_groups": groups})
-        numbers["steps"] = int(numbers["steps"])
+        progress["steps"] = int(progress["steps"])
     except (
         OSError, AttributeError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError,
     ) as error:  # fmt: skip
-        allowed = f"a run folder with a whole {CHECKPOINT} ({reason_of(error)})"
+        allowed = f"a run folder with a complete {CHECKPOINT} ({first_line(error)})"
         raise reject("resume", str(folder), allowed) from None
-    return numbers
+    return progress
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """The config of a run that is to go on.
+    """Read the config of a run to resume.
 
     Raises:
-        ArgumentError: there is none, or a damaged one.
+        ArgumentError: the config is missing or damaged.
     """
     try:
         config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
@@ -77,14 +77,14 @@ def read_config(folder: Path) -> dict[str, Any]:
         raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
 
 
-def append_metrics(folder: Path, step: int, figures: Mapping[str, Any]) -> None:
-    """One JSON object a line, so that a resumed run goes on where it stopped."""
+def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
+    """Append one line with a JSON object; a resumed run appends to the same file."""
     with (folder / METRICS).open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"step": step} | dict(figures)) + "\n")
+        file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
-    """The lines of the metrics file, without those cut off or damaged."""
+    """Read the lines of the metrics file, skipping incomplete or damaged ones."""
     path = folder / METRICS
     if not path.is_file():
         return []
@@ -97,10 +97,10 @@ def read_metrics(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def drop_metrics_beyond(folder: Path, steps: int) -> None:
-    """Forget what was logged after a checkpoint: it will be logged again."""
+def drop_metrics_after(folder: Path, step: int) -> None:
+    """Delete the metrics logged after a checkpoint; the resumed run logs them again."""
     path = folder / METRICS
     if path.is_file():
         with whole_file(path) as part:
-            kept = [row for row in read_metrics(folder) if row["step"] <= steps]
+            kept = [row for row in read_metrics(folder) if row["step"] <= step]
             part.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")

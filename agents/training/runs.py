@@ -1,4 +1,4 @@
-"""Training runs of any algorithm: a new one from a recipe, or one that goes on from its folder."""
+"""Creates training runs of any algorithm, new from a recipe or resumed from a run folder."""
 
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,19 @@ def make_run(
     steps: int | None = None,
     resume: bool = False,
 ) -> Run:
-    """A run of the algorithm of a recipe.
+    """Create a run with the algorithm of a recipe.
 
     Args:
         env_id: registered id of the environment.
-        options: of the world, over those of the id.
-        seed: of weights, tracks and mini-batches, below 2^31; the same seed gives the same weights.
-        folder: run folder, made if it is not there; None keeps nothing.
-        steps: environment steps, summed over tracks; None takes the recipe's.
-        resume: go on from the checkpoint in the folder.
+        options: environment options that override those of the id.
+        recipe: algorithm and hyper-parameters.
+        seed: of weights, tracks and mini-batches, below 2^31; training is reproducible for a given seed.
+        folder: run folder, created if missing; None writes nothing.
+        steps: environment steps, summed over tracks; None uses those of the recipe.
+        resume: start from the checkpoint in the folder.
+
+    Raises:
+        ArgumentError: an invalid argument, environment or recipe, or a damaged checkpoint.
     """
     check_integer("seed", seed, minimum=0)
     if seed >= 2**31:
@@ -39,10 +43,14 @@ def make_run(
 
 
 def resume_run(folder: Path, steps: int | None = None) -> Run:
-    """Go on with a run from its last checkpoint, to its own number of steps or to another.
+    """Resume a run from its last checkpoint.
+
+    Args:
+        folder: run folder.
+        steps: total environment steps; None uses those of the run.
 
     Raises:
-        ArgumentError: the folder holds no run, or a damaged one.
+        ArgumentError: the folder contains no run, or a damaged one.
     """
     config = run_folder.read_config(folder)
     try:

@@ -1,8 +1,9 @@
-"""Training of the sequence agent: a classification loss at every tick of streamed segments.
+"""Training of the sequence agent with a cross-entropy loss at every tick.
 
-Tracks are driven by the network itself, stopped at thresholds that are drawn anew after each declaration, and
-now and then declare something else, so that anchors are those of eager and of patient deciders, wrong ones
-included. Every rollout is one step of truncated backpropagation through time.
+The network itself makes the decisions during training. The threshold on the error probability is drawn at
+random after each declaration, and a fraction of the declarations is replaced by random hypotheses. The
+anchors therefore include those after early, late and wrong decisions. Each rollout is one step of truncated
+backpropagation through time.
 """
 
 import math
@@ -22,210 +23,231 @@ from agents.evaluation.deciders import DeciderFamily, sequence_family
 from agents.learned.sequence import (
     SequenceNet,
     check_declares_hypotheses,
-    doubt_and_best,
+    error_probability_and_best,
     first_ticks,
     save_sequence,
 )
 from agents.training import run_folder
-from agents.training.recipe import EAGEREST, SequenceSettings, TrainedWorld, schedule
+from agents.training.recipe import LARGEST_ALPHA, SequenceSettings, TrainingWorld, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
 from hybrid_env.observation import TICK_SCALE
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-SLOWEST = 0.02  # share of the learning rate that is left at the end
+MIN_LEARNING_RATE_FACTOR = 0.02  # lower bound of the linear decay
 LOG_EVERY = 1.0  # seconds
+RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
 
 
 class _Stream:
-    """Tracks of one or more worlds with one number of hypotheses, and what the network remembers of them."""
+    """Parallel tracks of environments with the same number of hypotheses, and their hidden state.
+
+    Attributes:
+        hidden_state: (N, M, hidden) after the last update.
+        alpha: (N,) error probability at which a track declares.
+        radius_weight: (N,) weight of a wrong radius in that error probability.
+        redraw: (N,) alpha and radius_weight are drawn again, because the track has just declared.
+    """
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int, hidden: int):
         self.envs = envs
         self.generator = np.random.default_rng(first_seed)
         counts = [env.num_envs for env in envs]
-        self.cuts = np.cumsum(counts)[:-1]
+        self.splits = np.cumsum(counts)[:-1]
         self.rows: list[NDArray[np.float32]] = []
         for env, count in zip(envs, counts, strict=True):
             self.rows.append(env.reset(seed=first_seed)[0])
             first_seed += count
         self.tracks = sum(counts)
         self.layout = envs[0].world.layout
-        self.memory = torch.zeros(self.tracks, self.layout.hypotheses, hidden)
+        self.hidden_state = torch.zeros(self.tracks, self.layout.hypotheses, hidden)
         by_type = [env.options.correctness == "type" for env in envs]
         self.by_type = np.repeat(by_type, counts)
-        self.limit, self.radius = np.zeros(self.tracks), np.ones(self.tracks)
-        self.fresh = np.ones(self.tracks, np.bool_)
+        self.alpha, self.radius_weight = np.zeros(self.tracks), np.ones(self.tracks)
+        self.redraw = np.ones(self.tracks, np.bool_)
 
     def rollout(
         self, net: SequenceNet, settings: SequenceSettings
     ) -> tuple[Tensor, Tensor, list[tuple[float, float]]]:
-        """Rows (T, N, width), true modes (T, N), and reward and ticks of each decision on the way."""
-        memory = self.memory
-        rows, modes, decided = [], [], []
+        """Step all tracks T times with the current network.
+
+        Returns:
+            Observation rows (T, N, width), true modes (T, N), and mean reward and decision time of the
+            decisions, one pair per step and environment with decisions.
+        """
+        hidden_state = self.hidden_state
+        rows, modes, decisions = [], [], []
         for _ in range(settings.n_steps):
-            self._draw_limits(settings)
+            self._draw_thresholds(settings)
             observation = np.concatenate(self.rows)
             rows.append(torch.from_numpy(observation))
-            true = np.concatenate([env.world.field("true_mode") for env in self.envs])
-            modes.append(torch.from_numpy(true))
-            posterior, memory = net.believe(observation, memory)
-            doubt, best = doubt_and_best(posterior, self.radius)
-            late = self.layout.read(observation, "ticks") >= settings.latest - TICK_SCALE
-            declares = (doubt <= self.limit) | late
-            stray = self.generator.random(self.tracks) < settings.stray
-            other = self.generator.integers(self.layout.hypotheses, size=self.tracks)
-            actions = np.where(declares, np.where(stray, other, best) + 1, 0)
-            self.fresh = declares
-            for k, (env, part) in enumerate(zip(self.envs, np.split(actions, self.cuts), strict=True)):
+            true_modes = np.concatenate([env.world.field("true_mode") for env in self.envs])
+            modes.append(torch.from_numpy(true_modes))
+            posterior, hidden_state = net.predict_posterior(observation, hidden_state)
+            error_probability, best = error_probability_and_best(posterior, self.radius_weight)
+            at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick - TICK_SCALE
+            declares = (error_probability <= self.alpha) | at_last_tick
+            replaced = self.generator.random(self.tracks) < settings.random_declarations
+            random_mode = self.generator.integers(self.layout.hypotheses, size=self.tracks)
+            actions = np.where(declares, np.where(replaced, random_mode, best) + 1, 0)
+            self.redraw = declares
+            for k, (env, part) in enumerate(zip(self.envs, np.split(actions, self.splits), strict=True)):
                 self.rows[k], _, _, _, info = env.step(part)
                 if "correct" in info:
-                    decided.append(_figures(info, env.options.delay_cost))
-        return torch.stack(rows), torch.stack(modes), decided
+                    decisions.append(_mean_reward_and_ticks(info, env.options.delay_cost))
+        return torch.stack(rows), torch.stack(modes), decisions
 
     def loss(self, net: SequenceNet, rows: Tensor, modes: Tensor) -> Tensor:
-        """Mean over ticks and tracks of the surprise at the true mode; keeps the memory behind them."""
+        """Return the mean negative log-posterior of the true mode; stores the final hidden state, detached.
+
+        Args:
+            net: the network.
+            rows: (T, N, width).
+            modes: (T, N) true modes.
+        """
         features = net.features(rows)
-        keep = ~first_ticks(rows)[..., None, None]
-        memory, memories = self.memory, []
+        reset = first_ticks(rows)[..., None, None]
+        hidden_state, hidden_states = self.hidden_state, []
         for tick in range(len(rows)):
-            memory = net.remember(features[tick], memory * keep[tick])
-            memories.append(memory)
-        self.memory = memory.detach()
-        scores = net.log_posterior(rows, torch.stack(memories))
-        return nn.functional.nll_loss(scores.flatten(0, 1), modes.flatten())
+            hidden_state = net.next_hidden_state(features[tick], hidden_state * ~reset[tick])
+            hidden_states.append(hidden_state)
+        self.hidden_state = hidden_state.detach()
+        log_posterior = net.log_posterior(rows, torch.stack(hidden_states))
+        return nn.functional.nll_loss(log_posterior.flatten(0, 1), modes.flatten())
 
     def learn(
-        self, net: SequenceNet, settings: SequenceSettings, share: float
+        self, net: SequenceNet, settings: SequenceSettings, weight: float
     ) -> tuple[list[Tensor], float, list[tuple[float, float]]]:
-        """Gradient of its share of the loss, the loss, and the decisions of a rollout."""
-        rows, modes, decided = self.rollout(net, settings)
+        """Return the gradient of the weighted loss of a rollout, the weighted loss, and the decisions."""
+        rows, modes, decisions = self.rollout(net, settings)
         loss = self.loss(net, rows, modes)
-        gradient = torch.autograd.grad(share * loss, list(net.parameters()))
-        return list(gradient), share * float(loss.detach()), decided
+        gradient = torch.autograd.grad(weight * loss, list(net.parameters()))
+        return list(gradient), weight * float(loss.detach()), decisions
 
-    def _draw_limits(self, settings: SequenceSettings) -> None:
-        generator = self.generator
-        count = int(self.fresh.sum())
-        low, high = math.log(settings.strictest), math.log(EAGEREST)
-        self.limit[self.fresh] = np.exp(generator.uniform(low, high, count))
-        weight = generator.random(count) ** 2  # nearer to what is rewarded, the type
-        self.radius[self.fresh] = np.where(self.by_type[self.fresh], weight, 1.0)
+    def _draw_thresholds(self, settings: SequenceSettings) -> None:
+        generator, new = self.generator, self.redraw
+        count = int(new.sum())
+        low, high = math.log(settings.smallest_alpha), math.log(LARGEST_ALPHA)
+        self.alpha[new] = np.exp(generator.uniform(low, high, count))
+        weight = generator.random(count) ** 2  # small weights are more frequent: only the type is rewarded
+        self.radius_weight[new] = np.where(self.by_type[new], weight, 1.0)
 
 
-def _figures(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
-    """Mean reward and ticks of the decisions of a step."""
+def _mean_reward_and_ticks(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
+    """Return mean reward and decision time of the decisions in one step."""
     decided: NDArray[np.bool_] = info["_correct"]
     ticks = info["ticks"][decided]
-    right = np.where(info["correct"][decided], 1.0, -1.0)
-    return float((right - delay_cost * ticks).mean()), float(ticks.mean())
+    outcome = np.where(info["correct"][decided], 1.0, -1.0)
+    return float((outcome - delay_cost * ticks).mean()), float(ticks.mean())
 
 
 class SequenceRun(Run):
-    """One training of the sequence agent; see `agents.runs.make_run` for the arguments.
+    """A training run of the sequence agent; see `agents.training.runs.make_run` for the arguments.
 
     Raises:
-        ArgumentError: a bad world, or a folder with a damaged checkpoint.
+        ArgumentError: an invalid environment, or a damaged checkpoint.
     """
 
     def build(self) -> None:
-        """Make network, optimizer and worlds."""
+        """Create network, optimizer and environments."""
         assert isinstance(self.recipe.settings, SequenceSettings)
         self.settings = self.recipe.settings
         torch.manual_seed(self.seed)
         self.net = SequenceNet(self.settings.hidden)
-        self.rate, self.falls = schedule(self.settings.learning_rate)
+        self.rate, self.decays = learning_rate_schedule(self.settings.learning_rate)
         self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._envs = [self._make(world) for world in self.settings.worlds]
         for world in (self.world, *(env.options for env in self._envs)):
             check_declares_hypotheses(world)
 
-    def start(self, done: int) -> None:
-        """Go on from as many environment steps."""
-        self._done = done
+    def start_at(self, num_timesteps: int) -> None:
+        """Set the number of environment steps already made, and reset the environments."""
+        self._num_timesteps = num_timesteps
         self._streams = self._group(self._envs)
 
     @property
-    def done(self) -> int:
-        """Environment steps made."""
-        return self._done
+    def num_timesteps(self) -> int:
+        """Environment steps so far."""
+        return self._num_timesteps
 
     @property
     def network(self) -> SequenceNet:
-        """What is trained."""
+        """The sequence network."""
         return self.net
 
     @property
     def optimizer(self) -> torch.optim.Optimizer:
-        """What trains it."""
+        """Its optimizer."""
         return self._optimizer
 
     def _group(self, envs: list[HybridTrackVectorEnv]) -> list[_Stream]:
-        """The tracks, those with as many hypotheses side by side; a resumed run has others."""
+        """Group environments with equal numbers of hypotheses; the seeds depend on the current step."""
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
         for env in envs:
             groups.setdefault(env.options.hypotheses, []).append(env)
-        first = seeds.TRAINING + self.seed * 10**9 + self.done
+        first = seeds.TRAINING + self.seed * 10**9 + self.num_timesteps
         return [
             _Stream(group, first + k * 10**6, self.settings.hidden) for k, group in enumerate(groups.values())
         ]
 
-    def _make(self, world: TrainedWorld) -> HybridTrackVectorEnv:
+    def _make(self, world: TrainingWorld) -> HybridTrackVectorEnv:
         options = self.options | dict(world.options)
         return make_vector_env(world.env or self.env_id, world.n_envs, tick_info=False, **options)
 
     def train(
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
-        """Train to the end, saving the run every so many seconds."""
+        """Train for the remaining steps; see `Run.train`."""
         streams = self._streams
         tracks = sum(stream.tracks for stream in streams)
         parameters = list(self.net.parameters())
         self.save_if_new()
         recent: list[tuple[float, float]] = []
-        begun = time.monotonic() - self.seconds
-        saved = logged = time.monotonic()
-        # one thread a stream: their arithmetic goes on side by side, and its sum does not depend on that
+        started = time.monotonic() - self.seconds
+        last_save = last_log = time.monotonic()
+        # one thread per stream; the sum of the gradients does not depend on the order of completion
         with ThreadPoolExecutor(len(streams)) as pool:
-            while self.done < self.steps:
-                left = max(SLOWEST, 1.0 - self.done / self.steps) if self.falls else 1.0
+            while self.num_timesteps < self.steps:
+                remaining = 1.0 - self.num_timesteps / self.steps
+                factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
                 for group in self.optimizer.param_groups:
-                    group["lr"] = self.rate * left
-                found = pool.map(
+                    group["lr"] = self.rate * factor
+                results = pool.map(
                     lambda stream: stream.learn(self.net, self.settings, stream.tracks / tracks), streams
                 )
-                gradients, losses, decisions = zip(*found, strict=True)
+                gradients, losses, decisions = zip(*results, strict=True)
                 for parameter, *parts in zip(parameters, *gradients, strict=True):
                     parameter.grad = torch.stack(parts).sum(0)
-                for decided in decisions:
-                    recent = (recent + decided)[-200:]
+                for of_stream in decisions:
+                    recent = (recent + of_stream)[-RECENT_STEPS:]
                 nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
                 self.optimizer.step()
-                self._done += self.settings.n_steps * tracks
+                self._num_timesteps += self.settings.n_steps * tracks
                 now = time.monotonic()
-                self.seconds = now - begun
+                self.seconds = now - started
                 reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
                 if on_progress is not None:
-                    on_progress(TrainingProgress(self.done, self.steps, float(reward), float(ticks)))
+                    progress = TrainingProgress(self.num_timesteps, self.steps, float(reward), float(ticks))
+                    on_progress(progress)
                 if self.folder is None:
                     continue
-                if now - logged > LOG_EVERY:
-                    figures = {"loss": sum(losses), "seconds": self.seconds}
-                    run_folder.append_metrics(self.folder, self.done, figures)
-                    logged = now
-                over = self.done >= self.steps
-                if over or self.curve.due(self.seconds):
-                    self.measure()
-                if over or now - saved > save_every:
+                if now - last_log > LOG_EVERY:
+                    metrics = {"loss": sum(losses), "seconds": self.seconds}
+                    run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
+                    last_log = now
+                finished = self.num_timesteps >= self.steps
+                if finished or self.curve.due(self.seconds):
+                    self.evaluate()
+                if finished or now - last_save > save_every:
                     self.save()
-                    saved = now
-                begun = time.monotonic() - self.seconds  # what was measured and saved is not training
+                    last_save = now
+                started = time.monotonic() - self.seconds  # excludes the time for evaluating and saving
 
     def family(self, name: str) -> DeciderFamily:
-        """The agent as it stands, as a decider of the world that it is trained for."""
+        """Return the current agent as a family of deciders for the environment of the run."""
         return sequence_family(name, self.net, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the agent as it stands."""
+        """Write weights and card of the current agent."""
         save_sequence(folder, self.net, card)

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's VecEnv on the vector environment: no Python object per track, no Monitor wrapper."""
+"""VecEnv of Stable-Baselines3 on the vector environment, without one Python object or Monitor per track."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,12 +12,12 @@ from hybrid_env.registration import make_vector_env
 
 
 class HybridTrackVecEnv(VecEnv):
-    """N tracks for Stable-Baselines3, with episode statistics under `info["episode"]`.
+    """N parallel tracks as a VecEnv, with episode statistics in `info["episode"]`.
 
     Args:
         env_id: registered id.
         num_envs: N.
-        options: of the world, over those of the id.
+        options: environment options that override those of the id.
     """
 
     def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
@@ -31,7 +31,7 @@ class HybridTrackVecEnv(VecEnv):
         self._steps = np.zeros(num_envs, np.int64)
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin an episode on every track, with the seeds of `seed()` if it was called since the last."""
+        """Start a new episode on every track, seeded if `seed()` was called since the last reset."""
         observation, _ = self.env.reset(seed=list(self._seeds))
         self._reset_seeds()
         self._returns[:] = 0.0
@@ -39,13 +39,13 @@ class HybridTrackVecEnv(VecEnv):
         return observation
 
     def step_async(self, actions: NDArray[np.int64]) -> None:
-        """Take the actions of the next `step_wait`, (N,)."""
+        """Set the actions (N,) of the next `step_wait`."""
         self._actions = actions
 
     def step_wait(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """One step; the row of a terminated track is already the first of its next episode."""
+        """Step all tracks. Terminated tracks are reset and return the first row of the next episode."""
         observation, rewards, terminated, _, info = self.env.step(self._actions)
         self._returns += rewards
         self._steps += 1
@@ -61,26 +61,26 @@ class HybridTrackVecEnv(VecEnv):
         return observation, rewards.astype(np.float32), terminated, infos
 
     def close(self) -> None:
-        """Nothing is held outside memory."""
+        """Do nothing; no external resources are held."""
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """The attribute of the one vector environment, once for each index."""
+        """Return the attribute of the vector environment, once per index."""
         return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Tracks share one environment, so an attribute cannot differ between them."""
-        raise NotImplementedError("options are fixed when the environment is made: make a new one")
+        """Not supported: the tracks share one environment."""
+        raise NotImplementedError("options are fixed when the environment is created: create a new one")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Tracks have no methods of their own."""
-        raise NotImplementedError("tracks share one environment and have no methods of their own")
+        """Not supported: the tracks share one environment."""
+        raise NotImplementedError("the tracks share one environment and have no individual methods")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
-        """No track is wrapped."""
+        """Return False for each index; tracks are not wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """There is no picture of many tracks: render one `HybridTrackEnv`."""
+        """Return None for each track; to render, use a single `HybridTrackEnv`."""
         return [None] * self.num_envs

@@ -1,4 +1,4 @@
-"""The sequence agent: symmetries of its network, training that repeats, its file, and its decisions."""
+"""The sequence agent: symmetries of the network, reproducible training, files, and decisions."""
 
 import json
 
@@ -9,7 +9,13 @@ import torch
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
 from agents.learned.policy_file import load_policy
-from agents.learned.sequence import SequenceDecider, SequenceNet, doubt_and_best, load_sequence, save_sequence
+from agents.learned.sequence import (
+    SequenceDecider,
+    SequenceNet,
+    error_probability_and_best,
+    load_sequence,
+    save_sequence,
+)
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.runs import make_run, resume_run
 from baselines import FixedTimeDecider, SPRTDecider
@@ -25,7 +31,7 @@ def trained(recipe, steps, seed=0, **options):
     return run.net
 
 
-def net_of_noise(seed=0, hidden=12):
+def random_net(seed=0, hidden=12):
     torch.manual_seed(seed)
     net = SequenceNet(hidden)
     torch.nn.init.normal_(net.score.weight)
@@ -33,7 +39,7 @@ def net_of_noise(seed=0, hidden=12):
 
 
 def mirrored(rows):
-    """The rows of the same flight seen in a mirror: left and right change places."""
+    """Observation rows of the mirrored trajectory, with left and right turns exchanged."""
     layout = Layout.of_rows(rows)
     M, n = layout.hypotheses, layout.hypotheses // 2
     order = np.array([0, *range(n + 1, M), *range(1, n + 1)])
@@ -52,12 +58,12 @@ def mirrored(rows):
     return out, order
 
 
-def test_turns_are_scored_from_their_own_side():
-    # the straight line is its own mirror image, so its across features are the ones that may differ
+def test_left_and_right_turns_have_mirrored_features():
+    # the straight hypothesis has no side, so only its lateral features may differ
     env = HybridTrackVectorEnv(16, radii=(3.0, 5.0))
     rows, _ = env.reset(seed=1)
     rows[:, env.world.layout.slices["innovation_across"]][:, 0] = 0.0
-    net = net_of_noise()
+    net = random_net()
     reflected, order = mirrored(rows)
     with torch.no_grad():
         first, second = (net.features(torch.from_numpy(one))[..., :12] for one in (rows, reflected))
@@ -65,26 +71,26 @@ def test_turns_are_scored_from_their_own_side():
 
 
 @pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
-def test_one_network_reads_any_bank_and_the_order_of_radii_does_not_matter(radii):
-    net = net_of_noise()
-    flights = []
+def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii(radii):
+    net = random_net()
+    posteriors = []
     for order in (radii, radii[::-1]):
         env = HybridTrackVectorEnv(8, radii=order, scheme="S60 L60r5 S60")
         rows, _ = env.reset(seed=3)
-        memory = torch.zeros(8, 2 * len(radii) + 1, 12)
+        hidden_state = torch.zeros(8, 2 * len(radii) + 1, 12)
         for _ in range(12):
             with torch.no_grad():
-                memory = net.remember(net.features(torch.from_numpy(rows)), memory)
-                posterior = net.log_posterior(torch.from_numpy(rows), memory)
+                hidden_state = net.next_hidden_state(net.features(torch.from_numpy(rows)), hidden_state)
+                posterior = net.log_posterior(torch.from_numpy(rows), hidden_state)
             rows = env.step(np.zeros(8, np.int64))[0]
-        flights.append(posterior.numpy())
+        posteriors.append(posterior.numpy())
     n = len(radii)
-    back = [0, *range(n, 0, -1), *range(2 * n, n, -1)]
-    np.testing.assert_allclose(flights[0], flights[1][:, back], atol=1e-4)
+    reversed_order = [0, *range(n, 0, -1), *range(2 * n, n, -1)]
+    np.testing.assert_allclose(posteriors[0], posteriors[1][:, reversed_order], atol=1e-4)
 
 
-def test_memory_begins_anew_with_every_segment():
-    decider = SequenceDecider(net_of_noise(), alpha=1e-6)
+def test_the_hidden_state_is_reset_at_every_segment():
+    decider = SequenceDecider(random_net(), alpha=1e-6)
     env = HybridTrackVectorEnv(4, scheme="random 3x5")
     rows, _ = env.reset(seed=2)
     state = None
@@ -101,15 +107,15 @@ def test_the_same_seed_gives_the_same_weights():
         assert torch.equal(one, other)
 
 
-def test_a_minute_of_training_would_be_too_long_here_but_seconds_beat_chance():
+def test_short_training_beats_a_fixed_decision_time():
     net = trained(load_recipe("sequence", ENV, ("hidden=16",)), 150_000)
     learned = evaluate(SequenceDecider(net, 0.1), episodes=200, seed=7)
     fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
     assert learned.correct.mean() > fixed.correct.mean()
 
 
-def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
-    net = net_of_noise()
+def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
+    net = random_net()
     save_sequence(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
     weights, card = load_policy(tmp_path)
     again = load_sequence(tmp_path, weights, card)
@@ -117,7 +123,7 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
     assert decider.alpha == 0.05
-    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).radius < 1.0
+    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).radius_weight < 1.0
     card["observation_scales"]["ticks"] = 5.0
     (tmp_path / "policy.json").write_text(json.dumps(card))
     with pytest.raises(ValueError, match="other scales"):
@@ -134,7 +140,7 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
     ("arguments", "message"),
     [
         ({"n_steps": 0}, "n_steps=0"),
-        ({"stray": 1.0}, "stray=1.0"),
+        ({"random_declarations": 1.0}, "random_declarations=1.0"),
         ({"worlds": [{"n_envs": 0}]}, "n_envs=0"),
         ({"worlds": [{"tracks": 3}]}, "worlds="),
         ({"worlds": [{"n_envs": 3, "options": 3}]}, "options=3"),
@@ -142,16 +148,16 @@ def test_weights_and_card_come_back_and_a_folder_is_a_decider(tmp_path):
         ({"worlds": [{"n_envs": 3, "env": 3}]}, "env=3"),
         ({"hidden": 1.5}, "hidden=1.5"),
         ({"learning_rate": -1.0}, "learning_rate=-1.0"),
-        ({"strictest": 0.5}, "strictest=0.5"),
-        ({"latest": 0}, "latest=0"),
+        ({"smallest_alpha": 0.5}, "smallest_alpha=0.5"),
+        ({"last_tick": 0}, "last_tick=0"),
     ],
 )
-def test_bad_settings_are_refused(arguments, message):
+def test_invalid_settings_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         recipe_of("mine", SMALL.as_json()["entry"] | arguments)
 
 
-def test_several_worlds_and_banks_are_trained_on_at_once():
+def test_training_uses_several_environments_and_banks_at_once():
     worlds = [
         {"n_envs": 8, "options": {"measurement_variance": 0.01}},
         {"n_envs": 8, "options": {"measurement_variance": 1.0}},
@@ -162,22 +168,22 @@ def test_several_worlds_and_banks_are_trained_on_at_once():
     assert evaluate(SequenceDecider(net, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
     with pytest.raises(ValueError, match="alpha="):
         SequenceDecider(net, 0.0)
-    with pytest.raises(ValueError, match="radius="):
-        SequenceDecider(net, 0.1, radius=2.0)
+    with pytest.raises(ValueError, match="radius_weight="):
+        SequenceDecider(net, 0.1, radius_weight=2.0)
 
 
-def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
+def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
     folder = tmp_path / "run"
     run = make_run(ENV, {}, SMALL, 0, folder, 4096)
 
-    def kill(progress):
+    def interrupt(progress):
         if progress.steps == 2048:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run.train(kill, save_every=1e-9)
+        run.train(interrupt, save_every=1e-9)
     resumed = resume_run(folder)
-    assert resumed.done == 1536  # the rollout in work is lost
+    assert resumed.num_timesteps == 1536  # the incomplete rollout is lost
     for one, other in zip(
         load_sequence(folder, *load_policy(folder)).state_dict().values(),
         resumed.net.state_dict().values(),
@@ -185,25 +191,25 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     ):
         assert torch.equal(one, other)
     resumed.train()
-    assert resumed.done == 4096
+    assert resumed.num_timesteps == 4096
     assert resume_run(folder, steps=5000).steps == 5000
 
 
-def test_doubt_is_what_would_be_wrong():
+def test_the_error_probability_is_the_posterior_of_wrong_declarations():
     posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
-    doubt, best = doubt_and_best(posterior, 0.0)
-    np.testing.assert_allclose(doubt, [0.39, 0.6])
+    error_probability, best = error_probability_and_best(posterior, 0.0)
+    np.testing.assert_allclose(error_probability, [0.39, 0.6])
     np.testing.assert_array_equal(best, [2, 0])
-    np.testing.assert_allclose(doubt_and_best(posterior, 1.0)[0], [0.69, 0.6])
-    np.testing.assert_allclose(doubt_and_best(posterior, 0.5)[0], [0.54, 0.6])
-    # the likeliest hypothesis need not be of the likeliest type
+    np.testing.assert_allclose(error_probability_and_best(posterior, 1.0)[0], [0.69, 0.6])
+    np.testing.assert_allclose(error_probability_and_best(posterior, 0.5)[0], [0.54, 0.6])
+    # the most likely hypothesis need not be of the most likely type
     split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
-    assert [doubt_and_best(split, radius)[1][0] for radius in (0.0, 1.0)] == [1, 0]
+    assert [error_probability_and_best(split, weight)[1][0] for weight in (0.0, 1.0)] == [1, 0]
     small = np.array([[1.0, 1e-12, 1e-13]])
-    np.testing.assert_allclose(doubt_and_best(small, 1.0)[0], 1.1e-12)
+    np.testing.assert_allclose(error_probability_and_best(small, 1.0)[0], 1.1e-12)
 
 
-def test_what_a_world_of_the_recipe_says_stands_above_the_flags():
+def test_environment_options_of_the_recipe_override_those_of_the_run():
     worlds = [{"n_envs": 8, "options": {"measurement_variance": 0.5}}, {"n_envs": 8}]
     recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
     run = make_run(ENV, {"measurement_variance": 0.2}, recipe, steps=1)
@@ -217,13 +223,13 @@ def test_what_a_world_of_the_recipe_says_stands_above_the_flags():
 @pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
     decider = load_decider("shipped", WorldOptions(**options))
-    learned = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
+    reward = evaluate(decider, episodes=100, seed=50, **options).reward.mean(1)
     for alpha in (0.1, 1e-2, 1e-3, 1e-6):
-        gain = learned - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
+        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50, **options).reward.mean(1)
         assert gain.mean() > 4 * gain.std() / 10
 
 
-def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses_that_it_never_saw():
+def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses_not_used_in_training():
     world = {
         "radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()),
         "correctness": "type",
@@ -231,7 +237,7 @@ def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses_that_it_ne
     }
     options = WorldOptions(**world)
     assert options.hypotheses == 101
-    learned = evaluate(load_decider("shipped", options), episodes=30, seed=50, **world).reward.mean(1)
+    reward = evaluate(load_decider("shipped", options), episodes=30, seed=50, **world).reward.mean(1)
     for alpha in (1e-3, 1e-6):
-        gain = learned - evaluate(SPRTDecider(alpha), episodes=30, seed=50, **world).reward.mean(1)
+        gain = reward - evaluate(SPRTDecider(alpha), episodes=30, seed=50, **world).reward.mean(1)
         assert gain.mean() > 3 * gain.std(ddof=1) / np.sqrt(30)
