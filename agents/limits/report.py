@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 
-from agents.evaluation.operating_curve import Figure
+from agents.evaluation.operating_curve import Estimate
 from agents.interface.output_files import whole_file
 from agents.limits.study import BANKS, NOISE, STATEMENT_TICKS, Classes, Limit, Stated
 
@@ -15,7 +15,7 @@ COLOURS = {"published": "#4477AA", "anchor_aware": "#EE6677", "oracle": "#228833
 MARKERS = ("o", "D", "s", "^")
 
 
-def _cell(figure: Figure, digits: int) -> str:
+def _cell(figure: Estimate, digits: int) -> str:
     if not np.isfinite(figure.value):
         return "not reached"
     return f"{figure.value:.{digits}f} [{figure.low:.{digits}f}, {figure.high:.{digits}f}]"
@@ -61,7 +61,7 @@ def classes_markdown(found: Sequence[Classes]) -> str:
     """Right types of the gap rule on the scheme of 2018."""
     lines = ["| bank | R | right types, % | mean ticks |", "|---|---|---|---|"]
     for one in found:
-        scaled = Figure(100 * one.right.value, 100 * one.right.low, 100 * one.right.high)
+        scaled = Estimate(100 * one.right.value, 100 * one.right.low, 100 * one.right.high)
         lines.append(
             f"| {one.bank.replace('_', '-')} | {one.noise:g} | {_cell(scaled, 1)} | {one.ticks:.1f} |"
         )

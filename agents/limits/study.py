@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_family
-from agents.evaluation.evaluate import evaluate, interval
-from agents.evaluation.operating_curve import REWARD, Figure, at_threshold, sweep, ticks_at_accuracy
+from agents.evaluation.evaluate import confidence_interval, evaluate
+from agents.evaluation.operating_curve import REWARD, Estimate, at_threshold, sweep, ticks_at_accuracy
 from baselines.deciders.msprt import GapDecider
 from baselines.deciders.posterior_paths import (
     CalibrationSummary,
@@ -50,9 +50,9 @@ class Limit:
     noise: float
     bank: str
     rule: str
-    time_95: Figure
-    time_98: Figure
-    reward: Figure
+    time_95: Estimate
+    time_98: Estimate
+    reward: Estimate
     threshold: float
 
 
@@ -72,7 +72,7 @@ class Classes:
 
     bank: str
     noise: float
-    right: Figure
+    right: Estimate
     ticks: float
 
 
@@ -90,8 +90,8 @@ def rules_on_banks(env_id: str, episodes: int, seed: int, on_progress: Callable[
                 found.append(
                     Limit(
                         env_id, noise, bank, family.name,
-                        curve.figure(ticks_at_accuracy(0.95)), curve.figure(ticks_at_accuracy(0.98)),
-                        curve.figure(at_threshold(REWARD, best)), family.thresholds[best],
+                        curve.estimate(ticks_at_accuracy(0.95)), curve.estimate(ticks_at_accuracy(0.98)),
+                        curve.estimate(at_threshold(REWARD, best)), family.thresholds[best],
                     )
                 )  # fmt: skip
                 on_progress(f"{bank}, {family.name}, R = {noise:g}")
@@ -127,7 +127,7 @@ def classes_2018(episodes: int, seed: int, on_progress: Callable[[str], None]) -
                 initial_error=0, measurement_variance=noise, bank=bank,
             )  # fmt: skip
             share = decisions.type_correct.mean(1)
-            right = Figure(float(share.mean()), *interval(share))
+            right = Estimate(float(share.mean()), *confidence_interval(share))
             found.append(Classes(bank, noise, right, float(np.mean(decisions.ticks))))
             on_progress(f"scheme of 2018, {bank}, R = {noise:g}")
     return found
