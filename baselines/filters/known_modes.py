@@ -1,7 +1,7 @@
 """The Kalman filter that knows every mode. Golubkov 2018, table 2 ("optimal").
 
-It runs one hypothesis of the bank per piece, anchored at its own estimate, and carries its covariance over the
-switches. The table is not reproduced with P := I at every piece.
+It runs one hypothesis of the bank per piece, anchored at its own estimate, and carries its covariance over
+the switches. The table is not reproduced with P := I at every piece.
 """
 
 from collections.abc import Sequence

@@ -32,7 +32,6 @@ from hybrid_env.core.published_bank import (
     step_published,
 )
 
-
 # not strict: numba would compare annotations too
 _overload: Any = functools.partial(overload, jit_options=OPTIONS, strict=False)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from numba import njit
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+OPTIONS: Any = {"error_model": "numpy", "nogil": True}
 
 formula: Any = njit(**OPTIONS, forceinline=True)
 """A scalar function that becomes part of the loop it is called in."""
