@@ -7,22 +7,33 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_array, check_positive, check_radii, noise_axes
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.published_bank import IDENTITY, Bank, FloatArray, anchor_bank, bank_arrays, step_bank
+from hybrid_env.core.published_bank import (
+    FilterModel,
+    FloatArray,
+    PublishedBank,
+    begin_published,
+    published_arrays,
+    step_published,
+)
 from hybrid_env.core.records import LANES
 
 
 @compiled
-def _anchor_one(
-    bank: Bank, anchor: FloatArray, radii: FloatArray, tau: float, covariance: FloatArray
+def _begin_one(
+    bank: PublishedBank,
+    anchor: FloatArray,
+    covariance: FloatArray,
+    radii: FloatArray,
+    model: FilterModel,
 ) -> None:
     x, vx, y, vy = anchor
     xx, xv, vv = covariance
-    anchor_bank(bank, 0, (x, vx, y, vy), radii, tau, (xx, xv, vv), (xx, xv, vv))
+    begin_published(bank, 0, (x, vx, y, vy), (xx, xv, 0.0, 0.0, vv, 0.0, 0.0, xx, xv, vv), radii, model)
 
 
 @compiled
-def _step_one(bank: Bank, measurement: FloatArray, process_variance: float, variances: FloatArray) -> None:
-    step_bank(bank, 0, 1, measurement, process_variance, variances[0], variances[-1])
+def _step_one(bank: PublishedBank, measurement: FloatArray, model: FilterModel) -> None:
+    step_published(bank, 0, 1, measurement, model)
 
 
 class KalmanBank:
@@ -45,7 +56,10 @@ class KalmanBank:
         self.tau = check_positive("tau", tau)
         self.process_variance = check_positive("process_variance", process_variance, allow_zero=True)
         self.variances = noise_axes(measurement_variance)
-        self._bank = bank_arrays(self.radii.size, self.variances.size)
+        self._bank = published_arrays(self.radii.size, self.variances.size)
+        self._model = FilterModel(
+            self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])
+        )
         self._measurement = np.zeros((2, LANES))
         self._anchored = False
 
@@ -54,7 +68,7 @@ class KalmanBank:
         """Number of hypotheses M = 2n + 1."""
         return 2 * self.radii.size + 1
 
-    def anchor(self, state: ArrayLike, covariance: ArrayLike = IDENTITY) -> None:
+    def anchor(self, state: ArrayLike, covariance: ArrayLike = (1.0, 0.0, 1.0)) -> None:
         """Start a segment at an estimate.
 
         Args:
@@ -63,7 +77,7 @@ class KalmanBank:
         """
         anchor = check_array("state", state, (4,))
         start = check_array("covariance", covariance, (3,))
-        _anchor_one(self._bank, anchor, self.radii, self.tau, start)
+        _begin_one(self._bank, anchor, start, self.radii, self._model)
         self._anchored = True
 
     def step(self, measurement: ArrayLike) -> FloatArray:
@@ -71,7 +85,7 @@ class KalmanBank:
         if not self._anchored:
             raise RuntimeError("step() before anchor(): the bank has no starting estimate")
         self._measurement[:, 0] = check_array("measurement", measurement, (2,))
-        _step_one(self._bank, self._measurement, self.process_variance, self.variances)
+        _step_one(self._bank, self._measurement, self._model)
         return self.log_likelihood
 
     @property

@@ -2,17 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_array, check_integer, check_positive, noise_axes, reject
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.in_place import in_place
-from hybrid_env.core.kernel import move, turn
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import BLOCK, LANES
+from hybrid_env.core.true_object import begin_motion, move
 from hybrid_env.scheme import FixedScheme, parse_scheme
 
 
@@ -33,26 +32,34 @@ class Simulation:
     signed_radii: NDArray[np.float64]
 
 
+class _Noise(NamedTuple):
+    """Standard deviations of the noise, as `core.true_object.move` reads them."""
+
+    process_deviation: float
+    deviation_x: float
+    deviation_y: float
+    outliers: float
+
+
 @compiled
 def _simulate(
     blocks: NDArray[Any],
-    noise: NDArray[np.float64],
     lengths: NDArray[np.int64],
     signed_radii: NDArray[np.float64],
     tau: float,
-    process_deviation: float,
-    deviations: NDArray[np.float64],
+    noise: _Noise,
     truth: NDArray[np.float64],
     measurements: NDArray[np.float64],
 ) -> None:
+    draws = np.empty((5, LANES))
     for b in range(blocks.size):
-        block = in_place(blocks[b])
+        block = blocks[b]
         k = 0
         for piece in range(lengths.size):
             for lane in range(LANES):
-                turn(block, lane, signed_radii[piece], tau)
+                begin_motion(block, lane, signed_radii[piece], tau)
             for _ in range(lengths[piece]):
-                move(block, noise, 0, LANES, process_deviation, deviations[0], deviations[-1], 0.0)
+                move(block, draws, np.uint64(0), np.uint64(LANES), noise)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -98,9 +105,8 @@ def simulate(
     signed_radii = np.array([piece.signed_radius for piece in fixed.pieces])
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
-    _simulate(
-        blocks, np.empty((5, LANES)), lengths, signed_radii, check_positive("tau", tau),
-        math.sqrt(check_positive("process_variance", process_variance, allow_zero=True)),
-        np.sqrt(noise_axes(measurement_variance)), truth, measurements,
-    )  # fmt: skip
+    deviations = np.sqrt(noise_axes(measurement_variance))
+    process_deviation = math.sqrt(check_positive("process_variance", process_variance, allow_zero=True))
+    noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
+    _simulate(blocks, lengths, signed_radii, check_positive("tau", tau), noise, truth, measurements)
     return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)

@@ -1,5 +1,8 @@
 """The arrays of N tracks and the calls into the kernel; environments are views of it."""
 
+import functools
+import operator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import gymnasium as gym
@@ -8,15 +11,15 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.core import kernel
-from hybrid_env.core.anchor_aware_bank import AwareBank, aware_arrays
+from hybrid_env.core.anchor_aware_bank import AnchorAwareBank, aware_arrays
+from hybrid_env.core.compilation import announce_compilation
 from hybrid_env.core.memory import aligned_zeros
-from hybrid_env.core.published_bank import Bank, bank_arrays
+from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.published_bank import PublishedBank, published_arrays
 from hybrid_env.core.records import BLOCK, DECISION, DECISION_FLAGS, LANES, SCRATCH, TRACE_COLUMNS
-from hybrid_env.observation import LOG_FLOOR, LOG_SCALE, TICK_SCALE, Layout
+from hybrid_env.core.tick_info import copy_tick
+from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-
-TICK_INFO = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
-"""Fields of `BLOCK` that describe the present tick; `log_likelihood` goes with them."""
 
 
 class World:
@@ -26,18 +29,26 @@ class World:
         options: of the model.
         tracks: N.
         trace_rows: ticks of one step that are kept for rendering and recording, 0 for none.
+        threads: that step different blocks of tracks at the same time.
     """
 
-    def __init__(self, options: WorldOptions, tracks: int, trace_rows: int = 0):
+    def __init__(
+        self,
+        options: WorldOptions,
+        tracks: int,
+        trace_rows: int = 0,
+        threads: int = 1,
+    ):
         self.options = options
         self.layout = Layout(options.hypotheses)
         blocks = -(-tracks // LANES)
+        self.threads = min(threads, blocks)
         n = len(options.radii)
-        self.bank: Bank | AwareBank
+        self.bank: PublishedBank | AnchorAwareBank
         if options.bank == "anchor_aware":
             self.bank = aware_arrays(n, blocks)
         else:
-            self.bank = bank_arrays(n, options.variances.size, blocks)
+            self.bank = published_arrays(n, options.variances.size, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
@@ -47,30 +58,43 @@ class World:
         self.decisions = np.zeros((len(DECISION), tracks), np.int64)
         self.decision_flags = np.zeros((len(DECISION_FLAGS), tracks), np.bool_)
         self.seeded = np.zeros(tracks, np.bool_)
-        self._scratch = aligned_zeros((1,), SCRATCH)
         self._radii = np.array(options.radii)
         self._table = options.table
         self._bind()
+        announce_compilation(self._advance)
 
     def _bind(self) -> None:
-        """Tell the kernel where the arrays are."""
-        self._parameters = self.options.parameters()
-        self._parameters["tracks"], self._parameters["trace_rows"] = self.trace.shape[:2]
-        self._parameters["table_rows"] = len(self._table)
+        """Tell the kernel where the arrays are. Each thread has its blocks and memory for one tick."""
+        aware = self.options.bank == "anchor_aware"
+        self._advance = kernel.advance_aware if aware else kernel.advance_published
         arrays = self.bank._asdict() | {
-            "actions": self.actions, "blocks": self.blocks, "scratch": self._scratch, "radii": self._radii,
-            "table": self._table, "trace": self.trace, "observations": self.observations,
-            "rewards": self.rewards, "terminated": self.terminated, "decisions": self.decisions,
+            "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
+            "trace": self.trace, "observations": self.observations, "rewards": self.rewards,
+            "terminated": self.terminated, "decisions": self.decisions,
             "decision_flags": self.decision_flags,
         }  # fmt: skip
-        for name, array in arrays.items():
-            self._parameters[name] = array.ctypes.data
-        aware = self.options.bank == "anchor_aware"
-        self._advance = kernel.advance_aware_tracks if aware else kernel.advance_tracks
-        self._address = self._parameters.ctypes.data
+        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        self._parameters, self._scratch = [], []
+        for thread in range(self.threads):
+            scratch = {"scratch": aligned_zeros((1,), SCRATCH)}
+            scratch |= {
+                name: aligned_zeros(array.shape, array.dtype)
+                for name, array in self.bank._asdict().items()
+                if name in ("innovations", "gains")
+            }
+            parameters = self.options.parameters()
+            parameters["tracks"], parameters["trace_rows"] = self.trace.shape[:2]
+            parameters["blocks_count"], parameters["table_rows"] = len(self.blocks), len(self._table)
+            parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
+            for name, array in (arrays | scratch).items():
+                parameters[name] = array.ctypes.data
+            self._parameters.append(parameters)
+            self._scratch.append(scratch)
+        self._addresses = [parameters.ctypes.data for parameters in self._parameters]
+        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
 
     def __getstate__(self) -> dict[str, Any]:
-        bound = ("_parameters", "_address", "_advance")
+        bound = ("_parameters", "_scratch", "_addresses", "_advance", "_pool")
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -84,13 +108,42 @@ class World:
             raise ValueError("this environment was pickled by another version of hybrid_env")
         self._bind()
 
+    def _run(self, reset: bool) -> int:
+        """Call the kernel, in every thread on its own blocks."""
+        if self._pool is None:
+            events: int = self._advance(reset, self._addresses[0])
+            return events
+        jobs = [self._pool.submit(self._advance, reset, address) for address in self._addresses]
+        found = [job.result() for job in jobs]
+        return min(found) if min(found) < 0 else functools.reduce(operator.or_, found)
+
     def field(self, name: str) -> NDArray[Any]:
-        """A field of `BLOCK` or "log_likelihood" (cumulative since the switch): a copy, (N, ...)."""
-        source = self.bank.hypotheses if name == "log_likelihood" else self.blocks
-        values = source[name]
+        """A field of `BLOCK`: a copy, (N, ...)."""
+        values = self.blocks[name]
         by_track = values.swapaxes(1, 2) if values.ndim == 3 else values
         flat = by_track.reshape(-1, *by_track.shape[2:])[: self.actions.size]
         return flat.copy()
+
+    def read_tick(self) -> dict[str, NDArray[Any]]:
+        """The present tick of every track, by the keys of info; fresh arrays."""
+        tracks = self.actions.size
+        integers, states = np.empty((3, tracks), np.int64), np.empty((3, tracks, 4))
+        measurements, log_likelihoods = np.empty((tracks, 2)), np.empty((tracks, self.options.hypotheses))
+        copy_tick(
+            self.blocks,
+            self.bank.hypotheses["log_likelihood"],
+            integers,
+            states,
+            measurements,
+            log_likelihoods,
+        )
+        segment, tick, true_mode = integers
+        truth, anchor, estimate = states
+        return {
+            "segment": segment, "tick": tick, "true_mode": true_mode, "truth": truth,
+            "measurement": measurements, "anchor": anchor, "estimate": estimate,
+            "log_likelihood": log_likelihoods,
+        }  # fmt: skip
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
         """`DECISION` and `DECISION_FLAGS` of the last step, (N,) each, zero without a decision; copies."""
@@ -119,7 +172,7 @@ class World:
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of the mask, (N,)."""
         self.actions[:] = mask
-        self._advance(True, self._address)
+        self._run(reset=True)
 
     def step(self) -> int:
         """One step of every track by `actions`; a terminated one begins its next episode.
@@ -130,7 +183,7 @@ class World:
         Raises:
             InvalidAction: nothing has been done then.
         """
-        events: int = self._advance(False, self._address)
+        events = self._run(reset=False)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events

@@ -1,19 +1,21 @@
-"""The filter that knows every mode: what tracking could be at best. Golubkov 2018, table 2 ("optimal").
+"""The Kalman filter that knows every mode. Golubkov 2018, table 2 ("optimal").
 
-It runs one hypothesis of the bank a piece, anchored at its own estimate, and carries its covariance over the
-switches; the table does not come out with P := I at every piece.
+It runs one hypothesis of the bank per piece, anchored at its own estimate, and carries its covariance over
+the switches. The table is not reproduced with P := I at every piece.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.filters.recording import check_recording, note
-from hybrid_env.checks import check_array, check_flag, check_positive, noise_axes, reject
-from hybrid_env.core import published_bank as bank
+from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
+from hybrid_env.checks import check_array, check_flag, check_positive, reject
 from hybrid_env.core.compilation import compiled
+from hybrid_env.core.published_bank import begin_published, follow_published
+from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
 
@@ -31,43 +33,52 @@ class Estimates:
     covariances: FloatArray
 
 
+class _Pieces(NamedTuple):
+    """(K,) lengths in ticks and signed radii [m] of the pieces."""
+
+    lengths: NDArray[np.int64]
+    signed_radii: FloatArray
+
+
+class _Start(NamedTuple):
+    """Estimate (4,) and covariance (3,) at the start, and whether the covariance is carried over switches."""
+
+    estimate: FloatArray
+    covariance: FloatArray
+    carry: bool
+
+
 @compiled
 def _filter_run(
     measurements: FloatArray,
-    lengths: NDArray[np.int64],
-    signed_radii: FloatArray,
-    start: FloatArray,
-    start_covariance: FloatArray,
-    carry: bool,
-    filters: bank.Bank,
-    tau: float,
-    process_variance: float,
-    variances: FloatArray,
+    pieces: _Pieces,
+    start: _Start,
+    filters: Filters,
     estimates: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    estimate = start.copy()
-    covariance = np.empty((2, 3))
-    covariance[:] = start_covariance
-    rx, ry = variances[0], variances[-1]
+    bank, _, model = filters
+    estimate, covariance = start.estimate.copy(), np.empty((2, 3))
+    covariance[:] = start.covariance
+    measurement = np.zeros((2, LANES))
     k = 0
-    for piece in range(lengths.size):
-        radius = np.array([abs(signed_radii[piece]) if signed_radii[piece] != 0.0 else 1.0])
-        mode = 0 if signed_radii[piece] == 0.0 else (1 if signed_radii[piece] > 0.0 else 2)
+    for length, signed_radius in zip(pieces.lengths, pieces.signed_radii):  # noqa: B905, numba has no strict
+        radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
+        mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
         x, vx, y, vy = estimate
-        if not carry:
-            covariance[:] = start_covariance
+        if not start.carry:
+            covariance[:] = start.covariance
         first, second = covariance
-        bank.anchor_bank(
-            filters, 0, (x, vx, y, vy), radius, tau,
-            (first[0], first[1], first[2]), (second[0], second[1], second[2]),
+        anchor_covariance = (
+            first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2],
         )  # fmt: skip
-        for _ in range(lengths[piece]):
-            x, y = measurements[k]
-            bank.step_alone(filters, 0, mode, x, y, process_variance, rx, ry)
-            note(filters, mode, estimates[k], covariances[k])
+        begin_published(bank, 0, (x, vx, y, vy), anchor_covariance, radius, model)
+        for _ in range(length):
+            measurement[:, 0] = measurements[k]
+            follow_published(bank, 0, mode, measurement, model)
+            write_estimate(bank, mode, estimates[k], covariances[k])
             k += 1
-        note(filters, mode, estimate, covariance)
+        write_estimate(bank, mode, estimate, covariance)
 
 
 def filter_known_modes(
@@ -101,18 +112,14 @@ def filter_known_modes(
     radii = check_array("signed_radii", signed_radii, (None,))
     if radii.size != pieces.size:
         raise reject("signed_radii", signed_radii, f"one radius for each of the {pieces.size} pieces")
-    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-    variances = noise_axes(measurement_variance)
+    filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
     carry = check_flag("carry_covariance", carry_covariance)
-    filters = bank.bank_arrays(1, variances.size)
     runs, total = values.shape[:2]
     estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
     for run in range(runs):
-        _filter_run(
-            values[run], pieces, radii, starts[run], first, carry, filters, tau,
-            process_variance, variances, estimates[run], covariances[run],
-        )  # fmt: skip
+        begin = _Start(starts[run], first, carry)
+        _filter_run(values[run], _Pieces(pieces, radii), begin, filters, estimates[run], covariances[run])
     if np.ndim(measurements) == 2:
         return Estimates(estimates[0], covariances[0])
     return Estimates(estimates, covariances)

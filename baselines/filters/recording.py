@@ -1,29 +1,67 @@
 """Recorded measurements as filters take them, and what a filter writes at each tick."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import check_array, check_integer, reject
-from hybrid_env.core import published_bank as bank
+from hybrid_env.checks import check_array, check_integer, check_positive, noise_axes, reject
 from hybrid_env.core.compilation import internal
+from hybrid_env.core.published_bank import (
+    FilterModel,
+    PublishedBank,
+    covariance_published,
+    estimate_of,
+    published_arrays,
+)
 
 FloatArray = NDArray[np.float64]
 
 
+class Filters(NamedTuple):
+    """A bank and what it assumes, as compiled code over recordings takes them; all on the first lane.
+
+    Attributes:
+        bank: of one block.
+        radii: (n,) turn radii [m].
+        model: tick and noise variances.
+    """
+
+    bank: PublishedBank
+    radii: FloatArray
+    model: FilterModel
+
+
+def make_filters(
+    radii: FloatArray, tau: float, process_variance: float, measurement_variance: float | ArrayLike
+) -> Filters:
+    """The published bank for recordings.
+
+    Args:
+        radii: (n,) checked turn radii [m].
+        tau: checked tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+    """
+    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
+    variances = noise_axes(measurement_variance)
+    model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
+    return Filters(published_arrays(radii.size, variances.size), radii, model)
+
+
 @internal
-def note(filters: bank.Bank, mode: int, estimate: FloatArray, covariance: FloatArray) -> None:
-    """Write what one hypothesis of the first lane holds: estimate (4,) and covariance (2, 3)."""
-    for k, value in enumerate(bank.estimate_of(filters.hypotheses, mode, 0)):
+def write_estimate(bank: PublishedBank, mode: int, estimate: FloatArray, covariance: FloatArray) -> None:
+    """Write estimate (4,) and covariance (2, 3) of one hypothesis of the first lane."""
+    for k, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
         estimate[k] = value
-    for axis, values in enumerate(bank.covariance_of(filters.covariances, mode, 0)):
-        for k, value in enumerate(values):
-            covariance[axis, k] = value
+    found = covariance_published(bank, mode, 0)
+    covariance[0, 0], covariance[0, 1], covariance[0, 2] = found[0], found[1], found[4]
+    covariance[1, 0], covariance[1, 1], covariance[1, 2] = found[7], found[8], found[9]
 
 
 def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> FloatArray:
-    """Where a recording starts: a straight line through its first ticks, one tick before the first.
+    """Starting estimate of a recording: a straight line through its first ticks, one tick before the first.
 
     Args:
         measurements: (T, 2) or (n, T, 2) [m].

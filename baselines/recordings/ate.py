@@ -8,23 +8,26 @@ after a decision and computes the estimates of the piece so far with the chosen 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.sprt import sprt_test, sprt_thresholds
-from baselines.filters.recording import check_recording, note
-from hybrid_env.checks import (
-    check_choice,
-    check_flag,
-    check_positive,
-    check_radii,
-    noise_axes,
-)
-from hybrid_env.core import published_bank as bank
+from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
+from hybrid_env.checks import check_choice, check_flag, check_positive, check_radii
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.in_place import in_place
+from hybrid_env.core.published_bank import (
+    IDENTITY,
+    PublishedBank,
+    State,
+    begin_published,
+    follow_published,
+    likeliest,
+    mode_type,
+    set_estimate,
+    step_published,
+)
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -56,15 +59,67 @@ class Tracks:
     ratios: FloatArray
 
 
+class _Rule(NamedTuple):
+    """The test and what follows a decision; see `track`."""
+
+    upper: float
+    lower: float
+    straight_reference: bool
+    keep: bool
+    recalculation: int
+    refine: bool
+
+
+class _Output(NamedTuple):
+    """The arrays of `Tracks` for one run."""
+
+    estimates: FloatArray
+    covariances: FloatArray
+    modes: NDArray[np.int64]
+    decided: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    undecided: NDArray[np.bool_]
+    ratios: FloatArray
+
+
 @internal
 def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
     n = hypotheses.size // 2
     best = mode
     for h in range(hypotheses.size):
-        likelier = in_place(hypotheses[h]).log_likelihood[0] > in_place(hypotheses[best]).log_likelihood[0]
-        if likelier and bank.mode_type(h, n) == bank.mode_type(mode, n):
+        likelier = hypotheses[h].log_likelihood[0] > hypotheses[best].log_likelihood[0]
+        if likelier and mode_type(h, n) == mode_type(mode, n):
             best = h
     return best
+
+
+@internal
+def _write_tick(bank: PublishedBank, mode: int, k: int, output: _Output) -> None:
+    write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+    output.modes[k] = mode
+
+
+@internal
+def _recalculate(
+    measurements: FloatArray,
+    ticks: tuple[int, int],
+    anchor: State,
+    mode: int,
+    filters: Filters,
+    way: int,
+    output: _Output,
+) -> None:
+    """Estimates of the piece up to the decision, by the decided filter. Tsyganov 2019, lines 17 to 20."""
+    bank, radii, model = filters
+    measurement = np.zeros((2, LANES))
+    if way == AS_PUBLISHED:
+        set_estimate(bank.hypotheses[mode], 0, anchor)
+    else:
+        begin_published(bank, 0, anchor, IDENTITY, radii, model)
+    for k in range(ticks[0], ticks[1]):
+        measurement[:, 0] = measurements[k]
+        follow_published(bank, 0, mode, measurement, model)
+        _write_tick(bank, mode, k, output)
 
 
 @compiled
@@ -72,82 +127,55 @@ def _track_run(
     measurements: FloatArray,
     lengths: NDArray[np.int64],
     start: FloatArray,
-    filters: bank.Bank,
-    radii: FloatArray,
-    tau: float,
-    process_variance: float,
-    variances: FloatArray,
-    upper: float,
-    lower: float,
-    straight_reference: bool,
-    keep: bool,
-    recalculation: int,
-    refine: bool,
-    estimates: FloatArray,
-    covariances: FloatArray,
-    modes: NDArray[np.int64],
-    decided: NDArray[np.int64],
-    ticks: NDArray[np.int64],
-    undecided: NDArray[np.bool_],
-    ratios: FloatArray,
+    filters: Filters,
+    rule: _Rule,
+    output: _Output,
 ) -> None:
+    bank, radii, model = filters
     estimate, covariance = start.copy(), np.empty((2, 3))
     measurement = np.zeros((2, LANES))
-    log_likelihood = np.empty(filters.hypotheses.size)
-    rx, ry = variances[0], variances[-1]
-    ratios[:] = np.nan
+    log_likelihood = np.empty(bank.hypotheses.size)
+    output.ratios[:] = np.nan
     active = 0
     k = 0
     for piece in range(lengths.size):
-        if straight_reference:
+        if rule.straight_reference:
             active = 0
         x, vx, y, vy = estimate
         anchor = (x, vx, y, vy)
-        bank.anchor_bank(filters, 0, anchor, radii, tau, bank.IDENTITY, bank.IDENTITY)
+        begin_published(bank, 0, anchor, IDENTITY, radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[piece]
-        ticks[piece] = lengths[piece]
-        undecided[piece] = True
-        while k < end and undecided[piece]:
+        output.ticks[piece] = lengths[piece]
+        output.undecided[piece] = True
+        while k < end and output.undecided[piece]:
             measurement[:, 0] = measurements[k]
-            bank.step_bank(filters, 0, 1, measurement, process_variance, rx, ry)
-            note(filters, active, estimates[k], covariances[k])
-            modes[k] = active
+            step_published(bank, 0, 1, measurement, model)
+            _write_tick(bank, active, k, output)
             for h in range(log_likelihood.size):
-                log_likelihood[h] = in_place(filters.hypotheses[h]).log_likelihood[0]
-            ratios[k] = log_likelihood - log_likelihood[active]
-            winner = sprt_test(log_likelihood, running, active, upper, lower)
+                log_likelihood[h] = bank.hypotheses[h].log_likelihood[0]
+            output.ratios[k] = log_likelihood - log_likelihood[active]
+            winner = sprt_test(log_likelihood, running, active, rule.upper, rule.lower)
             k += 1
             if winner >= 0:
                 active = winner
-                undecided[piece] = False
-                ticks[piece] = k - begin
-        if undecided[piece] and not keep:
-            active = bank.likeliest(filters.hypotheses, 0)
-        if recalculation != KEEP and not undecided[piece]:
-            identity = bank.IDENTITY
-            if recalculation == AS_PUBLISHED:
-                bank.rewind(filters, 0, active, anchor)
-            else:
-                bank.anchor_bank(filters, 0, anchor, radii, tau, identity, identity)
-            for j in range(begin, k):
-                x, y = measurements[j]
-                bank.step_alone(filters, 0, active, x, y, process_variance, rx, ry)
-                note(filters, active, estimates[j], covariances[j])
-                modes[j] = active
+                output.undecided[piece] = False
+                output.ticks[piece] = k - begin
+        if output.undecided[piece] and not rule.keep:
+            active = likeliest(bank.hypotheses, 0)
+        if rule.recalculation != KEEP and not output.undecided[piece]:
+            _recalculate(measurements, (begin, k), anchor, active, filters, rule.recalculation, output)
         for j in range(k, end):
-            if refine:
-                measurement[:, 0] = measurements[j]
-                bank.step_bank(filters, 0, 1, measurement, process_variance, rx, ry)
-                active = _likeliest_of_type(filters.hypotheses, active)
+            measurement[:, 0] = measurements[j]
+            if rule.refine:
+                step_published(bank, 0, 1, measurement, model)
+                active = _likeliest_of_type(bank.hypotheses, active)
             else:
-                x, y = measurements[j]
-                bank.step_alone(filters, 0, active, x, y, process_variance, rx, ry)
-            note(filters, active, estimates[j], covariances[j])
-            modes[j] = active
-        note(filters, active, estimate, covariance)
-        decided[piece] = active
+                follow_published(bank, 0, active, measurement, model)
+            _write_tick(bank, active, j, output)
+        write_estimate(bank, active, estimate, covariance)
+        output.decided[piece] = active
         k = end
 
 
@@ -199,15 +227,14 @@ def track(
     values, pieces, starts = check_recording(measurements, lengths, start, tau)
     runs, total = values.shape[:2]
     bank_radii = check_radii("radii", radii)
-    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-    variances = noise_axes(measurement_variance)
+    filters = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
     straight = check_choice("reference", reference, ("active", "straight")) == "straight"
     way = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
     refine = check_flag("refine_radius", refine_radius)
 
-    filters = bank.bank_arrays(bank_radii.size, variances.size)
+    rule = _Rule(upper, lower, straight, keep, way, refine)
     found: dict[str, Any] = {
         "estimates": np.empty((runs, total, 4)),
         "covariances": np.empty((runs, total, 2, 3)),
@@ -215,12 +242,10 @@ def track(
         "decided": np.empty((runs, pieces.size), np.int64),
         "ticks": np.empty((runs, pieces.size), np.int64),
         "undecided": np.empty((runs, pieces.size), np.bool_),
-        "ratios": np.empty((runs, total, filters.hypotheses.size)),
+        "ratios": np.empty((runs, total, filters.bank.hypotheses.size)),
     }
     for run in range(runs):
-        _track_run(
-            values[run], pieces, starts[run], filters, bank_radii, tau, process_variance,
-            variances, upper, lower, straight, keep, way, refine, *(array[run] for array in found.values()),
-        )  # fmt: skip
+        output = _Output(**{name: array[run] for name, array in found.items()})
+        _track_run(values[run], pieces, starts[run], filters, rule, output)
     single = np.ndim(measurements) == 2
     return Tracks(**{name: array[0] if single else array for name, array in found.items()})

@@ -18,11 +18,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.sprt import sprt_thresholds
-from baselines.filters.recording import check_recording
-from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, noise_axes, reject
-from hybrid_env.core import published_bank as bank
+from baselines.filters.recording import Filters, check_recording, make_filters
+from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, reject
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.in_place import in_place
+from hybrid_env.core.published_bank import (
+    IDENTITY,
+    PublishedBank,
+    begin_published,
+    covariance_published,
+    estimate_of,
+    published_arrays,
+    published_of_block,
+    step_published,
+)
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -54,48 +62,39 @@ class Detection:
 def _ratios_of_run(
     measurements: FloatArray,
     start: FloatArray,
-    nominal: bank.Bank,
-    started: bank.Bank,
-    radii: FloatArray,
-    tau: float,
-    process_variance: float,
-    variances: FloatArray,
+    nominal: Filters,
+    started: PublishedBank,
     printed_sign: bool,
     log_ratios: FloatArray,
 ) -> None:
-    """nominal: a bank of which the straight filter counts; started: one of each tick."""
+    """Write ln lambda_k (T, M). nominal: of which the straight filter counts; started: one bank per tick."""
+    bank, radii, model = nominal
     total = measurements.shape[0]
-    hypotheses = 2 * radii.size + 1
-    rx, ry = variances[0], variances[-1]
+    hypotheses = bank.hypotheses.size
     x, vx, y, vy = start
-    bank.anchor_bank(nominal, 0, (x, vx, y, vy), radii, tau, bank.IDENTITY, bank.IDENTITY)
+    begin_published(bank, 0, (x, vx, y, vy), IDENTITY, radii, model)
     determinants = np.zeros((total, hypotheses))  # sum of ln |Sigma_1| - ln |Sigma_0|, for the printed root
     before = np.zeros(total)  # the nominal log-likelihood when filter j starts
     log_psi = np.empty((total, hypotheses))
     measurement = np.zeros((2, LANES))
-    straight = in_place(nominal.hypotheses[0])
+    straight = bank.hypotheses[0]
     for k in range(total):
         measurement[:, 0] = measurements[k]
         before[k] = straight.log_likelihood[0]
-        new = bank.Bank(started.hypotheses[k], started.covariances[k], started.innovations, started.gains)
-        anchor = bank.estimate_of(nominal.hypotheses, 0, 0)
-        covariance_x, covariance_y = bank.covariance_of(nominal.covariances, 0, 0)
-        bank.anchor_bank(new, 0, anchor, radii, tau, covariance_x, covariance_y)
-        bank.step_bank(nominal, 0, 1, measurement, process_variance, rx, ry)
+        anchor, covariance = estimate_of(bank.hypotheses, 0, 0), covariance_published(bank, 0, 0)
+        begin_published(published_of_block(started, k), 0, anchor, covariance, radii, model)
+        step_published(bank, 0, 1, measurement, model)
         for j in range(k + 1):
-            running = bank.Bank(
-                started.hypotheses[j], started.covariances[j], started.innovations, started.gains
-            )
-            bank.step_bank(running, 0, 1, measurement, process_variance, rx, ry)
+            running = published_of_block(started, j)
+            step_published(running, 0, 1, measurement, model)
             for h in range(1, hypotheses):
                 # logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's
-                log_psi[j, h] = in_place(running.hypotheses[h]).log_likelihood[0] - (
+                log_psi[j, h] = running.hypotheses[h].log_likelihood[0] - (
                     straight.log_likelihood[0] - before[j]
                 )
                 if printed_sign:
                     determinants[j, h] += 2.0 * (
-                        in_place(running.innovations[h]).log_variance[0]
-                        - in_place(nominal.innovations[0]).log_variance[0]
+                        running.innovations[h].log_variance[0] - bank.innovations[0].log_variance[0]
                     )
                     log_psi[j, h] += determinants[j, h]
         for h in range(1, hypotheses):
@@ -144,20 +143,16 @@ def detect_switch(
         1 <= check_integer("tested", mode, minimum=1) < hypotheses for mode in chosen.tolist()
     ):
         raise reject("tested", tested, f"one or more hypotheses from 1 to {hypotheses - 1}")
-    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-    variances = noise_axes(measurement_variance)
+    nominal = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     margin = check_positive("margin", margin, allow_zero=True)
     sign = check_flag("printed_sign", printed_sign)
 
-    nominal = bank.bank_arrays(bank_radii.size, variances.size)
-    started = bank.bank_arrays(bank_radii.size, variances.size, total)
+    axes = len(nominal.bank.covariances)
+    started = published_arrays(bank_radii.size, axes, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
     for run, recording in enumerate(values):
-        _ratios_of_run(
-            recording, starts[run], nominal, started, bank_radii, tau, process_variance,
-            variances, sign, log_ratios[run],
-        )  # fmt: skip
+        _ratios_of_run(recording, starts[run], nominal, started, sign, log_ratios[run])
     return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
 
 

@@ -1,7 +1,7 @@
 """Logarithm, exponential, sine and cosine without branches, so that a loop over lanes becomes SIMD code.
 
-The polynomials are those of the freely distributable mathematical library (Sun Microsystems 1993), good to
-two units in the last place; the tests compare them with NumPy's.
+The polynomials are those of the freely distributable mathematical library (Sun Microsystems 1993). Results
+are accurate to two units in the last place; the tests compare them with NumPy's.
 """
 
 import math
@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from hybrid_env.core.compilation import formula
-from hybrid_env.core.instructions import reinterpret
 
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # exact products with k
 ONE = np.int64(0x3FF0000000000000)  # bits of 1.0
@@ -21,12 +20,24 @@ SHIFTER_BITS = np.int64(0x4338000000000000)
 
 
 @formula
+def bits_of(x: float) -> np.int64:
+    """The int64 with the bits of a float64."""
+    return np.float64(x).view(np.int64)
+
+
+@formula
+def float_of(bits: np.int64) -> float:
+    """The float64 with the bits of an int64."""
+    return np.int64(bits).view(np.float64)
+
+
+@formula
 def log(x: float) -> float:
     """Natural logarithm of a normal positive number; about -709 for zero and less."""
-    bits = reinterpret(x) + (ONE - ROOT_HALF)
+    bits = bits_of(x) + (ONE - ROOT_HALF)
     exponent = bits >> 52  # of x over a mantissa in [sqrt(1/2), sqrt(2)), plus 1023
-    mantissa = reinterpret((bits & MANTISSA) + ROOT_HALF)
-    k = reinterpret(exponent + SHIFTER_BITS) - (SHIFTER + 1023.0)
+    mantissa = float_of((bits & MANTISSA) + ROOT_HALF)
+    k = float_of(exponent + SHIFTER_BITS) - (SHIFTER + 1023.0)
     f = mantissa - 1.0
     s = f / (2.0 + f)
     z = s * s
@@ -61,7 +72,7 @@ def exp(x: float) -> float:
         )
     )
     mantissa = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    power = reinterpret((reinterpret(shifted) - SHIFTER_BITS + 1023) << 52)
+    power = float_of((bits_of(shifted) - SHIFTER_BITS + 1023) << 52)
     return mantissa * power
 
 
@@ -70,7 +81,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle [rad]; the absolute error grows with |x| as |x| 1e-16."""
     shifted = x * (2.0 / math.pi) + SHIFTER
     k = shifted - SHIFTER
-    quadrant = reinterpret(shifted)
+    quadrant = bits_of(shifted)
     # pi/2 in two parts, the first with 20 low bits clear
     r = (x - k * 1.57079632673412561417e00) - k * 6.07710050650619224932e-11
     z = r * r

@@ -1,4 +1,4 @@
-"""Memory of the kernel's arrays: on cache lines, and in large pages where it is large."""
+"""Memory of the kernel's arrays: aligned allocation, large pages, and access by address."""
 
 import math
 import mmap
@@ -6,7 +6,11 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from numba import carray, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import internal
 
 CACHE_LINE = 64  # bytes
 LARGE_PAGE = 1 << 21  # bytes
@@ -15,8 +19,8 @@ LARGE_PAGE = 1 << 21  # bytes
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """Zeros that begin on a cache line, so that eight lanes of a field fill exactly one.
 
-    A step walks through the state of all tracks once. With pages of 4 kB that is a miss of the address cache
-    every few tracks, which takes longer than the tracks, so arrays of many tracks ask for large pages.
+    A step walks through the state of all tracks once. With pages of 4 kB the address cache misses every few
+    tracks, which takes longer than the tracks themselves, so large arrays ask for large pages.
     """
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize
@@ -33,3 +37,21 @@ def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         memory = np.zeros(size + CACHE_LINE, np.uint8)
     start = -memory.ctypes.data % line
     return memory[start : start + size].view(kind).reshape(shape)
+
+
+def _inttoptr(_typing: Any, address: Any) -> Any:
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(address), build
+
+
+_pointer_to: Any = intrinsic(_inttoptr)
+"""An integer as a pointer, which `numba.carray` asks for."""
+
+
+@internal
+def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
+    """The C-ordered array of a shape and dtype that begins at an address; for compiled code."""
+    return carray(_pointer_to(address), shape, dtype)

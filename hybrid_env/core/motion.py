@@ -1,9 +1,9 @@
 """Motion of the object: straight pieces and turns about a fixed centre, one axis at a time.
 
-Golubkov 2018, eq. (1). A turn anchored at the switch state (p_s, v_s) has the turn rate
-omega = |v_s| / r and the centre c = p_s + n r (left) or p_s - n r (right), with n the left normal of
-v_s / |v_s|. Centre and turn rate stay fixed over the segment, so each axis is a linear oscillator about
-its centre coordinate and the straight line is its limit omega = 0.
+Golubkov 2018, eq. (1). A turn that begins at the switch state (p_s, v_s) has the turn rate omega = |v_s| / r
+and the centre c = p_s + n r (left) or p_s - n r (right), where n is the left normal of v_s / |v_s|. Centre
+and turn rate stay fixed over the segment. Each axis is therefore a linear oscillator about its centre
+coordinate, and straight motion is the limit omega = 0.
 """
 
 import math
@@ -13,7 +13,7 @@ from hybrid_env.core.compilation import formula, internal
 
 @internal
 def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
-    """The entries of the transition matrix of one axis over one tick.
+    """The entries of the transition matrix Phi of one axis over one tick. Golubkov 2018, eq. (1).
 
     Args:
         turn_rate: omega >= 0 [rad/s]; 0 is straight motion.
@@ -49,7 +49,7 @@ def propagate(
 
 @internal
 def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, float]:
-    """Speed [m/s] and unit vector of the heading; (1, 0) where the object stands still."""
+    """Speed [m/s] and unit vector of the heading; the vector is (1, 0) for an object at rest."""
     speed = math.hypot(velocity_x, velocity_y)
     if speed > 0.0:
         return speed, velocity_x / speed, velocity_y / speed
@@ -60,5 +60,8 @@ def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, 
 def turn_centre(
     x: float, y: float, heading_x: float, heading_y: float, signed_radius: float
 ) -> tuple[float, float]:
-    """Centre [m] of a turn that starts at (x, y) with a unit heading; radius > 0 turns left, < 0 right."""
+    """Centre [m] of a turn that starts at (x, y) with a unit heading. Golubkov 2018, eq. (1).
+
+    signed_radius: positive turns left, negative turns right [m].
+    """
     return x - heading_y * signed_radius, y + heading_x * signed_radius

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import formula, internal
-from hybrid_env.core.elementary import ONE, log, sine_cosine
-from hybrid_env.core.instructions import reinterpret, span
+from hybrid_env.core.elementary import ONE, float_of, log, sine_cosine
 
 OUTLIER = 5.0  # deviation of an outlier over that of other measurements
 
@@ -39,7 +38,7 @@ def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tupl
 @formula
 def _to_uniform(bits: np.uint64) -> float:
     """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
-    return reinterpret((bits >> np.uint64(12)) | np.uint64(ONE)) - 1.0
+    return float_of(np.int64((bits >> np.uint64(12)) | np.uint64(ONE))) - 1.0
 
 
 @formula
@@ -60,7 +59,7 @@ def uniform(state: NDArray[np.uint64], lane: int) -> float:
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
     """Four uniforms into the first rows of a column; the state stays in registers meanwhile."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
-    for k in span(0, 4):
+    for k in range(4):
         bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
         noise[k, column] = _to_uniform(bits)
     state[0, lane], state[1, lane], state[2, lane], state[3, lane] = s0, s1, s2, s3
@@ -84,10 +83,10 @@ def draw_noise(
             which are multiplied by `OUTLIER` at times; then a number to work with.
         outliers: share of the ticks at which they are.
     """
-    for lane in span(first, last):
+    for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
     if outliers > 0.0:
-        for lane in span(first, last):
+        for lane in range(first, last):
             noise[4, lane] = uniform(state, lane)
     _to_normals(noise, first, last, outliers)
 
@@ -97,25 +96,25 @@ def draw_noise_ahead(
     state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
 ) -> None:
     """The same noise for as many ticks of one lane, up to LANES: those of tick k are in column k."""
-    for tick in span(0, ticks):
+    for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
         if outliers > 0.0:
             noise[4, tick] = uniform(state, lane)
-    _to_normals(noise, np.int64(0), ticks, outliers)  # a literal would be a type of its own
+    _to_normals(noise, np.uint64(0), np.uint64(ticks), outliers)
 
 
 @internal
 def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
     """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
-    for pair in span(0, 2):
+    for pair in range(2):
         k = 2 * pair
-        for column in span(first, last):
+        for column in range(first, last):
             radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
             sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
             noise[k, column] = radius * cosine
             noise[k + 1, column] = radius * sine
     if outliers > 0.0:
-        for column in span(first, last):
+        for column in range(first, last):
             factor = OUTLIER if noise[4, column] < outliers else 1.0
             noise[2, column] *= factor
             noise[3, column] *= factor

@@ -1,7 +1,7 @@
 """The records of the kernel: the state of tracks, the options as the kernel reads them, the trace.
 
-Tracks lie side by side in blocks of `LANES`: every field of a block holds the number of each of its tracks,
-so that a loop over lanes has a fixed length and constant strides, and becomes SIMD code.
+Tracks lie side by side in blocks of `LANES`: every field of a block holds one number per track, so that a
+loop over lanes has constant strides and becomes SIMD code.
 """
 
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 LANES = 8
-"""Tracks of a block: eight float64 fill a cache line and the widest vector register."""
+"""Tracks per block: eight float64 fill a cache line and the widest vector register."""
 
 
 def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
@@ -17,7 +17,7 @@ def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
 
 
-_TICK = (
+BLOCK = lanes_of(
     ("random_state", np.uint64, (4,)),
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
     ("true_centre", np.float64, (2,)),  # [m]
@@ -30,29 +30,22 @@ _TICK = (
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
     ("length", np.int64, ()),  # of the segment in ticks
     ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
-)
-_SEGMENT = (
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("speed", np.float64, ()),  # of the anchor [m/s]
     ("segment", np.int64, ()),
     ("true_mode", np.int64, ()),
     ("traced", np.int64, ()),  # rows written to the trace in this call
 )
-
-BLOCK = lanes_of(*_TICK, *_SEGMENT)
 """State of `LANES` tracks."""
-
-EVERY_TICK = lanes_of(*_TICK)
-"""The front of a block, which every tick reads or writes."""
 
 SCRATCH = lanes_of(
     ("going", np.int64, ()),  # whether the track takes this tick
     ("noise", np.float64, (5,)),  # of `noise.draw_noise`
-    ("top", np.float64, ()),  # the largest log-likelihood
+    ("largest", np.float64, ()),  # log-likelihood of the likeliest hypothesis
     ("equals", np.float64, ()),  # other hypotheses with that log-likelihood
-    ("doubt", np.float64, ()),  # ln(1 - largest posterior), equal priors
+    ("log_error", np.float64, ()),  # ln(1 - largest posterior), equal priors
 )
-"""Numbers of one tick of one block; all blocks use the same memory, which stays in the nearest cache."""
+"""Numbers of one tick of one block. All blocks share the same memory, which stays in the nearest cache."""
 
 DECISION = (
     "decided_mode",
@@ -61,10 +54,10 @@ DECISION = (
     "decided_length",
     "decided_squared_error",  # a float64 among the integers
 )
-"""Rows of the array in which the kernel notes the decisions of a step: a column a track, zero without one."""
+"""Rows of the array of decisions made in a step: one column per track, zero without a decision."""
 
 DECISION_FLAGS = ("has_decision", "correct", "type_correct", "forced")
-"""The same of what is true or false; "correct" as rewarded, exact or by type."""
+"""Rows of the array of Boolean results, likewise; "correct" as rewarded, exact or by type."""
 
 ARRAYS = (
     "actions",
@@ -115,6 +108,9 @@ PARAMETERS = np.dtype(
         ("radii_count", np.int64),
         ("axes", np.int64),  # distinct noise axes, 1 or 2
         ("tracks", np.int64),
+        ("blocks_count", np.int64),
+        ("first_block", np.int64),  # the blocks first_block .. last_block - 1 are stepped
+        ("last_block", np.int64),
         ("trace_rows", np.int64),
         ("table_rows", np.int64),
         # where the arrays of a world lie, see `World`
@@ -123,8 +119,8 @@ PARAMETERS = np.dtype(
 )
 """The options of a world as the kernel reads them, and the addresses of its arrays.
 
-To take an array from Python costs a call 0.1 us, more than the tick of a track, so the kernel takes one
-address and finds all else there.
+Passing an array from Python costs 0.1 us per call, more than the tick of a track. The kernel therefore takes
+the address of one such record and finds everything else there. Each thread has a record of its own.
 """
 
 TRACE_COLUMNS = (
@@ -139,4 +135,4 @@ TRACE_COLUMNS = (
     "active_mode",
     "segment",
 )
-"""Columns of the trace: one row a tick, fast-forwarded ticks included."""
+"""Columns of the trace: one row per tick, fast-forwarded ticks included."""

@@ -54,5 +54,5 @@ def shade(colour: str, amount: float) -> str:
 def _type_of(mode: int, radii: Sequence[float]) -> int:
     if not 0 <= mode <= 2 * len(radii):
         raise reject("mode", mode, f"an integer from 0 to {2 * len(radii)}")
-    kind: int = mode_type.py_func(mode, len(radii))
+    kind: int = mode_type(mode, len(radii))
     return kind

@@ -6,30 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from literal import LiteralAware
-from numba import njit
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
-from hybrid_env.core.anchor_aware_bank import anchor_aware, anchor_covariance, aware_arrays, step_aware
+from hybrid_env.core.anchor_aware_bank import aware_arrays, begin_aware, covariance_aware, step_aware
+from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES
 
 TRIANGLE = np.triu_indices(4)
-
-
-@njit
-def begin(bank, lane, anchor, radii, P):
-    x, vx, y, vy = anchor
-    covariance = (P[0], P[1], P[2], P[3], P[4], P[5], P[6], P[7], P[8], P[9])
-    anchor_aware(bank, lane, (x, vx, y, vy), radii, covariance)
-
-
-@njit
-def step(bank, measurement, tau, Q, R):
-    step_aware(bank, 0, measurement.shape[1], measurement, tau, Q, R[0], R[1])
-
-
-@njit
-def kept(bank, hypothesis, lane):
-    return anchor_covariance(bank.hypotheses, hypothesis, lane)
 
 
 def test_the_bank_equals_literal_extended_filters_in_every_lane():
@@ -40,19 +23,20 @@ def test_the_bank_equals_literal_extended_filters_in_every_lane():
     for _ in range(20):
         tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -2)
         R = 10.0 ** generator.uniform(-2, 0, 2)
+        model = FilterModel(tau, Q, R[0], R[1])
         literal = []
         anchors = generator.normal(0, [3, 2, 3, 2], (LANES, 4))
         anchors[:, [1, 3]] += np.sign(anchors[:, [1, 3]])  # not nearly at rest, where derivatives are steep
         for lane, anchor in enumerate(anchors):
             root = 0.1 * generator.normal(0, 1, (4, 4))
             P = root @ root.T
-            begin(bank, lane, anchor, radii, P[TRIANGLE])
+            begin_aware(bank, lane, tuple(anchor), tuple(P[TRIANGLE]), radii, model)
             literal.append([LiteralAware(anchor, P, radius, tau, Q, R) for radius in signed])
         position = anchors[:, [0, 2]].copy()
         for _ in range(15):
             position += tau * anchors[:, [1, 3]]
             z = position + generator.normal(0, np.sqrt(R), (LANES, 2))
-            step(bank, z.T.copy(), tau, Q, R)
+            step_aware(bank, 0, LANES, z.T.copy(), model)
             for lane in range(LANES):
                 for one in literal[lane]:
                     one.step(z[lane])
@@ -64,7 +48,9 @@ def test_the_bank_equals_literal_extended_filters_in_every_lane():
                 if h:
                     np.testing.assert_allclose(record["turn_rate"][lane], one.s[6], rtol=1e-6)
                 np.testing.assert_allclose(record["log_likelihood"][lane], one.log_likelihood, rtol=1e-6)
-                np.testing.assert_allclose(kept(bank, h, lane), one.P[:4, :4][TRIANGLE], rtol=1e-5, atol=1e-9)
+                np.testing.assert_allclose(
+                    covariance_aware(bank, h, lane), one.P[:4, :4][TRIANGLE], rtol=1e-5, atol=1e-9
+                )
 
 
 def test_the_environment_keeps_the_chosen_filters_covariance_over_the_switch():
@@ -154,20 +140,22 @@ def test_no_nan_over_noise_speed_and_radius(bank, steps):
             rows, rewards, _, _, _ = env.step(actions)
             assert np.isfinite(rows).all(), (R, speed, radius)
             assert np.isfinite(rewards).all()
-        assert np.isfinite(env.world.field("log_likelihood")).all()
+        assert np.isfinite(env.world.read_tick()["log_likelihood"]).all()
         assert np.isfinite(env.world.field("estimate")).all()
         assert env.single_observation_space.contains(rows[0])
 
 
 def test_a_diverged_filter_loses_and_stays_finite():
     bank = aware_arrays(1)
-    begin(bank, 0, np.array([0.0, 1.0, 0.0, 0.0]), np.array([5.0]), 0.1 * np.eye(4)[TRIANGLE])
+    model = FilterModel(0.1, 0.001, 0.1, 0.1)
+    covariance = tuple(0.1 * np.eye(4)[TRIANGLE])
+    begin_aware(bank, 0, (0.0, 1.0, 0.0, 0.0), covariance, np.array([5.0]), model)
     bank.hypotheses[1]["covariance"][0, 0] = np.nan
     bank.hypotheses[2]["covariance"][0, 0] = -1.0
     z = np.zeros((2, LANES))
     z[0] = 0.1
     for _ in range(5):
-        step(bank, z, 0.1, 0.001, np.array([0.1, 0.1]))
+        step_aware(bank, 0, LANES, z, model)
     found = bank.hypotheses["log_likelihood"][:, 0]
     assert np.isfinite(found).all()
     assert found[0] > max(found[1:]) + 1000
@@ -183,6 +171,6 @@ def test_a_sure_anchor_gives_rows_inside_the_space(R):
         assert all(env.single_observation_space.contains(row) for row in rows)
 
 
-def test_an_oracle_cannot_be_told_to_doubt():
+def test_an_oracle_cannot_reset_its_covariance():
     with pytest.raises(ValueError, match="reset_covariance=True"):
         HybridTrackEnv(bank="oracle", reset_covariance=True)

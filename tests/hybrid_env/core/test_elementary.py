@@ -19,9 +19,8 @@ def test_the_logarithm_is_good_to_the_last_places():
         [generator.lognormal(0, 30, 200_000), generator.uniform(0.5, 2, 200_000), [1.0, 2.0**-1000, 1e300]]
     )
     assert units(njit(lambda x: np.array([log(v) for v in x]))(x), np.log(x)) <= 2
-    floor = njit(lambda: (log(0.0), log(-1.0)))()
-    assert floor[0] < -700  # a number, so that it can be clipped
-    assert math.isfinite(floor[1])
+    assert log(0.0) < -700  # a number, so that it can be clipped
+    assert math.isfinite(log(-1.0))
 
 
 def test_the_exponential_is_good_to_the_last_places():
@@ -34,5 +33,5 @@ def test_sine_and_cosine_are_good_over_many_turns():
     found = np.array(njit(lambda x: [sine_cosine(v) for v in x])(x))
     for k, function in enumerate((np.sin, np.cos)):
         assert np.all(np.abs(found[:, k] - function(x)) < 3e-16 * (1 + np.abs(x)))
-    assert njit(lambda: sine_cosine(0.0))() == (0.0, 1.0)
-    assert math.isclose(njit(lambda: sine_cosine(math.pi / 6)[0])(), 0.5, rel_tol=1e-15)
+    assert sine_cosine(0.0) == (0.0, 1.0)
+    assert math.isclose(sine_cosine(math.pi / 6)[0], 0.5, rel_tol=1e-15)

@@ -7,12 +7,9 @@ import pytest
 from numba import njit
 from scipy import stats
 
-from hybrid_env.core import motion
+from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, next_uint64, uniform
 from hybrid_env.core.records import LANES
-
-propagate, motion_coefficients = motion.propagate.py_func, motion.motion_coefficients.py_func
-heading_vector, turn_centre = motion.heading_vector.py_func, motion.turn_centre.py_func
 
 
 @pytest.mark.parametrize("radius", [5.0, -5.0, 0.3])
@@ -117,22 +114,14 @@ def test_a_lane_draws_the_same_whichever_lanes_go_with_it_and_however_far_ahead(
     together, alone, ahead = seeded(9), seeded(9), seeded(9)
     wide, narrow, long = np.zeros((5, LANES)), np.zeros((5, LANES)), np.zeros((5, LANES))
 
-    @njit
-    def draw(state, numbers, first, last):
-        draw_noise(state, numbers, first, last, outliers)
-
-    @njit
-    def draw_ticks(state, lane, numbers, ticks):
-        draw_noise_ahead(state, lane, numbers, ticks, outliers)
-
     largest = 0.0
     for _ in range(200):
         for ticks in range(1, LANES + 1):
-            draw_ticks(ahead, 3, long, ticks)
+            draw_noise_ahead(ahead, 3, long, ticks, outliers)
             for tick in range(ticks):
-                draw(together, wide, 0, LANES)
+                draw_noise(together, wide, 0, LANES, outliers)
                 for lane in range(LANES):
-                    draw(alone, narrow, lane, lane + 1)
+                    draw_noise(alone, narrow, lane, lane + 1, outliers)
                 np.testing.assert_array_equal(wide[:4], narrow[:4])
                 np.testing.assert_array_equal(wide[:4, 3], long[:4, tick])
                 largest = max(largest, np.abs(wide[:4]).max())

@@ -1,0 +1,72 @@
+"""The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4).
+
+Process and measurement noise are diagonal, so the 4x4 filter of the paper is two filters of (position,
+velocity), one per axis. A covariance is (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
+"""
+
+import math
+
+from hybrid_env.core.compilation import formula
+
+LOG_TWO_PI = math.log(2.0 * math.pi)
+
+Covariance = tuple[float, float, float]
+
+
+@formula
+def predict_covariance(
+    covariance: Covariance,
+    cosine: float,
+    sine_velocity: float,
+    sine_position: float,
+    process_variance: float,
+) -> Covariance:
+    """Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
+
+    Args:
+        covariance: (xx, xv, vv) before the tick.
+        cosine, sine_velocity, sine_position: from `motion.motion_coefficients`.
+        process_variance: Q, added to the velocity [m^2/s^2].
+    """
+    xx, xv, vv = covariance
+    row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
+    row_x_v = cosine * xv + sine_velocity * vv
+    row_v_x = cosine * xv - sine_position * xx  # second row of Phi P
+    row_v_v = cosine * vv - sine_position * xv
+    return (
+        cosine * row_x_x + sine_velocity * row_x_v,
+        cosine * row_x_v - sine_position * row_x_x,
+        cosine * row_v_v - sine_position * row_v_x + process_variance,
+    )
+
+
+@formula
+def kalman_gain(covariance: Covariance, innovation_variance: float) -> tuple[float, float]:
+    """K = P H' / Sigma: gain of the position and of the velocity [1, 1/s]. Golubkov 2018, eq. (2)."""
+    inverse = 1.0 / innovation_variance
+    return covariance[0] * inverse, covariance[1] * inverse
+
+
+@formula
+def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, variance: float) -> Covariance:
+    """P - K H P. Golubkov 2018, eq. (2).
+
+    Args:
+        covariance: predicted (xx, xv, vv).
+        gain_x, gain_v: from `kalman_gain`.
+        variance: R [m^2].
+    """
+    # K R is the first row of P - K H P, without its cancellation
+    return gain_x * variance, gain_v * variance, covariance[2] - gain_v * covariance[1]
+
+
+@formula
+def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
+    """The increment ln N(innovation; 0, Sigma). Its differences between hypotheses are Golubkov 2018, eq.
+    (4).
+
+    Args:
+        white_x, white_y: innovation on each axis over its standard deviation.
+        log_variance: mean over the axes of the logarithm of the innovation variance.
+    """
+    return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))

@@ -1,0 +1,73 @@
+"""The true object: it moves by the hybrid model with noise on its velocity, and its position is measured.
+
+Golubkov 2018, eq. (1).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.core.noise import draw_noise
+
+
+@internal
+def begin_motion(block: Any, lane: int, signed_radius: float, tau: float) -> None:
+    """The object of a lane begins a segment: its turn is anchored at its true state.
+
+    Args:
+        block: a record `records.BLOCK`.
+        signed_radius: of the turn [m], positive to the left; 0 is straight.
+        tau: tick [s].
+    """
+    x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
+    speed, heading_x, heading_y = heading_vector(vx, vy)
+    turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
+    cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
+    block.true_motion[0, lane] = cosine
+    block.true_motion[1, lane] = sine_velocity
+    block.true_motion[2, lane] = sine_position
+    centre_x, centre_y = turn_centre(x, y, heading_x, heading_y, signed_radius)
+    block.true_centre[0, lane], block.true_centre[1, lane] = centre_x, centre_y
+
+
+@formula
+def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
+    """The object of one lane moves one tick and is measured.
+
+    Args:
+        noise: (5, LANES), of `noise.draw_noise`; the draws of this tick are in one column.
+        setting: has process_deviation, sqrt(Q) [m/s], and deviation_x and deviation_y, sqrt(R) [m].
+    """
+    truth = block.truth
+    cosine, sine_velocity, sine_position = (
+        block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
+    )  # fmt: skip
+    x, vx = propagate(
+        truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position
+    )
+    y, vy = propagate(
+        truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
+    )
+    truth[0, lane] = x
+    truth[1, lane] = vx + setting.process_deviation * noise[0, column]
+    truth[2, lane] = y
+    truth[3, lane] = vy + setting.process_deviation * noise[1, column]
+    block.measurement[0, lane] = x + setting.deviation_x * noise[2, column]
+    block.measurement[1, lane] = y + setting.deviation_y * noise[3, column]
+    block.tick[lane] += 1
+
+
+@internal
+def move(block: Any, noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+    """The objects of lanes first .. last - 1 move one tick and are measured.
+
+    Args:
+        noise: (5, LANES), overwritten.
+        setting: see `move_lane`; also outliers, the share of measurements with larger noise.
+    """
+    draw_noise(block.random_state, noise, first, last, setting.outliers)
+    for lane in range(first, last):
+        move_lane(block, lane, noise, lane, setting)

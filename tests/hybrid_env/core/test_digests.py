@@ -1,0 +1,81 @@
+"""Rows and rewards stay bit for bit what they are: digests of 2,000 steps of nine tracks.
+
+A change of the kernel that is meant to change numbers changes these digests, and says so.
+"""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from hybrid_env import HybridTrackVectorEnv
+
+BANK = tuple(float(radius) for radius in range(1, 11))
+DIGESTS = [
+    pytest.param(
+        {},
+        "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b",
+        id="default",
+    ),
+    pytest.param(
+        {"measurement_variance": (0.05, 0.2), "outliers": 0.1, "radii": (3.0, 8.0)},
+        "7dfc38ec40d304a3b3b0f689c143b3204d914f5c3c723dbac68766ffb4fb14bc",
+        id="two noises, outliers",
+    ),
+    pytest.param(
+        {"radii": BANK, "correctness": "type", "delay_cost": 0.01},
+        "7ac5fac3a66d702b4381bbe49ab713de8cc4a91e7fd13167f592e10d98fbc0d1",
+        id="21 hypotheses",
+    ),
+    pytest.param(
+        {"bank": "anchor_aware"},
+        "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1",
+        id="anchor-aware",
+    ),
+    pytest.param(
+        {"bank": "anchor_aware", "radii": BANK, "correctness": "type", "measurement_variance": 1.0},
+        "a325df21adaaa52e7fef00ab8e0bf72d44497eaf0f074a94a01a27de56cc51d2",
+        id="anchor-aware, 21 hypotheses",
+    ),
+    pytest.param(
+        {"bank": "oracle", "measurement_variance": 0.01},
+        "873b41c83c900a5bcae787e64de7654652f0602489d9efb46e1bab677dc71a69",
+        id="oracle",
+    ),
+    pytest.param(
+        {
+            "scheme": "L50r3 R75r5 S50 L20r3",
+            "radii": (3.0, 5.0),
+            "undecided": "keep",
+            "initial_error": 0,
+            "heading": 0.3,
+        },
+        "9631cd0d1f6c1b57dd455c4568da70167d28dfd6bcb8f1c20100a805952d63df",
+        id="fixed scheme",
+    ),
+    pytest.param(
+        {"reset_covariance": False, "speed": 7.0, "tau": 0.05, "process_variance": 0.01, "actions": "best"},
+        "e3915817cf9a6938acc9de6c8b3c8da7b351d83cce9e551cb653229f5b8aacdc",
+        id="kept covariance",
+    ),
+]
+
+
+def digest_of(steps, **options):
+    """SHA-256 of the rows and rewards of random waiting and declaring."""
+    env = HybridTrackVectorEnv(9, **options)
+    generator = np.random.default_rng(7)
+    rows, _ = env.reset(seed=11)
+    digest = hashlib.sha256(rows.tobytes())
+    for _ in range(steps):
+        declares = generator.random(9) < 1 / 15
+        actions = np.where(declares, generator.integers(1, env.single_action_space.n, 9), 0)
+        rows, rewards, *_ = env.step(actions)
+        digest.update(rows.tobytes())
+        digest.update(rewards.tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize(("options", "digest"), DIGESTS)
+def test_rows_and_rewards_are_bit_for_bit_what_they_were(options, digest):
+    assert digest_of(2000, **options) == digest
