@@ -1,7 +1,7 @@
-"""Pictures of an episode: the track, and the evidence for each hypothesis against the active one.
+"""Frames of an episode: the track on the left, the evidence on the right.
 
-The figure is built once. A frame only gives new data to its artists; what stays is painted once into a
-background, anew only when the limits of the axes change.
+The figure is built once. Each frame sets new data on the artists that change. All other artists are in a
+background image, which is drawn again only when the limits of the axes change.
 """
 
 import math
@@ -10,31 +10,25 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.decision_markers import decision_legend
+from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
+from hybrid_env.rendering.evidence_axes import SKIPPED_STYLE, THRESHOLD_STYLE, EvidenceAxes
 from hybrid_env.rendering.history import EpisodeHistory
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name
+from hybrid_env.rendering.track_axes import TRACE_INDEX, TrackAxes, track_legend
 from hybrid_env.rendering.window import Window
 
 RENDER_FPS = 10
 FRAME_SIZE = (900, 450)  # width, height [px]
 
-
-ERROR_PROBABILITY = 0.001  # a = b of the thresholds that are drawn
-THRESHOLD = math.log((1.0 - ERROR_PROBABILITY) / ERROR_PROBABILITY)  # A, and -B for a = b
-RATIO_LIMIT = 15.0
-
 _DPI = 100
-_TRUTH, _MEASURED, _NOW, _THRESHOLD = "#b4b4b4", "#8a8a8a", "#f0e442", "#555555"
-_SKIPPED: dict[str, Any] = {"facecolor": "black", "edgecolor": "none", "alpha": 0.07}
-_COLUMN = {name: index for index, name in enumerate(TRACE_COLUMNS)}
 
 
 class Renderer:
@@ -42,11 +36,14 @@ class Renderer:
 
     Args:
         options: of the world.
-        human: True shows frames in a window, False returns them.
+        human: whether frames are shown in a window instead of being returned.
+        panel: what the evidence panel shows; None shows the log-likelihood ratios to the active mode, with
+            the thresholds of the SPRT at alpha = 0.001.
     """
 
-    def __init__(self, options: WorldOptions, human: bool):
+    def __init__(self, options: WorldOptions, human: bool, panel: EvidencePanel | None = None):
         self.options = options
+        self.panel = panel or sprt_panel(DEFAULT_ALPHA)
         self.window = Window(RENDER_FPS) if human else None
         self._figure: EpisodeFigure | None = None
 
@@ -54,12 +51,12 @@ class Renderer:
         window = None if self.window is None else Window(self.window.fps)
         return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
 
-    def draw(self, history: EpisodeHistory) -> NDArray[np.uint8] | None:
-        """One frame of the episode so far.
+    def draw(self, history: EpisodeHistory) -> Any:
+        """Draw one frame of the episode so far.
 
         Returns:
-            (height, width, 3) uint8, a fresh array; None where frames go to a window. Once the user has
-            closed the window this does nothing, and the caller's loop goes on unwatched.
+            (height, width, 3) uint8, a new array; None if frames are shown in a window. After the user has
+            closed the window, this method does nothing, so that the calling loop can continue.
 
         Raises:
             NoDisplayError: SDL cannot open a window.
@@ -67,103 +64,68 @@ class Renderer:
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None
         if self._figure is None:
-            self._figure = EpisodeFigure(self.options)
-        frame = self._figure.paint(history)
+            self._figure = EpisodeFigure(self.options, self.panel)
+        frame = self._figure.draw(history)
         if self.window is None:
             return np.array(frame[..., :3])
         self.window.show(frame)
         return None
 
     def close(self) -> None:
-        """Close the window, if there is one; the next `draw` opens another."""
+        """Close the window, if there is one. The next call of `draw` opens a new one."""
         if self.window is not None:
             self.window.close()
 
 
 class EpisodeFigure:
-    """The two panels.
+    """The figure with both panels and the legends.
 
     Args:
         options: of the world.
+        panel: what the evidence panel shows.
 
     Attributes:
-        figure: FRAME_SIZE pixels large.
+        figure: the matplotlib figure, FRAME_SIZE pixels large.
     """
 
-    def __init__(self, options: WorldOptions):
+    def __init__(self, options: WorldOptions, panel: EvidencePanel):
         self.options = options
         width, height = FRAME_SIZE
         self.figure = figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
         self._canvas = FigureCanvasAgg(figure)
         self._background: Any = None
         self._view: tuple[float, ...] = ()
-        self._track = figure.add_axes((0.075, 0.27, 0.40, 0.64))
-        self._track.set_xlabel("x [m]", fontsize=9)
-        self._track.set_ylabel("y [m]", fontsize=9)
-        self._track.set_aspect("equal", adjustable="datalim")
-        self._evidence = figure.add_axes((0.565, 0.27, 0.40, 0.64))
-        self._evidence.set_xlabel("time [ticks]", fontsize=9)
-        self._evidence.set_ylabel("log-likelihood ratio to the active mode", fontsize=9)
-        self._evidence.set_ylim(-RATIO_LIMIT, RATIO_LIMIT)
+        self._track = figure.add_axes((0.07, 0.27, 0.39, 0.64))
+        self._evidence = figure.add_axes((0.57, 0.27, 0.39, 0.64))
         for axes in (self._track, self._evidence):
             axes.tick_params(labelsize=8)
             axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.ticklabel_format(scilimits=(-2, 4))
-        for level, name in ((THRESHOLD, "A"), (-THRESHOLD, "B")):
-            self._evidence.axhline(level, color=_THRESHOLD, linestyle="--", linewidth=1)
-            self._evidence.annotate(
-                name, (1.0, level), (4, 0), xycoords=("axes fraction", "data"),
-                textcoords="offset points", va="center", fontsize=9,
-            )  # fmt: skip
-
-        colours = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
-        outlined: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "black"}
-        (self._truth,) = self._track.plot([], [], color=_TRUTH, linewidth=4, solid_capstyle="round")
-        (self._measured,) = self._track.plot([], [], ".", color=_MEASURED, markersize=2.5)
-        self._estimates = [self._track.plot([], [], color=colour, linewidth=1.6)[0] for colour in colours]
-        (self._switched,) = self._track.plot([], [], "D", color="white", markersize=5, **outlined)
-        (self._here,) = self._track.plot([], [], "*", color=_NOW, markersize=12, **outlined)
-        self._skipped = PolyCollection([], **_SKIPPED)
-        self._evidence.add_collection(self._skipped, autolim=False)
-        self._ratios = [self._evidence.plot([], [], color=colour, linewidth=1.3)[0] for colour in colours]
-        self._correct, self._wrong = (
-            self._evidence.scatter([], [], s=70, marker=marker, edgecolors="black", zorder=3)
-            for marker in ("o", "X")
-        )
+        self._panels = (TrackAxes(self._track, options), EvidenceAxes(self._evidence, options, panel))
         self._title = figure.text(0.5, 0.955, "", ha="center", va="center", fontsize=10)
-        self._moving: list[Artist] = [
-            self._truth, self._measured, *self._estimates, self._switched, self._here,
-            self._skipped, *self._ratios, self._correct, self._wrong, self._title,
-        ]  # fmt: skip
-        for artist in self._moving:
-            artist.set_animated(True)  # left out of the background
+        self._changing: list[Artist] = [*self._panels[0].artists, *self._panels[1].artists, self._title]
+        for artist in self._changing:
+            artist.set_animated(True)  # excluded from the background
+        self._add_legends(panel)
 
+    def _add_legends(self, panel: EvidencePanel) -> None:
         self._add_legend(
-            {
-                "true path": Line2D([], [], color=_TRUTH, linewidth=4),
-                "measured": Line2D([], [], color=_MEASURED, marker=".", linestyle="none"),
-                "switch": Line2D([], [], color="white", marker="D", markersize=5, **outlined),
-                "now": Line2D([], [], color=_NOW, marker="*", markersize=11, **outlined),
-                "correct decision": Line2D([], [], color="white", marker="o", markersize=7, **outlined),
-                "wrong decision": Line2D([], [], color="white", marker="X", markersize=7, **outlined),
-                "A, B at alpha = 0.001": Line2D([], [], color=_THRESHOLD, linestyle="--", linewidth=1),
-                "after the decision": Patch(**_SKIPPED),
-            },
-            0.095,
+            track_legend() | decision_legend() | {"after the decision": Patch(**SKIPPED_STYLE)}, 0.095
         )
-        lines = [Line2D([], [], color=colour, linewidth=3) for colour in colours]
-        names = [mode_name(mode, options.radii) for mode in range(options.hypotheses)]
-        modes = self._add_legend(dict(zip(names, lines, strict=True)), 0.04)
-        if modes.get_window_extent().width > 0.97 * width:
-            modes.remove()
-            lines = [Line2D([], [], color=colour, linewidth=3) for colour in TYPE_COLOURS]
-            types = (
+        thresholds = {panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if panel.legend else {}
+        radii, modes = self.options.radii, range(self.options.hypotheses)
+        colours = {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
+        legend = self._add_legend(_colour_legend(colours) | thresholds, 0.04)
+        if legend.get_window_extent().width > 0.97 * FRAME_SIZE[0]:
+            legend.remove()
+            names = (
                 "straight (S)",
                 "left turns (L), darker is tighter",
                 "right turns (R), darker is tighter",
             )
-            self._add_legend(dict(zip(types, lines, strict=True)), 0.04)
+            colours = dict(zip(names, TYPE_COLOURS, strict=True))
+            self._add_legend(_colour_legend(colours) | thresholds, 0.04)
 
     def _add_legend(self, entries: dict[str, Any], height: float) -> Any:
         return self.figure.legend(
@@ -172,8 +134,8 @@ class EpisodeFigure:
             handlelength=1.6, handletextpad=0.5, columnspacing=1.3,
         )  # fmt: skip
 
-    def paint(self, history: EpisodeHistory) -> NDArray[np.uint8]:
-        """The pixels of a frame, (height, width, 4) RGBA, valid until the next one."""
+    def draw(self, history: EpisodeHistory) -> NDArray[np.uint8]:
+        """Draw a frame, (height, width, 4) RGBA. The array is valid until the next call."""
         view = self._fit_view(history)
         if view != self._view:
             self._track.set(xlim=view[1:3], ylim=view[3:5])
@@ -182,19 +144,23 @@ class EpisodeFigure:
             self._background = self._canvas.copy_from_bbox(self.figure.bbox)
             self._view = view
         self._canvas.restore_region(self._background)
-        self._update_track(history)
-        self._update_evidence(history)
+        for panel in self._panels:
+            panel.update(history)
         self._title.set_text(self._title_text(history))
-        for artist in self._moving:
+        for artist in self._changing:
             artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())
 
     def _fit_view(self, history: EpisodeHistory) -> tuple[float, ...]:
-        """Episode and limits (x, x, y, y, time), left alone while they hold all data, for steady frames."""
+        """Episode number and axis limits (x, x, y, y, time).
+
+        The limits of the last frame are kept while they contain all data, so that the picture is steady.
+        """
         trace, ticks = history.trace, len(history.trace)
         low, high = np.empty(2), np.empty(2)
         for axis, name in enumerate("xy"):
-            values = trace[:, [_COLUMN[name], _COLUMN[f"measured_{name}"], _COLUMN[f"estimate_{name}"]]]
+            columns = [TRACE_INDEX[column] for column in (name, f"measured_{name}", f"estimate_{name}")]
+            values = trace[:, columns]
             finite = values[np.isfinite(values)]
             low[axis], high[axis] = finite.min(), finite.max()
         if self._view and self._view[0] == history.episode and not history.finished:
@@ -206,44 +172,13 @@ class EpisodeFigure:
         pixels = np.array([box.width, box.height])
         reach = 0.5 * self.options.speed * self.options.tau * self.options.longest_segment
         margin = 1.1 if history.finished else 1.5
-        # metres a pixel, equal on both axes
+        # metres per pixel, equal on both axes
         scale = max((margin * (high - low) / pixels).max(), reach / box.width)
         centre, half = 0.5 * (low + high), 0.5 * scale * pixels
         (x_low, y_low), (x_high, y_high) = (centre - half).tolist(), (centre + half).tolist()
         step = 100 if ticks < 1000 else 1000
         last = float(ticks if history.finished else step * math.ceil(ticks / step))
         return history.episode, x_low, x_high, y_low, y_high, last
-
-    def _update_track(self, history: EpisodeHistory) -> None:
-        trace, switches = history.trace, history.switches
-        column = {name: trace[:, index] for name, index in _COLUMN.items()}
-        self._truth.set_data(column["x"], column["y"])
-        self._measured.set_data(column["measured_x"], column["measured_y"])
-        for mode, line in enumerate(self._estimates):
-            own = column["active_mode"] == mode
-            own[:-1] |= own[1:]  # the step into a mode has its colour
-            line.set_data(np.where(own, column["estimate_x"], np.nan), column["estimate_y"])
-            line.set_visible(bool(own.any()))
-        self._switched.set_data(column["x"][switches], column["y"][switches])
-        self._here.set_data(column["x"][-1:], column["y"][-1:])
-
-    def _update_evidence(self, history: EpisodeHistory) -> None:
-        ratios, switches = history.ratios, history.switches
-        # a line must not run from one segment into the next
-        time = np.insert(np.arange(1.0, len(ratios) + 1.0), switches, np.nan)
-        for mode, line in enumerate(self._ratios):
-            line.set_data(time, np.insert(ratios[:, mode], switches, np.nan))
-        ends = np.append(switches[1:], len(ratios)) + 0.5
-        skipped = zip((decision.time + 0.5 for decision in history.decisions), ends, strict=False)
-        self._skipped.set_verts(
-            [[(start, -99.0), (start, 99.0), (end, 99.0), (end, -99.0)] for start, end in skipped]
-        )
-        edge = RATIO_LIMIT - 1.0
-        for markers, correct in ((self._correct, True), (self._wrong, False)):
-            made = [decision for decision in history.decisions if decision.correct == correct]
-            points = [(decision.time, min(max(decision.ratio, -edge), edge)) for decision in made]
-            markers.set_offsets(np.reshape(points, (-1, 2)))
-            markers.set_facecolor([mode_colour(decision.mode, self.options.radii) for decision in made])
 
     def _title_text(self, history: EpisodeHistory) -> str:
         parts = [
@@ -257,3 +192,7 @@ class EpisodeFigure:
             name = mode_name(last.mode, self.options.radii)
             parts.append(f"last decision {name}, {verdict}, at tick {last.ticks}")
         return "  |  ".join(parts)
+
+
+def _colour_legend(colours: dict[str, str]) -> dict[str, Line2D]:
+    return {name: Line2D([], [], color=colour, linewidth=3) for name, colour in colours.items()}

@@ -1,4 +1,4 @@
-"""What happened in the running episode, tick by tick, for pictures and recordings."""
+"""Every tick of the running episode, for figures and recordings."""
 
 from typing import Any, NamedTuple
 
@@ -15,18 +15,18 @@ class Decision(NamedTuple):
     """One decision of the episode.
 
     Attributes:
-        time: of the episode [ticks], 1 at its first measurement.
-        ratio: log-likelihood of the decided mode less that of the active one at this tick.
-        mode: decided.
-        true_mode: of the segment.
-        correct: the judgement that the reward follows.
-        forced: the segment ended undecided.
-        ticks: since the switch.
-        length: of the segment [ticks].
+        time: tick of the episode, 1 at its first measurement.
+        evidence: for the decided mode at this tick.
+        mode: decided mode.
+        true_mode: true mode of the segment.
+        correct: whether the reward counts the decision as correct.
+        forced: whether the segment ended before the agent declared a mode.
+        ticks: number of ticks since the switch.
+        length: length of the segment [ticks].
     """
 
     time: int
-    ratio: float
+    evidence: float
     mode: int
     true_mode: int
     correct: bool
@@ -36,14 +36,14 @@ class Decision(NamedTuple):
 
 
 class EpisodeHistory:
-    """Every tick of the running episode, once.
+    """All ticks and decisions of the running episode.
 
     Attributes:
-        episode: number of episodes begun.
-        segment: index of the present segment.
-        tick: present tick since the switch.
-        true_mode: of the present segment.
-        decisions: made so far in this episode.
+        episode: number of episodes started.
+        segment: index of the current segment.
+        tick: current tick since the switch.
+        true_mode: true mode of the current segment.
+        decisions: decisions made so far in this episode.
     """
 
     def __init__(self, options: WorldOptions):
@@ -51,34 +51,37 @@ class EpisodeHistory:
         self.decisions: list[Decision] = []
         self.episode = 0
         self._traces: list[FloatArray] = []
-        self._ratios: list[FloatArray] = []
+        self._evidence: list[FloatArray] = []
 
     def begin(self, trace: FloatArray, info: dict[str, Any]) -> None:
-        """Forget the last episode and note the first tick of a new one.
+        """Discard the last episode and store the first tick of a new one.
 
         Args:
-            trace: (1, len(track.TRACE_COLUMNS)).
-            info: of the environment's `reset`.
+            trace: (1, len(TRACE_COLUMNS)).
+            info: returned by `reset` of the environment.
         """
         self.episode += 1
         self.decisions = []
         self._traces = []
-        self._ratios = []
+        self._evidence = []
         self.add(trace, info)
 
     def add(self, trace: FloatArray, info: dict[str, Any]) -> None:
-        """Note the ticks of one step.
+        """Store the ticks of one step.
+
+        The evidence at the current tick is the log-likelihood ratio of each hypothesis to the active mode,
+        unless `set_evidence` replaces it.
 
         Args:
-            trace: (ticks, len(track.TRACE_COLUMNS)), fast-forwarded ticks and the first of the next
-                segment included.
-            info: of the environment's `step`.
+            trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first
+                tick of the next segment.
+            info: returned by `step` of the environment.
         """
         if "decided_mode" in info:
             self.decisions.append(
                 Decision(
                     time=len(self.trace),
-                    ratio=float(self.ratios[-1, info["decided_mode"]]),
+                    evidence=float(self.evidence[-1, info["decided_mode"]]),
                     mode=info["decided_mode"],
                     true_mode=info["decided_true_mode"],
                     correct=info["correct"],
@@ -88,26 +91,30 @@ class EpisodeHistory:
                 )
             )
         self.segment, self.tick, self.true_mode = info["segment"], info["tick"], info["true_mode"]
-        ratios = np.full((len(trace), self.options.hypotheses), np.nan)
-        if not self.finished:  # the last tick is one that every hypothesis saw
+        evidence = np.full((len(trace), self.options.hypotheses), np.nan)
+        if not self.finished:  # only the last tick was processed by every filter of the bank
             active = int(trace[-1, TRACE_COLUMNS.index("active_mode")])
-            ratios[-1] = info["log_likelihood"] - info["log_likelihood"][active]
+            evidence[-1] = info["log_likelihood"] - info["log_likelihood"][active]
         self._traces.append(trace)
-        self._ratios.append(ratios)
+        self._evidence.append(evidence)
+
+    def set_evidence(self, evidence: FloatArray) -> None:
+        """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
+        self._evidence[-1][-1] = evidence
 
     @property
     def trace(self) -> FloatArray:
-        """(T, len(track.TRACE_COLUMNS)), one row a tick."""
+        """(T, len(TRACE_COLUMNS)), one row for each tick."""
         return _joined(self._traces)
 
     @property
-    def ratios(self) -> FloatArray:
-        """(T, M) log-likelihood ratios to the active mode, NaN on the ticks after a decision."""
-        return _joined(self._ratios)
+    def evidence(self) -> FloatArray:
+        """(T, M) evidence for each hypothesis, NaN at the ticks after a decision."""
+        return _joined(self._evidence)
 
     @property
     def switches(self) -> NDArray[np.int64]:
-        """(segments so far,) rows of `trace` at which a segment begins."""
+        """(number of segments so far,) index of the first row of `trace` of each segment."""
         segment = self.trace[:, TRACE_COLUMNS.index("segment")]
         return np.flatnonzero(np.diff(segment, prepend=-1.0))
 
@@ -118,7 +125,7 @@ class EpisodeHistory:
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:
-    """The parts as one array, which takes their place, so that reading often stays cheap."""
+    """Concatenate the parts and store the result in place of them, so that repeated reading is cheap."""
     if len(parts) > 1:
         parts[:] = [np.concatenate(parts)]
     return parts[0]

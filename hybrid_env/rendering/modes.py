@@ -8,32 +8,32 @@ from hybrid_env.checks import reject
 from hybrid_env.core.published_bank import mode_type
 
 TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
-"""Straight, left, right: the papers' red, blue and green from the palette of Okabe and Ito."""
+"""Straight, left and right: the papers' red, blue and green in the palette of Okabe and Ito."""
 
 
 def mode_name(mode: int, radii: Sequence[float]) -> str:
-    """Name of a hypothesis: "S", "L r=5 m" or "R r=5 m".
+    """Return the name of a mode: "S", "L r=5 m" or "R r=5 m".
 
     Args:
-        mode: index into the bank, 0 .. 2 n.
+        mode: index of the hypothesis in the bank, 0 .. 2 n.
         radii: (n,) turn radii of the bank [m].
 
     Raises:
-        ValueError: the bank has no such mode.
+        ArgumentError: the mode is not in the bank.
     """
     kind = _type_of(mode, radii)
     return "S" if kind == 0 else f"{'SLR'[kind]} r={radii[(mode - 1) % len(radii)]:g} m"
 
 
 def mode_colour(mode: int, radii: Sequence[float]) -> str:
-    """Colour "#rrggbb" of a hypothesis: red straight, blue left, green right, darker for a tighter turn.
+    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns are darker.
 
     Args:
-        mode: index into the bank, 0 .. 2 n.
+        mode: index of the hypothesis in the bank, 0 .. 2 n.
         radii: (n,) turn radii of the bank [m].
 
     Raises:
-        ValueError: the bank has no such mode.
+        ArgumentError: the mode is not in the bank.
     """
     kind = _type_of(mode, radii)
     if kind == 0 or len(radii) == 1:
@@ -43,7 +43,7 @@ def mode_colour(mode: int, radii: Sequence[float]) -> str:
 
 
 def shade(colour: str, amount: float) -> str:
-    """A colour "#rrggbb" mixed with black (amount -1 .. 0) or with white (0 .. 1)."""
+    """Mix a colour "#rrggbb" with black (amount -1 .. 0) or with white (amount 0 .. 1)."""
     red, green, blue = (
         c * (1.0 + amount) if amount < 0.0 else c + (1.0 - c) * amount
         for c in (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))

@@ -1,4 +1,4 @@
-"""A window on the screen that shows frames at a steady pace."""
+"""A window that shows frames at a constant rate."""
 
 import os
 import sys
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 
 class NoDisplayError(RuntimeError):
-    """No window can be opened, not even off screen."""
+    """No window can be opened, with any video driver."""
 
 
 class Window:
-    """Opened by the first frame, with pygame, which is not imported before.
+    """A pygame window. The first frame opens it; pygame is imported only then.
 
     Args:
-        fps: most frames a second; `show` waits to keep to it.
+        fps: maximum number of frames per second; `show` waits accordingly.
 
     Attributes:
-        closed_by_user: True from the moment when the user closes the window until `close`.
+        closed_by_user: True after the user has closed the window, until `close` is called.
     """
 
     def __init__(self, fps: int):
@@ -29,10 +29,13 @@ class Window:
         self._clock: Any = None
 
     def wants_frame(self, size: tuple[int, int]) -> bool:
-        """Open the window if need be and read its events; False once the user has closed it.
+        """Open the window if necessary and process its events.
 
         Args:
             size: (width, height) [px].
+
+        Returns:
+            False if the user has closed the window.
 
         Raises:
             NoDisplayError: SDL cannot open a window.
@@ -42,13 +45,13 @@ class Window:
         if self._surface is None:
             self._open(size)
         pygame = _import_pygame()
-        if pygame.event.get(pygame.QUIT):  # other events are left to the caller's program
+        if pygame.event.get(pygame.QUIT):  # all other events stay in the queue for the calling program
             self.close()
             self.closed_by_user = True
         return not self.closed_by_user
 
     def show(self, frame: NDArray[np.uint8]) -> None:
-        """Show a frame, (height, width, 4) uint8 RGBA, in the window that `wants_frame` has opened."""
+        """Show a frame, (height, width, 4) uint8 RGBA, in the window opened by `wants_frame`."""
         pygame = _import_pygame()
         height, width = frame.shape[:2]
         self._surface.blit(pygame.image.frombuffer(frame.tobytes(), (width, height), "RGBA"), (0, 0))
@@ -56,7 +59,7 @@ class Window:
         self._clock.tick(self.fps)
 
     def close(self) -> None:
-        """Close the window, if there is one; the next frame opens another."""
+        """Close the window, if there is one. The next frame opens a new one."""
         if self._surface is not None:
             _import_pygame().display.quit()
             self._surface = None
@@ -75,10 +78,10 @@ class Window:
 
 
 def display_available() -> bool:
-    """Whether a window would be seen.
+    """Return whether a window can be opened on a display.
 
-    Where it would not, SDL draws off screen without a word. A driver named in SDL_VIDEODRIVER counts as
-    seen, whatever it is, as long as it works.
+    Without a display, SDL silently renders off screen. A working driver named in SDL_VIDEODRIVER counts as a
+    display, even if it renders off screen.
     """
     chosen = any(map(os.environ.get, ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")))
     displays = any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

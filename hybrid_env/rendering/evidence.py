@@ -1,0 +1,79 @@
+"""Description of the evidence panel: which curves it shows, on which axis, with which thresholds."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+
+DEFAULT_ALPHA = 0.001
+SINGLE_COLOUR = "#404040"
+RATIO_LIMIT = 15.0  # limit of the axis, unless a threshold needs more
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A level of the evidence at which a decision is made.
+
+    Attributes:
+        levels: (T,) level at each tick since the switch; later ticks use the last one.
+        name: printed at the right end of the line.
+    """
+
+    levels: NDArray[np.float64]
+    name: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidencePanel:
+    """What the evidence panel shows.
+
+    Attributes:
+        label: of the vertical axis.
+        limits: of the vertical axis.
+        scale: of the vertical axis.
+        curves: one curve for each hypothesis, one for each type of motion (straight, left turn, right turn),
+            or a single one. Hypotheses that share a curve must have the same evidence.
+        thresholds: drawn as dashed lines.
+        legend: entry of the thresholds in the legend.
+    """
+
+    label: str
+    limits: tuple[float, float]
+    scale: Literal["linear", "logit"] = "linear"
+    curves: Literal["hypothesis", "type", "single"] = "hypothesis"
+    thresholds: tuple[Threshold, ...] = ()
+    legend: str = ""
+
+    def colours(self, radii: Sequence[float]) -> dict[int, str]:
+        """Return the colour of each curve by the index of the first hypothesis of the curve."""
+        if self.curves == "single":
+            return {0: SINGLE_COLOUR}
+        if self.curves == "type":
+            return dict(zip((0, 1, len(radii) + 1), TYPE_COLOURS, strict=True))
+        return {mode: mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)}
+
+
+def ratio_limits(threshold: float) -> tuple[float, float]:
+    """Return symmetric limits for an axis of log-likelihood ratios that contain a threshold."""
+    limit = max(RATIO_LIMIT, 1.15 * threshold)
+    return -limit, limit
+
+
+def sprt_panel(alpha: float) -> EvidencePanel:
+    """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the SPRT.
+
+    Args:
+        alpha: error probability of the first and of the second kind.
+    """
+    upper = math.log((1.0 - alpha) / alpha)
+    return EvidencePanel(
+        label="log-likelihood ratio to the active mode",
+        limits=ratio_limits(upper),
+        thresholds=(Threshold(np.array([upper]), "A"), Threshold(np.array([-upper]), "B")),
+        legend=f"A, B at alpha = {alpha:g}",
+    )

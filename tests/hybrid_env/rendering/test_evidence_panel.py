@@ -1,0 +1,167 @@
+"""The evidence panel with the evidence of a decider in place of the log-likelihood ratios."""
+
+from itertools import combinations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import hybrid_env  # noqa: F401
+from hybrid_env.rendering.evidence import (
+    SINGLE_COLOUR,
+    EvidencePanel,
+    Threshold,
+    sprt_panel,
+)
+from hybrid_env.rendering.evidence_axes import probability_ticks
+from hybrid_env.rendering.figure import FRAME_SIZE, EpisodeFigure, Renderer
+from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+
+RADII = tuple(float(radius) for radius in range(1, 11))
+POSTERIOR = EvidencePanel(
+    label="posterior probability (neural network)",
+    limits=(1e-7, 1.0 - 1e-7),
+    scale="logit",
+    thresholds=(Threshold(np.array([1.0 - 1e-6])),),
+    legend="1 - alpha at alpha = 1e-06",
+)
+
+
+def started(scheme="S20 L20r5", **options):
+    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=scheme, **options).unwrapped
+    env.reset(seed=0)
+    return env
+
+
+def evidence_lines(env, panel):
+    figure = EpisodeFigure(env.options, panel)
+    figure.draw(env.history)
+    lines = figure.figure.axes[1].lines
+    return lines[: len(panel.thresholds)], lines[len(panel.thresholds) :]
+
+
+def drawn_texts(figure):
+    yield from figure.texts
+    for legend in figure.legends:
+        yield from legend.get_texts()
+    for axes in figure.axes:
+        yield from axes.texts
+        for axis in (axes.xaxis, axes.yaxis):
+            yield axis.label
+            low, high = axis.get_view_interval()
+            for place, label in zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True):
+                if low <= place <= high:
+                    yield label
+
+
+def test_the_default_panel_has_the_thresholds_of_the_sprt_at_alpha_0_001():
+    env = started()
+    default, same, other = (
+        Renderer(env.options, False, panel).draw(env.history)
+        for panel in (None, sprt_panel(1e-3), sprt_panel(1e-2))
+    )
+    assert np.array_equal(env.render(), default)
+    assert np.array_equal(default, same)
+    assert not np.array_equal(default, other)
+
+
+@pytest.mark.parametrize("alpha", [0.1, 1e-3, 1e-10])
+def test_the_thresholds_of_the_sprt_are_drawn_inside_the_panel(alpha):
+    panel = sprt_panel(alpha)
+    (upper, lower), _ = evidence_lines(started(), panel)
+    np.testing.assert_allclose(upper.get_ydata(), np.log((1.0 - alpha) / alpha))
+    np.testing.assert_allclose(lower.get_ydata(), np.log(alpha / (1.0 - alpha)))
+    assert panel.limits[0] < lower.get_ydata()[0] < upper.get_ydata()[0] < panel.limits[1]
+    assert f"alpha = {alpha:g}" in panel.legend
+
+
+def test_the_evidence_of_the_current_tick_can_be_replaced():
+    env = started()
+    values = np.array([0.2, 0.7, 0.1])
+    env.history.set_evidence(values)
+    env.step(2)
+    np.testing.assert_array_equal(env.history.evidence[0], values)
+    assert np.isnan(env.history.evidence[1:-1]).all()
+    assert env.history.decisions[0].evidence == 0.7
+    _, curves = evidence_lines(env, POSTERIOR)
+    assert [curve.get_color() for curve in curves] == list(TYPE_COLOURS)
+    assert [np.asarray(curve.get_ydata())[1] for curve in curves] == values.tolist()
+
+
+def test_a_panel_by_type_has_one_curve_for_each_type():
+    env = started(scheme="S20 L20r5", radii=RADII, correctness="type")
+    types = np.repeat([0.2, 0.7, 0.1], [1, 10, 10])
+    env.history.set_evidence(types)
+    panel = EvidencePanel(label="", limits=(0.0, 1.0), curves="type")
+    _, curves = evidence_lines(env, panel)
+    assert [curve.get_color() for curve in curves] == list(TYPE_COLOURS)
+    assert [np.asarray(curve.get_ydata())[1] for curve in curves] == [0.2, 0.7, 0.1]
+
+
+def test_the_number_and_the_colours_of_the_curves_follow_the_panel():
+    panels = {
+        kind: EvidencePanel(label="", limits=(0.0, 1.0), curves=kind) for kind in ("hypothesis", "single")
+    }
+    assert panels["single"].colours(RADII) == {0: SINGLE_COLOUR}
+    assert panels["hypothesis"].colours(RADII) == {mode: mode_colour(mode, RADII) for mode in range(21)}
+
+
+def test_a_threshold_may_depend_on_the_tick_of_the_segment():
+    env = started(scheme="S5 L20r5")
+    for action in (0, 1, 0, 0):  # the decision at tick 2 is followed by three skipped ticks
+        env.step(action)
+    panel = EvidencePanel(
+        label="", limits=(0.0, 1.0), thresholds=(Threshold(np.array([0.9, 0.8, 0.7])),), legend="boundary"
+    )
+    (line,), _ = evidence_lines(env, panel)
+    time, level = line.get_data()
+    np.testing.assert_array_equal(time, np.arange(101))
+    expected = [0.9, 0.8, np.nan, np.nan, np.nan, 0.9, 0.8, 0.7, 0.7]
+    np.testing.assert_array_equal(level[1:10], expected)
+    assert (level[10:] == 0.7).all()
+
+
+@pytest.mark.parametrize(
+    ("lowest", "labels"),
+    [
+        (1e-3, {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
+        (1.0 - (1.0 - 1e-3), {"0.1 %", "1 %", "10 %", "50 %", "90 %", "99 %", "99.9 %"}),
+        (1e-6, {"0.0001 %", "0.01 %", "1 %", "50 %", "99 %", "99.99 %", "99.9999 %"}),
+        (1e-9, {"$10^{-9}$", "0.0001 %", "0.1 %", "50 %", "99.9 %", "99.9999 %", "$1 - 10^{-9}$"}),
+    ],
+)
+def test_ticks_of_a_logit_axis_are_probabilities(lowest, labels):
+    places, names = probability_ticks(lowest)
+    assert set(names) == labels
+    assert all(lowest - 1e-12 <= place <= 1.0 - lowest + 1e-12 for place in places)
+
+
+@pytest.mark.parametrize("radii", [(5.0,), (3.0, 4.0, 5.0), RADII, tuple(np.linspace(1, 50, 50).tolist())])
+@pytest.mark.parametrize("panel", [sprt_panel(1e-3), sprt_panel(1e-9), POSTERIOR])
+def test_texts_are_inside_the_frame_and_do_not_overlap(radii, panel):
+    env = started(scheme="L60r5 S60", radii=radii, correctness="type")
+    env.step(2)
+    figure = EpisodeFigure(env.options, panel)
+    figure.draw(env.history)
+    boxes = {text: text.get_window_extent() for text in drawn_texts(figure.figure)}
+    assert len(boxes) > 25
+    for text, box in boxes.items():
+        assert box.x0 >= 0, text
+        assert box.x1 <= FRAME_SIZE[0], text
+        assert box.y0 >= 0, text
+        assert box.y1 <= FRAME_SIZE[1], text
+    for (one, box), (other, other_box) in combinations(boxes.items(), 2):
+        assert not box.overlaps(other_box), (one, other)
+
+
+def test_legends_are_below_the_panels_and_inside_the_frame():
+    env = started(radii=RADII, correctness="type")
+    figure = EpisodeFigure(env.options, POSTERIOR)
+    figure.draw(env.history)
+    renderer = figure.figure.canvas.get_renderer()
+    lowest = min(axes.get_tightbbox(renderer).y0 for axes in figure.figure.axes)
+    for legend in figure.figure.legends:
+        box = legend.get_window_extent()
+        assert box.y1 <= lowest
+        assert box.x0 >= 0
+        assert box.x1 <= FRAME_SIZE[0]

@@ -1,0 +1,83 @@
+"""The window of render_mode="human"."""
+
+import time
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import hybrid_env  # noqa: F401
+from hybrid_env.rendering.figure import Renderer
+from hybrid_env.rendering.window import NoDisplayError, display_available
+
+
+def make(render_mode):
+    return gym.make("HybridTrack-v0", render_mode=render_mode).unwrapped
+
+
+def test_human_mode_shows_ten_frames_per_second(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = make("human")
+    env.reset(seed=0)
+    begin = time.perf_counter()
+    for _ in range(4):
+        env.step(0)
+    elapsed = time.perf_counter() - begin
+    assert env.render() is None
+    env.close()
+    env.close()
+    assert elapsed > 0.3
+
+
+def test_the_window_shows_the_frame(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    env, reference = make("human"), make("rgb_array")
+    env.reset(seed=0)
+    reference.reset(seed=0)
+    shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
+    env.close()
+    assert np.array_equal(shown, reference.render())
+
+
+def test_the_episode_continues_after_the_window_is_closed(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    env = make("human")
+    env.reset(seed=0)
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    env.step(0)
+    assert env.renderer.window.closed_by_user
+    assert not pygame.display.get_init()
+    begin = time.perf_counter()
+    for _ in range(40):
+        env.step(0)
+    assert time.perf_counter() - begin < 2.0  # no longer limited to ten frames per second
+    env.close()
+    env.reset(seed=0)
+    assert pygame.display.get_init()
+    env.close()
+
+
+def test_the_error_for_a_window_that_cannot_be_opened_names_the_alternative(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
+    assert not display_available()
+    env = make("human")
+    with pytest.raises(NoDisplayError, match="use render_mode='rgb_array'"):
+        env.reset(seed=0)
+    env.close()
+
+
+def test_a_missing_display_is_detected(monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert not display_available()
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    assert display_available()
+
+
+def test_a_renderer_without_a_window_can_be_closed():
+    Renderer(make("rgb_array").options, human=False).close()
