@@ -1,6 +1,8 @@
-"""One episode, watched or kept as a file: `hybridtrack play`.
+"""Watching or saving episodes: `hybridtrack play`.
 
-`command` lets a decider play and writes animation, picture or recording.
+- `command`: the command; it plays the episodes and writes the files.
+- `evidence`: what each decider compares with its threshold, for the evidence panel.
+- `animation`: animated GIFs.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

@@ -1,4 +1,4 @@
-"""The command `hybridtrack play`: watch a decider on one track, or keep the episode as a file."""
+"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a file."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
@@ -17,56 +16,59 @@ from agents.interface.output_files import whole_file
 from agents.interface.progress import progress_display
 from agents.interface.recording_files import write_table
 from agents.interface.world_arguments import WorldArguments
+from agents.playing.animation import write_gif
+from agents.playing.evidence import DeciderEvidence, decider_evidence
 from baselines.deciders.decider import Decider
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.env import HybridTrackEnv
-from hybrid_env.options import WorldOptions
 from hybrid_env.registration import check_env_id
-from hybrid_env.rendering.figure import RENDER_FPS
+from hybrid_env.rendering.figure import RENDER_FPS, Renderer
 from hybrid_env.rendering.history import EpisodeHistory
-from hybrid_env.rendering.modes import mode_colour, mode_name, shade
+from hybrid_env.rendering.modes import mode_name
 from hybrid_env.rendering.window import display_available
 
-Frame = NDArray[np.uint8]
-
-LAST_FRAME = 2.0
-"""Time for which the window shows a finished episode [s]."""
-
-PALETTE_SIZE = 255  # GIF has 256, one of them for "unchanged"
+FINAL_FRAMES = 2 * RENDER_FPS
+"""Number of times that the window shows the last frame of an episode: for two seconds."""
 
 
 @dataclass(kw_only=True)
 class Play(WorldArguments):
-    """Watch a decider on one track in a window, or keep what it did as an animation, picture or recording."""
+    """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
 
     decider: str = "ate"
-    """Who decides: 'ate', 'msprt' or another rule of `compare`, or a run folder; maybe with ':threshold'."""
+    """A rule of `compare` such as 'ate' or 'msprt', 'shipped', or a run folder; optionally ':threshold'."""
     episodes: int = 1
-    """Episodes to play, one after the other."""
+    """Number of episodes."""
     seed: int = 0
-    """Seed of the first episode; each further one has the next."""
+    """Seed of the first episode; it increases by one with each episode."""
     out: Path | None = None
-    """A .gif of all episodes, or a .png of a single finished one; without it a window opens."""
+    """A .gif file for all episodes, or a .png file for the end of a single one; without it a window opens."""
     record: Path | None = None
-    """A .csv for the measurements of one episode, columns t,x,y, which `hybridtrack track` reads."""
+    """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
 
     def run(self) -> None:
-        """Play, print a table after each episode, write the files that were asked for.
+        """Play the episodes, print a table after each, and write the requested files.
 
         Raises:
             ArgumentError: one line that names the argument, its value and what is allowed.
         """
         self._check()
+        show = self.out is None and (self.record is None or display_available())
+        if show and not display_available():
+            raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
         env = self._make_env()
+        decider = load_decider(self.decider, env.options)
+        evidence = decider_evidence(decider)
+        renderer = Renderer(env.options, show, evidence.panel)
         console = Console()
         try:
-            decider = load_decider(self.decider, env.options)
             with progress_display(console) as progress:
-                if not self._play(env, self._steps(env, decider, console, progress)):
+                histories = self._play(env, decider, evidence, console, progress)
+                if not self._render(renderer, histories):
                     return
         finally:
-            env.close()
+            renderer.close()
         for path in (self.out, self.record):
             if path is not None:
                 size = path.stat().st_size / 1024
@@ -80,47 +82,30 @@ class Play(WorldArguments):
             if path is None:
                 continue
             if path.suffix.lower() not in suffixes:
-                raise reject(name, str(path), f"a file that ends in {' or '.join(suffixes)}")
+                raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
             if not path.parent.is_dir():
-                raise reject(name, str(path), "a file in a folder that exists")
+                raise reject(name, str(path), "a file in an existing folder")
             if path.is_dir():
                 raise reject(name, str(path), "a file, not a folder")
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
     def _make_env(self) -> HybridTrackEnv:
-        wants_window = self.out is None and (self.record is None or display_available())
-        mode = "human" if wants_window else "rgb_array"
-        if mode == "human" and not display_available():
-            raise ArgumentError("no window can be opened here: give --out FILE, a .gif or a .png")
         env_id, options = self.world_of(self.decider)
         check_env_id(env_id)
-        env = gym.make(env_id, render_mode=mode, **options).unwrapped
+        env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
         assert isinstance(env, HybridTrackEnv)
         return env
 
-    def _play(self, env: HybridTrackEnv, steps: Iterator[None]) -> bool:
-        """Play to the end and write the picture; False if the user closed the window before."""
-        try:
-            if self.out is not None and self.out.suffix.lower() == ".gif":
-                write_gif(self.out, (env.render() for _ in steps), env.options)
-                return True
-            for _ in steps:
-                if window_closed(env):
-                    return False
-            if self.out is not None:
-                with whole_file(self.out) as part:
-                    Image.fromarray(env.render()).save(part, format="PNG")
-        except OSError as error:
-            raise ArgumentError(
-                f"{self.out or self.record} cannot be written: {error.strerror or error}"
-            ) from None
-        return True
-
-    def _steps(
-        self, env: HybridTrackEnv, decider: Decider, console: Console, progress: Progress
-    ) -> Iterator[None]:
-        """Play the episodes; every reset and every step is followed by one yield."""
+    def _play(
+        self,
+        env: HybridTrackEnv,
+        decider: Decider,
+        evidence: DeciderEvidence,
+        console: Console,
+        progress: Progress,
+    ) -> Iterator[EpisodeHistory]:
+        """Play the episodes; yield the history after every reset and every step."""
         history = env.history
         assert history is not None
         segments = env.options.segments
@@ -128,83 +113,61 @@ class Play(WorldArguments):
         for episode in range(self.episodes):
             observation, _ = env.reset(seed=self.seed + episode)
             start, state, terminated = np.ones(1, np.bool_), None, False
-            yield
             while not terminated:
-                actions, state = decider.predict(observation[None], state, start, deterministic=True)
+                rows = observation[None]
+                history.set_evidence(evidence.compute(rows, state, start)[0])
+                actions, state = decider.predict(rows, state, start, deterministic=True)
+                yield history
                 start = np.zeros(1, np.bool_)
                 observation, _, terminated, _, _ = env.step(int(actions[0]))
                 done = episode * segments + len(history.decisions)
                 progress.update(task, completed=done, note=f"tick {len(history.trace)}")
-                yield
             title = f"{self.decider}, episode {episode + 1}, seed {self.seed + episode}"
             console.print(episode_table(history, title))
             if self.record is not None:
                 write_recording(self.record, history)
-            if env.render_mode == "human":
-                for _ in range(round(LAST_FRAME * RENDER_FPS)):
-                    env.render()
+            yield history
 
-
-def window_closed(env: HybridTrackEnv) -> bool:
-    """Whether the user has closed the window of an environment."""
-    window = None if env.renderer is None else env.renderer.window
-    return window is not None and window.closed_by_user
+    def _render(self, renderer: Renderer, histories: Iterator[EpisodeHistory]) -> bool:
+        """Show or write the frames; return False if the user has closed the window before the end."""
+        if self.out is not None and self.out.suffix.lower() == ".gif":
+            write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
+            return True
+        for history in histories:
+            if renderer.window is not None:
+                for _ in range(FINAL_FRAMES if history.finished else 1):
+                    renderer.draw(history)
+                if renderer.window.closed_by_user:
+                    return False
+        if self.out is not None:
+            with whole_file(self.out) as part:
+                Image.fromarray(renderer.draw(history)).save(part, format="PNG")
+        return True
 
 
 def episode_table(history: EpisodeHistory, title: str) -> Table:
-    """One row for each decision of an episode."""
+    """Return a table with one row for each decision of an episode."""
     radii = history.options.radii
     table = Table(title=title, title_justify="left")
     for name in ("segment", "true mode", "decided mode", "decision"):
         table.add_column(name)
     table.add_column("ticks", justify="right")
-    for number, made in enumerate(history.decisions, start=1):
-        verdict = "[green]correct[/]" if made.correct else "[red]wrong[/]"
+    for number, decision in enumerate(history.decisions, start=1):
+        verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
         table.add_row(
             str(number),
-            mode_name(made.true_mode, radii),
-            mode_name(made.mode, radii),
-            verdict + (", forced" if made.forced else ""),
-            f"{made.ticks} of {made.length}",
+            mode_name(decision.true_mode, radii),
+            mode_name(decision.mode, radii),
+            verdict + (", forced" if decision.forced else ""),
+            f"{decision.ticks} of {decision.length}",
         )
     return table
 
 
 def write_recording(path: Path, history: EpisodeHistory) -> None:
-    """Write the measurements of an episode as CSV: t [s], which starts at tau, x and y [m]."""
+    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m]."""
     ticks = np.arange(1, len(history.trace) + 1)
-    # 12 digits, so that 3 tau is 0.3 and not 0.30000000000000004
+    # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
     times = [float(f"{time:.12g}") for time in history.options.tau * ticks]
     x, y = (history.trace[:, TRACE_COLUMNS.index(name)] for name in ("measured_x", "measured_y"))
     write_table(path, {"t": times, "x": x, "y": y})
-
-
-def write_gif(path: Path, frames: Iterator[Frame], options: WorldOptions) -> None:
-    """Write frames, (height, width, 3) uint8, as an endless animation of RENDER_FPS frames a second."""
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(palette_colours(options).tobytes())
-    images = (Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    with whole_file(path) as part:
-        next(images).save(
-            part,
-            format="GIF",
-            save_all=True,
-            append_images=images,
-            duration=round(1000 / RENDER_FPS),
-            loop=0,
-        )
-
-
-def palette_colours(options: WorldOptions) -> NDArray[np.uint8]:
-    """The colours of a frame and their mixtures with white, (n, 3), n <= PALETTE_SIZE.
-
-    One palette for all frames, fixed beforehand, keeps a picture steady and its changes small.
-    """
-    greys = [f"#{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)]
-    marks = [shade("#f0e442", amount) for amount in (-0.75, -0.5, -0.25, 0.0, 0.5)]
-    modes = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
-    room = PALETTE_SIZE - len(greys) - len(marks)
-    steps = min(max(room // len(modes), 1), 12)
-    mixed = [shade(colour, step / steps) for step in range(steps) for colour in modes]
-    colours = [*greys, *marks, *mixed[:room]]
-    return np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for colour in colours], np.uint8)

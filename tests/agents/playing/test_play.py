@@ -1,3 +1,5 @@
+"""The command `hybridtrack play`: animations, pictures, recordings and the window."""
+
 import csv
 
 import gymnasium as gym
@@ -7,18 +9,21 @@ from PIL import Image, ImageSequence
 
 import agents.playing.command
 import hybrid_env  # noqa: F401
+from agents.evaluation.deciders import load_decider
 from agents.interface.recording_files import read_recording
-from agents.playing.command import PALETTE_SIZE, Play, palette_colours
+from agents.playing.animation import PALETTE_SIZE, palette_colours
+from agents.playing.command import Play
+from agents.playing.evidence import decider_evidence
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.figure import FRAME_SIZE
+from hybrid_env.rendering.figure import FRAME_SIZE, Renderer
 
 SCHEME = "S8 L8r5"
-STEPS = 10  # fixed:5 waits at four ticks of each segment and declares at the fifth
+STEPS = 10  # fixed:5 waits for four ticks of each segment and declares at the fifth
 
 
 class Decider:
-    """Waits, and does at one step of an episode what a test wants."""
+    """Always waits, and calls a function at one step of the episode."""
 
     def __init__(self, step, act):
         self.step, self.act, self.calls = step, act, 0
@@ -38,7 +43,7 @@ def play(**arguments):
     Play(**{"scheme": SCHEME, "decider": "fixed:5", "seed": 3} | arguments).run()
 
 
-def test_a_gif_has_a_frame_for_the_reset_and_each_step_at_ten_a_second(tmp_path):
+def test_a_gif_has_one_frame_for_the_reset_and_each_step_at_ten_per_second(tmp_path):
     play(out=tmp_path / "episode.gif")
     with Image.open(tmp_path / "episode.gif") as animation:
         assert animation.n_frames == 1 + STEPS
@@ -48,13 +53,13 @@ def test_a_gif_has_a_frame_for_the_reset_and_each_step_at_ten_a_second(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 
 
-def test_a_gif_of_two_episodes_has_the_frames_of_both(tmp_path):
+def test_a_gif_contains_all_episodes(tmp_path):
     play(out=tmp_path / "two.gif", episodes=2)
     with Image.open(tmp_path / "two.gif") as animation:
         assert animation.n_frames == 2 * (1 + STEPS)
 
 
-def test_the_last_frame_of_the_gif_is_the_png_but_for_the_palette(tmp_path):
+def test_the_last_frame_of_the_gif_is_the_png_up_to_the_palette(tmp_path):
     for name in ("episode.gif", "episode.png"):
         play(out=tmp_path / name, env="hybrid_env:HybridTrackBank-v0")
     with Image.open(tmp_path / "episode.gif") as animation, Image.open(tmp_path / "episode.png") as picture:
@@ -64,19 +69,25 @@ def test_the_last_frame_of_the_gif_is_the_png_but_for_the_palette(tmp_path):
     assert (np.abs(difference).max(-1) > 64).mean() < 1e-3
 
 
-def test_a_png_is_the_frame_of_the_finished_episode(tmp_path):
-    play(out=tmp_path / "episode.png")
-    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=SCHEME)
-    _, info = env.reset(seed=3)
-    terminated = False
+@pytest.mark.parametrize("name", ["ate:1e-6", "msprt", "fixed:5", "shipped"])
+def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_path, name):
+    play(out=tmp_path / "episode.png", decider=name)
+    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=SCHEME).unwrapped
+    decider = load_decider(name, env.options)
+    evidence = decider_evidence(decider)
+    observation, _ = env.reset(seed=3)
+    state, start, terminated = None, np.ones(1, np.bool_), False
     while not terminated:
-        likeliest = int(np.argmax(info["log_likelihood"]))
-        _, _, terminated, _, info = env.step(likeliest + 1 if info["tick"] == 5 else 0)
+        env.history.set_evidence(evidence.compute(observation[None], state, start)[0])
+        actions, state = decider.predict(observation[None], state, start)
+        observation, _, terminated, _, _ = env.step(actions[0])
+        start = np.zeros(1, np.bool_)
+    frame = Renderer(env.options, False, evidence.panel).draw(env.history)
     with Image.open(tmp_path / "episode.png") as picture:
-        np.testing.assert_array_equal(np.asarray(picture), env.render())
+        np.testing.assert_array_equal(np.asarray(picture), frame)
 
 
-def test_the_recording_holds_every_measurement_with_its_time(tmp_path):
+def test_the_recording_contains_every_measurement_with_its_time(tmp_path):
     play(out=tmp_path / "episode.png", record=tmp_path / "episode.csv")
     with (tmp_path / "episode.csv").open(newline="") as file:
         rows = list(csv.reader(file))
@@ -94,7 +105,7 @@ def test_the_recording_holds_every_measurement_with_its_time(tmp_path):
     assert recording.tau == pytest.approx(0.1)
 
 
-def test_options_of_the_world_reach_the_environment(tmp_path):
+def test_options_are_passed_to_the_environment(tmp_path):
     play(out=tmp_path / "a.png", record=tmp_path / "quiet.csv", measurement_variance=1e-12, tau=0.5)
     recording = read_recording(tmp_path / "quiet.csv")
     assert recording.tau == pytest.approx(0.5)
@@ -102,13 +113,13 @@ def test_options_of_the_world_reach_the_environment(tmp_path):
     np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
 
 
-def test_the_table_says_what_was_decided_and_when(tmp_path, capsys):
+def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
     play(out=tmp_path / "episode.png", decider="fixed:50")
-    told = capsys.readouterr().out
-    assert "seed 3" in told
-    assert told.count("forced") == told.count("8 of 8") == 2
-    assert told.count("correct") + told.count("wrong") == 2
-    assert "L r=5 m" in told
+    output = capsys.readouterr().out
+    assert "seed 3" in output
+    assert output.count("forced") == output.count("8 of 8") == 2
+    assert output.count("correct") + output.count("wrong") == 2
+    assert "L r=5 m" in output
 
 
 @pytest.mark.parametrize(
@@ -116,12 +127,12 @@ def test_the_table_says_what_was_decided_and_when(tmp_path, capsys):
     [
         (
             {"out": "episode.mp4"},
-            r"^out='.*episode.mp4' is not allowed: expected a file that ends in .gif or",
+            r"^out='.*episode.mp4' is not allowed: expected a file name that ends in .gif or",
         ),
         ({"out": "episode"}, r"^out='.*episode' is not allowed"),
-        ({"out": "missing/episode.gif"}, r"^out=.* expected a file in a folder that exists$"),
+        ({"out": "missing/episode.gif"}, r"^out=.* expected a file in an existing folder$"),
         ({"out": "a.png", "record": "a.txt"}, r"^record='.*a.txt' is not allowed: expected .* ends in .csv$"),
-        ({"out": "a.png", "record": "missing/a.csv"}, r"^record=.* expected a file in a folder that exists$"),
+        ({"out": "a.png", "record": "missing/a.csv"}, r"^record=.* expected a file in an existing folder$"),
         ({"out": "a.gif", "episodes": 0}, r"^episodes=0 is not allowed: expected an integer >= 1$"),
         ({"out": "a.png", "episodes": 2}, r"^episodes=2 is not allowed: expected 1 with --out"),
         ({"out": "a.gif", "record": "a.csv", "episodes": 2}, r"^episodes=2 .* expected 1 with --record"),
@@ -133,7 +144,7 @@ def test_the_table_says_what_was_decided_and_when(tmp_path, capsys):
         ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
     ],
 )
-def test_a_bad_argument_is_one_line_and_leaves_no_file(tmp_path, arguments, message):
+def test_the_error_for_an_invalid_argument_is_one_line_and_no_file_is_written(tmp_path, arguments, message):
     for name in ("out", "record"):
         if name in arguments:
             arguments = arguments | {name: tmp_path / arguments[name]}
@@ -143,14 +154,14 @@ def test_a_bad_argument_is_one_line_and_leaves_no_file(tmp_path, arguments, mess
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_is_no_file(tmp_path):
+def test_a_folder_is_not_an_output_file(tmp_path):
     (tmp_path / "folder.gif").mkdir()
     with pytest.raises(ArgumentError, match="expected a file, not a folder"):
         play(out=tmp_path / "folder.gif")
 
 
 @pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
-def test_a_failure_midway_leaves_the_old_file_alone_and_nothing_beside_it(tmp_path, monkeypatch, name):
+def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch, name):
     monkeypatch.setattr(agents.playing.command, "load_decider", lambda *_: Decider(4, fail))
     (tmp_path / name).write_bytes(b"old")
     with pytest.raises(RuntimeError, match="decider failed"):
@@ -159,22 +170,23 @@ def test_a_failure_midway_leaves_the_old_file_alone_and_nothing_beside_it(tmp_pa
     assert (tmp_path / name).read_bytes() == b"old"
 
 
-def test_a_file_that_cannot_be_written_is_one_line(tmp_path, monkeypatch):
-    def full(*_):
+@pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
+def test_the_error_for_a_full_disk_is_one_line(tmp_path, monkeypatch, name):
+    def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(agents.playing.command, "write_gif", full)
-    with pytest.raises(ArgumentError, match=r"a.gif cannot be written: No space left on device$"):
-        play(out=tmp_path / "a.gif")
+    monkeypatch.setattr(Image.Image, "save", full)
+    with pytest.raises(ArgumentError, match=rf"{name}' is not allowed: .* \(No space left on device\)$"):
+        play(out=tmp_path / name)
 
 
-def test_without_a_display_the_error_says_to_use_out(monkeypatch):
+def test_the_error_for_a_missing_display_names_the_alternative(monkeypatch):
     monkeypatch.setattr(agents.playing.command, "display_available", lambda: False)
-    with pytest.raises(ArgumentError, match=r"^no window can be opened here: give --out FILE"):
+    with pytest.raises(ArgumentError, match=r"^no window can be opened here: use --out FILE"):
         play()
 
 
-def test_closing_the_window_ends_the_play(tmp_path, monkeypatch, capsys):
+def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
@@ -186,15 +198,15 @@ def test_closing_the_window_ends_the_play(tmp_path, monkeypatch, capsys):
     assert not pygame.display.get_init()
 
 
-def test_an_episode_in_the_window_is_recorded_too(tmp_path, monkeypatch):
+def test_an_episode_in_the_window_is_recorded(tmp_path, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(agents.playing.command, "LAST_FRAME", 0.1)
+    monkeypatch.setattr(agents.playing.command, "FINAL_FRAMES", 1)
     play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
     assert len(read_recording(tmp_path / "episode.csv").measurements) == 3
 
 
 @pytest.mark.parametrize("count", [1, 3, 10, 60, 200])
-def test_the_palette_fits_into_a_gif_for_every_bank(count):
+def test_the_palette_has_at_most_255_colours_for_every_bank(count):
     options = WorldOptions(radii=tuple(range(1, count + 1)))
     colours = palette_colours(options)
     assert len(colours) <= PALETTE_SIZE < 256

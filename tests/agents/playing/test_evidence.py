@@ -1,0 +1,140 @@
+"""The evidence of each decider, compared with the decisions that it makes."""
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from agents.evaluation.deciders import load_decider, load_sequence_net
+from agents.learned.policy import PolicyDecider, make_policy
+from agents.learned.sequence import SequenceDecider
+from agents.learned.stopping import BeliefEncoder, StoppingDecider
+from agents.playing.evidence import decider_evidence
+from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
+
+RADII = (3.0, 5.0, 8.0)
+TRACKS = 30
+
+
+def make_env(correctness="exact"):
+    return HybridTrackVectorEnv(TRACKS, radii=RADII, correctness=correctness, tick_info=False)
+
+
+def ticks_of(env, decider, count=60):
+    """Play, and yield observation, actions and evidence at each tick."""
+    evidence = decider_evidence(decider)
+    observation, _ = env.reset(seed=0)
+    state, start = None, np.ones(TRACKS, np.bool_)
+    for _ in range(count):
+        values = evidence.compute(observation, state, start)
+        assert values.shape == (TRACKS, 7)
+        actions, state = decider.predict(observation, state, start)
+        yield observation, actions, values
+        observation, _, start, _, _ = env.step(actions)
+
+
+def levels_at(threshold, observation):
+    ticks = np.rint(Layout(7).read(observation, "ticks")).astype(int)
+    return threshold.levels[np.clip(ticks - 1, 0, len(threshold.levels) - 1)]
+
+
+def policy_decider(actions, threshold):
+    space = spaces.Box(-np.inf, np.inf, (Layout(7).width,), np.float32)
+    return PolicyDecider(make_policy(space, spaces.Discrete(actions), {}), threshold)
+
+
+def stopping_decider():
+    net = load_sequence_net("shipped")
+    width = BeliefEncoder(net, by_type=False).width
+    policy = make_policy(spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(2), {})
+    policy.beliefs = net
+    return StoppingDecider(policy, by_type=False)
+
+
+@pytest.mark.parametrize("correctness", ["exact", "type"])
+@pytest.mark.parametrize(
+    "name", ["msprt:0.05", "msprt:1e-6", "msprt-type:0.05", "gap:3", "bayes", "shipped:0.05"]
+)
+def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
+    env = make_env(correctness)
+    decider = load_decider(name, env.options)
+    (threshold,) = decider_evidence(decider).panel.thresholds
+    declared = 0
+    for observation, actions, values in ticks_of(env, decider):
+        level = levels_at(threshold, observation)[:, None]
+        clear = (np.abs(values - level) > 1e-9).all(axis=1)
+        reached = (values >= level).any(axis=1)
+        np.testing.assert_array_equal((actions > 0)[clear], reached[clear])
+        chosen = actions[actions > 0] - 1
+        np.testing.assert_array_equal(values[actions > 0, chosen], values[actions > 0].max(axis=1))
+        declared += len(chosen)
+    assert declared > 20
+
+
+def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_threshold():
+    env = make_env()
+    decider = load_decider("ate:1e-4", env.options)
+    panel = decider_evidence(decider).panel
+    upper, lower = (threshold.levels[0] for threshold in panel.thresholds)
+    assert (upper, lower) == pytest.approx((decider.upper, decider.lower))
+    assert panel.legend == "A, B at alpha = 0.0001"
+    declared = 0
+    for observation, actions, values in ticks_of(env, decider):
+        active = Layout(7).read(observation, "previous").argmax(-1)
+        assert (values[np.arange(TRACKS), active] == 0.0).all()
+        other = (actions > 0) & (actions - 1 != active)
+        assert (values[actions == 0] < upper).all()
+        assert (values[other, actions[other] - 1] >= upper).all()
+        declared += other.sum()
+    assert declared > 20
+
+
+@pytest.mark.parametrize("actions", [2, 8])
+def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
+    decider = policy_decider(actions, threshold=0.001)
+    panel = decider_evidence(decider).panel
+    assert panel.curves == ("single" if actions == 2 else "hypothesis")
+    for _, chosen, values in ticks_of(make_env(), decider):
+        np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
+        np.testing.assert_array_equal(
+            values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1)
+        )
+
+
+def test_a_stopping_policy_has_a_single_curve():
+    decider = stopping_decider()
+    assert decider_evidence(decider).panel.curves == "single"
+    for _, actions, values in ticks_of(make_env(), decider):
+        assert (np.ptp(values, axis=1) == 0.0).all()
+        np.testing.assert_array_equal(actions > 0, values[:, 0] > 0.0)
+
+
+def test_a_fixed_time_has_the_posterior_without_a_threshold():
+    env = make_env()
+    decider = load_decider("fixed:20", env.options)
+    panel = decider_evidence(decider).panel
+    assert panel.thresholds == ()
+    assert panel.legend == ""
+    for observation, _, values in ticks_of(env, decider, 25):
+        np.testing.assert_allclose(values.sum(axis=1), 1.0)
+        likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
+        np.testing.assert_array_equal(values.argmax(axis=1), likeliest)
+
+
+@pytest.mark.parametrize("by_type", [True, False])
+def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_type):
+    decider = SequenceDecider(load_sequence_net("shipped"), alpha=0.03, radius_weight=0.0 if by_type else 1.0)
+    panel = decider_evidence(decider).panel
+    assert panel.curves == ("type" if by_type else "hypothesis")
+    assert panel.legend == "1 - alpha at alpha = 0.03"
+    env = make_env("type" if by_type else "exact")
+    for _, _, values in ticks_of(env, decider, 10):
+        own = values[:, [0, 1, 4]] if by_type else values
+        np.testing.assert_allclose(own.sum(axis=1), 1.0)
+        assert not by_type or (values[:, 1:4] == values[:, 1:2]).all()
+
+
+@pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
+def test_the_threshold_is_inside_the_panel(alpha):
+    panel = decider_evidence(load_decider(f"msprt:{alpha}", WorldOptions())).panel
+    low, high = panel.limits
+    assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0
