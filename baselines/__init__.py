@@ -1,4 +1,4 @@
-"""Classical deciders: Wald's test and ATE around it, tests between all hypotheses, a fixed decision time."""
+"""Classical decision rules: Wald's SPRT, MSPRT and gap rule, fixed decision time; ATE on recordings."""
 
 from baselines.deciders.decider import Decider
 from baselines.deciders.fixed_time import FixedTimeDecider

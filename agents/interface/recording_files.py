@@ -1,7 +1,7 @@
-"""Recordings of positions as CSV, in and out.
+"""Recordings of positions as CSV files: reading and writing.
 
-A recording has the columns `x` and `y` [m] and, where the times are known, `t` [s], named by a header in any
-order, or no header and the columns `x,y` or `t,x,y`.
+A recording has the columns `x` and `y` [m] and optionally `t` [s]. A header names them in any order; without
+a header the columns are `x,y` or `t,x,y`.
 """
 
 import csv
@@ -20,13 +20,13 @@ from hybrid_env.checks import ArgumentError, reject
 
 Column: TypeAlias = Sequence[Any] | NDArray[Any]
 
-LARGEST = 1e12
-"""Bound of a cell: far beyond any coordinate [m] or time [s], and its powers still fit into a float."""
+MAX_VALUE = 1e12
+"""Largest absolute value of a coordinate [m] or time [s]; its powers do not overflow."""
 
-UNIFORM = 1e-3
-"""How far a step of `t` may be from the median step, as a share of it."""
+STEP_TOLERANCE = 1e-3
+"""Largest relative deviation of a step of `t` from the median step."""
 
-HEADER = "a header that names x and y once each, and t at most once, separated by commas or semicolons"
+HEADER = "a header with x and y once each and t at most once, separated by commas or semicolons"
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Recording:
 
     Attributes:
         measurements: (T, 2) x and y [m].
-        tau: tick [s], the mean step of the `t` column; None without one, or with a single row.
-        times: (T,) the `t` column [s]; None without one.
+        tau: mean step of the `t` column [s]; None without this column or with a single row.
+        times: (T,) the `t` column [s]; None without this column.
     """
 
     measurements: NDArray[np.float64]
@@ -47,14 +47,14 @@ class Recording:
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Read a recording.
 
-    Header names may be in any case and order, and further columns are ignored. Separators are commas or
-    semicolons, decimals have a point, the encoding is UTF-8; blank lines at the end are ignored.
+    The encoding is UTF-8, the separator a comma or a semicolon, the decimal separator a point. Header names
+    are case-insensitive. Further columns and blank lines at the end are ignored.
 
     Args:
-        path: of the CSV file.
+        path: path of the CSV file.
 
     Raises:
-        ArgumentError: one line with the file, the line, the value and what is allowed.
+        ArgumentError: the file is invalid; the message states file, line, value and what is allowed.
     """
     path = Path(path)
     rows = _rows(path, _text(path))
@@ -93,20 +93,23 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
 
 
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:
-    """Write columns as CSV with a header: all of the file, or nothing of it.
+    """Write columns as CSV with a header. The file is written completely or not at all.
 
     Args:
-        path: of the file; one that exists is replaced.
-        columns: equally long sequences of one dimension by name; floats are written to the last bit.
+        path: path of the file; an existing file is replaced.
+        columns: one-dimensional sequences of equal length, by name. Floats are written without loss of
+            precision.
 
     Raises:
-        ArgumentError: columns of different lengths, or a place that cannot be written.
+        ArgumentError: the columns have different lengths, or the file cannot be written.
     """
     lists: dict[str, list[Any]] = {}
     for name, column in columns.items():
         lists[name] = column.tolist() if isinstance(column, np.ndarray) else list(column)
     if len({len(column) for column in lists.values()}) > 1:
-        raise reject("columns", {name: len(column) for name, column in lists.items()}, "equally long columns")
+        raise reject(
+            "columns", {name: len(column) for name, column in lists.items()}, "columns of equal length"
+        )
     with whole_file(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(lists)
@@ -117,7 +120,7 @@ def _text(path: Path) -> str:
     if path.is_dir():
         raise reject("file", str(path), "a CSV file, not a folder")
     if not path.is_file():
-        raise reject("file", str(path), "a CSV file that exists")
+        raise reject("file", str(path), "an existing CSV file")
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -134,7 +137,7 @@ def _text(path: Path) -> str:
 
 
 def _rows(path: Path, text: str) -> list[tuple[int, list[str]]]:
-    """Line numbers and cells, without the blank lines at the end."""
+    """Line number and cells of each row, without blank lines at the end."""
     separator = ";" if ";" in text.strip().partition("\n")[0] else ","
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     try:
@@ -144,10 +147,12 @@ def _rows(path: Path, text: str) -> list[tuple[int, list[str]]]:
     while rows and not any(cell.strip() for cell in rows[-1][1]):
         rows.pop()
     if not rows:
-        raise reject("file", str(path), "a CSV file with rows of numbers, not an empty one")
+        raise reject("file", str(path), "a CSV file with rows of numbers, not an empty file")
     for line, cells in rows:
         if not cells:
-            raise ArgumentError(f"{path}, line {line}: a blank line is not allowed: expected one row a line")
+            raise ArgumentError(
+                f"{path}, line {line}: a blank line is not allowed: expected one row per line"
+            )
     return rows
 
 
@@ -171,29 +176,35 @@ def _number(place: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         value = np.nan
-    if not abs(value) <= LARGEST or "_" in cell:
+    if not abs(value) <= MAX_VALUE or "_" in cell:
         unit = "[s]" if place.endswith("t") else "[m]"
-        raise reject(place, cell, f"a finite number {unit} with a decimal point, at most {LARGEST:g} in size")
+        raise reject(
+            place, cell, f"a finite number {unit} with a decimal point, of magnitude at most {MAX_VALUE:g}"
+        )
     return value
 
 
 def _tick(path: Path, lines: list[int], times: NDArray[np.float64]) -> float | None:
-    """The mean step [s], after checking that all are alike."""
+    """Mean step [s] of the times.
+
+    Raises:
+        ArgumentError: the times do not increase, or not uniformly.
+    """
     steps = np.diff(times)
     if not steps.size:
         return None
-    late = np.flatnonzero(steps <= 0.0)
-    if late.size:
-        k = int(late[0]) + 1
+    decreasing = np.flatnonzero(steps <= 0.0)
+    if decreasing.size:
+        k = int(decreasing[0]) + 1
         raise reject(f"{path}, line {lines[k]}: t", float(times[k]), f"a time after {times[k - 1]:.12g} s")
     median = float(np.median(steps))
-    uneven = np.flatnonzero(np.abs(steps - median) > UNIFORM * median)
+    uneven = np.flatnonzero(np.abs(steps - median) > STEP_TOLERANCE * median)
     if uneven.size:
         k = int(uneven[0]) + 1
         raise reject(
             f"{path}, line {lines[k]}: t",
             float(times[k]),
-            f"{times[k - 1] + median:.12g}, as ticks must be uniform ({median:.6g} s within {UNIFORM:.1%}): "
-            "resample the recording",
+            f"{times[k - 1] + median:.12g}, as steps must be {median:.6g} s within {STEP_TOLERANCE:.1%}: "
+            "resample the recording to uniform ticks",
         )
     return float(steps.mean())

@@ -27,7 +27,7 @@ def write(tmp_path: Path, content: str | bytes) -> Path:
         "# x,y\n1,2\n1.5,-2.25\n2,4e-3\n",
     ],
 )
-def test_positions_without_times_have_no_tick(tmp_path: Path, content: str) -> None:
+def test_recording_without_times_has_no_tau(tmp_path: Path, content: str) -> None:
     recording = read_recording(write(tmp_path, content))
     np.testing.assert_array_equal(recording.measurements, ROWS)
     assert recording.measurements.dtype == np.float64
@@ -43,18 +43,18 @@ def test_positions_without_times_have_no_tick(tmp_path: Path, content: str) -> N
         "y;T;x\n2;7;1\n-2.25;7.25;1.5\n4e-3;7.5;2\n",
     ],
 )
-def test_the_tick_comes_from_the_times(tmp_path: Path, content: str) -> None:
+def test_tau_is_the_step_of_the_times(tmp_path: Path, content: str) -> None:
     recording = read_recording(write(tmp_path, content))
     np.testing.assert_array_equal(recording.measurements, ROWS)
     np.testing.assert_array_equal(recording.times, [7.0, 7.25, 7.5])
     assert recording.tau == 0.25
 
 
-def test_times_may_be_off_by_a_thousandth_of_a_tick(tmp_path: Path) -> None:
+def test_times_may_deviate_by_a_thousandth_of_a_step(tmp_path: Path) -> None:
     assert read_recording(write(tmp_path, "0,0,0\n0.1,0,0\n0.20009,0,0\n0.3,0,0\n")).tau == pytest.approx(0.1)
 
 
-def test_one_row_is_a_recording_without_a_tick(tmp_path: Path) -> None:
+def test_recording_of_one_row_has_no_tau(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path, "t,x,y\n3,1,2\n"))
     assert recording.measurements.shape == (1, 2)
     assert recording.tau is None
@@ -78,9 +78,9 @@ def test_one_row_is_a_recording_without_a_tick(tmp_path: Path) -> None:
         ("x,y\n1,1e300\n", ["line 2: y='1e300'", "1e+12"]),
         ("x,y\n1_0,1\n", ["line 2: x='1_0'", "finite number"]),
         ("t,x,y\n0,1,2\nsoon,1,2\n", ["line 3: t='soon'", "finite number [s]"]),
-        ("east,north\n1,2\n", ["line 1: header='east,north'", "names x and y once"]),
-        ("t,x,z\n1,2,3\n", ["line 1: header='t,x,z'", "names x and y once"]),
-        ("x,y,X\n1,2,3\n", ["line 1: header='x,y,X'", "names x and y once"]),
+        ("east,north\n1,2\n", ["line 1: header='east,north'", "x and y once each"]),
+        ("t,x,z\n1,2,3\n", ["line 1: header='t,x,z'", "x and y once each"]),
+        ("x,y,X\n1,2,3\n", ["line 1: header='x,y,X'", "x and y once each"]),
         ("t,x,y,t\n1,2,3,4\n", ["line 1: header='t,x,y,t'", "t at most once"]),
         ("1,2,3,4\n", ["line 1: row='1,2,3,4'", "x,y or t,x,y"]),
         ("5\n6\n", ["line 1: row='5'", "x,y or t,x,y"]),
@@ -96,7 +96,7 @@ def test_one_row_is_a_recording_without_a_tick(tmp_path: Path) -> None:
         ("t,x,y\n0,1,2\n.1,1,2\n.2,1,2\n.4,1,2\n", ["line 5: t=0.4", "expected 0.3", "resample"]),
     ],
 )
-def test_a_bad_file_is_refused_in_one_line_that_says_where(
+def test_invalid_file_raises_with_file_and_line(
     tmp_path: Path, content: str | bytes, parts: list[str]
 ) -> None:
     path = write(tmp_path, content)
@@ -108,14 +108,14 @@ def test_a_bad_file_is_refused_in_one_line_that_says_where(
         assert part in message
 
 
-def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match=r"nothing\.csv.*a CSV file that exists"):
+def test_missing_file_or_folder_raises(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"nothing\.csv.*an existing CSV file"):
         read_recording(tmp_path / "nothing.csv")
     with pytest.raises(ArgumentError, match="not a folder"):
         read_recording(tmp_path)
 
 
-def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_written_recording_is_read_back_exactly(tmp_path: Path) -> None:
     generator = np.random.default_rng(0)
     times, positions = 1e-3 * np.arange(40), 1e3 * generator.normal(size=(40, 2))
     path = tmp_path / "flight.csv"
@@ -126,19 +126,19 @@ def test_what_is_written_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     assert recording.tau == pytest.approx(1e-3, rel=1e-12)
 
 
-def write_half(path: Path) -> None:
+def write_and_interrupt(path: Path) -> None:
     with whole_file(path) as part:
         part.write_text("half")
         raise KeyboardInterrupt
 
 
-def test_a_table_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_failed_write_leaves_the_folder_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     write_table(path, {"a": [1]})
-    with pytest.raises(ArgumentError, match=r"columns=.*'a': 1, 'b': 2.*equally long"):
+    with pytest.raises(ArgumentError, match=r"columns=.*'a': 1, 'b': 2.*equal length"):
         write_table(path, {"a": [1], "b": [1, 2]})
     with pytest.raises(KeyboardInterrupt):
-        write_half(path)
+        write_and_interrupt(path)
     with pytest.raises(ArgumentError, match="can be written"):
         write_table(tmp_path / "no folder" / "table.csv", {"a": [1]})
     with pytest.raises(ArgumentError, match="can be written"):
