@@ -1,4 +1,4 @@
-"""The console script `hybridtrack`: one subcommand a file, errors in one line."""
+"""The console script `hybridtrack`. Each subcommand is defined in a file of its own; errors are one line."""
 
 import contextlib
 import io
@@ -33,25 +33,32 @@ Command = (
 
 
 def one_line(message: str) -> str:
-    """A message without line breaks, and without the frame and pointers to help that tyro adds to its own."""
+    """A message without line breaks, and without the frame and help hints of tyro's messages."""
     body = [line for line in message.splitlines() if not line.startswith(("╭", "╰"))]
     words = " ".join(re.sub("[\u2500-\u257f]", " ", " ".join(body)).split())
     return re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command. Returns 0, 2 where an argument is refused, 130 where the user interrupts."""
-    refusal = io.StringIO()
+    """Run a command.
+
+    Args:
+        arguments: command-line arguments; None takes those of the process.
+
+    Returns:
+        The exit status: 0, 2 for an invalid argument, or 130 after an interrupt by the user.
+    """
+    errors = io.StringIO()
     try:
-        with contextlib.redirect_stderr(refusal):
+        with contextlib.redirect_stderr(errors):
             command = tyro.cli(
                 Command, prog="hybridtrack", args=arguments,
-                description="Decide soon and rightly which mode of motion an object has switched to.",
+                description="Quickest decisions on motion modes with classical rules and learned agents.",
                 config=(tyro.conf.FlagConversionOff,),
             )  # fmt: skip
     except SystemExit as stop:
         if stop.code:
-            print("hybridtrack: " + one_line(refusal.getvalue()), file=sys.stderr)
+            print("hybridtrack: " + one_line(errors.getvalue()), file=sys.stderr)
         return int(stop.code or 0)
     try:
         command.run()

@@ -1,4 +1,4 @@
-"""The command `hybridtrack compare`: train agents, sweep every decider, compare all on the same episodes."""
+"""The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,34 +14,41 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Compare(WorldArguments):
-    """Train PPO for about half a minute and compare it with the classical rules on the same episodes."""
+    """Compare learned agents with classical decision rules on the same episodes.
+
+    The defaults train PPO for about half a minute and take about six minutes in total on two cores.
+    """
 
     deciders: tuple[str, ...] = ("ate", "fixed", "msprt")
-    """Classical rules, the first as the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml' (the
-    likeliest at the end), 'bayes' (fitted now)."""
+    """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml'
+    (maximum likelihood at the end of the segment), 'bayes' (Bayes risk, fitted during the run)."""
     agents: tuple[str, ...] = ("ppo", "shipped")
-    """Learned deciders: recipes to train by now ('ppo', 'sequence' ...), 'shipped' (weights that come with
-    the package), or run folders."""
+    """Learned agents: recipes to train during the run ('ppo', 'sequence' ...), 'shipped' (weights in the
+    package), or run folders."""
     accuracy: float | None = None
-    """Choose thresholds that reach this accuracy soonest, not those of the best reward."""
+    """Select the fastest threshold that reaches this accuracy; by default the one with the best reward."""
     curves: bool = True
-    """False measures all but the reference at their chosen thresholds only: half the time."""
+    """False evaluates all deciders but the reference at their selected threshold only, in half the time."""
     episodes: int = 1500
-    """Episodes that every decider is measured on."""
+    """Number of episodes that every decider is evaluated on."""
     selection_episodes: int = seeds.SELECTION_EPISODES
-    """Other episodes, on which thresholds are chosen."""
+    """Number of separate episodes for the selection of thresholds."""
     seed: int = 0
-    """First seed of those episodes; training and the choice of thresholds use others."""
+    """Seed of the first evaluation episode; training and threshold selection use other seeds."""
     steps: int | None = None
-    """Environment steps of each training; default the recipe's."""
+    """Environment steps of each training; by default as in the recipe."""
     training_seeds: int = 1
-    """Agents to train by each recipe, each with its own seed."""
+    """Number of agents to train per recipe, each with its own seed."""
     out: Path = Path("results")
-    """Folder for compare.png, duel.png (an episode on which the best agent and the reference differ) and
-    compare.json."""
+    """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
+    reference differ most) and compare.json."""
 
     def run(self) -> None:
-        """Train, sweep, print the table, write figure and data."""
+        """Train, evaluate, print the tables and write the figures and compare.json.
+
+        Raises:
+            ArgumentError: an argument is out of range, or the output folder cannot be written.
+        """
         for name in ("episodes", "selection_episodes", "training_seeds"):
             check_integer(name.replace("_", "-"), getattr(self, name))
         if self.steps is not None:
@@ -50,7 +57,7 @@ class Compare(WorldArguments):
         if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
             raise reject("accuracy", self.accuracy, "a number between 0 and 1")
         if self.seed + self.episodes > seeds.SELECTION:
-            raise reject("seed", self.seed, f"at most {seeds.SELECTION} less the episodes")
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes")
         if not self.deciders or len(set(self.deciders)) != len(self.deciders):
             raise reject("deciders", self.deciders, "one or more different names")
         if len(set(self.agents)) != len(self.agents):
@@ -59,11 +66,11 @@ class Compare(WorldArguments):
 
         from agents.comparison.figure import draw_operating_curves
         from agents.comparison.report import (
-            bank_table,
+            calibration_table,
             comparison_table,
             error_table,
-            headlines,
-            missed_accuracy,
+            summary_lines,
+            unreached_accuracy_lines,
         )
         from agents.comparison.study import Plan, compare
         from agents.interface.output_files import output_folder, write_json
@@ -82,37 +89,39 @@ class Compare(WorldArguments):
             self.curves,
             self.selection_episodes,
         )
-        plan.families()  # refuses what cannot be compared, before anything is made
+        plan.families()  # reject invalid deciders before any file is written
         folder = output_folder("out", self.out)
         console = Console()
         with progress_display(console) as progress:
             result = compare(plan, progress)
         console.print(comparison_table(result))
-        for line in headlines(result):
+        for line in summary_lines(result):
             console.print(line, highlight=False, soft_wrap=True)
-        for line in missed_accuracy(result):
+        for line in unreached_accuracy_lines(result):
             console.print(line, highlight=False)
         console.print(error_table(result))
-        console.print(bank_table(result))
+        console.print(calibration_table(result))
         draw_operating_curves(result, folder / "compare.png")
-        self._draw_duel(result, folder)
+        self._draw_episode(result, folder)
         write_json(folder / "compare.json", result.as_json())
-        pictures = "compare.png, duel.png" if result.learned else "compare.png"
+        pictures = "compare.png, episode.png" if result.learned else "compare.png"
         console.print(f"Files in {folder}: {pictures}, compare.json", highlight=False)
 
-    def _draw_duel(self, result: "Comparison", folder: Path) -> None:
-        from agents.comparison.episode_figure import draw_duel, fly
+    def _draw_episode(self, result: "Comparison", folder: Path) -> None:
+        from agents.comparison.episode_figure import draw_episode, record_episode
 
-        widest = result.widest()
-        if widest is None:
+        found = result.largest_difference()
+        if found is None:
             return
-        best, episode = widest
+        best, episode = found
         plan, seed = result.plan, self.seed + episode
-        flights = []
+        records = []
         for entry in (result.entries[0], best):
             family = entry.curve.family
             decider = family.make(family.thresholds[entry.chosen])
-            flights.append(fly(entry.name, decider, plan.env_id, seed, **plan.options))
-        most = f"where they differ most of {plan.episodes:,} episodes"
-        title = f"{plan.env_id.rpartition(':')[2]}, seed {seed}: {most}"
-        draw_duel(flights[0], flights[1], result.world, title, folder / "duel.png")
+            records.append(record_episode(entry.name, decider, plan.env_id, seed, **plan.options))
+        title = (
+            f"{plan.env_id.rpartition(':')[2]}, seed {seed}: "
+            f"largest difference in reward among {plan.episodes:,} episodes"
+        )
+        draw_episode(records[0], records[1], result.world, title, folder / "episode.png")

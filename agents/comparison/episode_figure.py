@@ -1,16 +1,18 @@
-"""One trajectory on which two deciders differ, told in a picture."""
+"""Figure of one episode with the decisions of two deciders."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from agents.interface.decider_colours import COLOURS
+from agents.interface.decider_colours import DeciderStyle, decider_styles
 from agents.interface.output_files import whole_file
 from baselines.deciders.decider import Decider
 from hybrid_env.core.records import TRACE_COLUMNS
@@ -18,21 +20,25 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.rendering.modes import mode_colour, mode_name
 
-WRONG = "#CC3311"
+TRUE_TRACK = "0.72"
+MEASUREMENT = "0.6"
+UNDECIDED = "0.92"
+NAME_LENGTH = 0.009  # of a character, as a share of the time axis
 
 
 @dataclass(frozen=True)
-class Flight:
-    """What a decider did on one episode.
+class EpisodeRecord:
+    """Decisions and estimates of one decider in one episode of T ticks and K segments.
 
     Attributes:
-        name: of the decider.
-        trace: (T, len(TRACE_COLUMNS)), a row a tick.
+        name: name of the decider.
+        trace: (T, len(TRACE_COLUMNS)) values of each tick.
         ends: (K,) tick of the episode at which each segment ends.
         decided: (K,) tick of the episode of each decision.
-        true_modes, modes: (K,) true and decided.
-        correct: (K,) as rewarded.
-        reward: of a segment, mean.
+        true_modes: (K,) true mode of each segment.
+        modes: (K,) decided mode of each segment.
+        correct: (K,) whether each decision is correct, as the reward counts it.
+        reward: mean reward per segment.
     """
 
     name: str
@@ -45,12 +51,20 @@ class Flight:
     reward: float
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """(T,) a column of the trace."""
+        """(T,) column of the trace."""
         return self.trace[:, TRACE_COLUMNS.index(name)]
 
 
-def fly(name: str, decider: Decider, env_id: str, seed: int, **options: Any) -> Flight:
-    """Run a decider on the episode of a seed, tick by tick."""
+def record_episode(name: str, decider: Decider, env_id: str, seed: int, **options: Any) -> EpisodeRecord:
+    """Run a decider on one episode and record every tick.
+
+    Args:
+        name: name of the decider.
+        decider: the decider.
+        env_id: registered id of the environment.
+        seed: seed of the episode.
+        options: keyword arguments of the environment.
+    """
     longest = make_vector_env(env_id, 1, **options).options.longest_segment
     env = make_vector_env(env_id, 1, tick_info=False, trace_rows=2 * longest, **options)
     observation, _ = env.reset(seed=seed)
@@ -70,7 +84,7 @@ def fly(name: str, decider: Decider, env_id: str, seed: int, **options: Any) -> 
             break
     ends = np.cumsum([one["decided_length"] for one in decided])
     begins = ends - [one["decided_length"] for one in decided]
-    return Flight(
+    return EpisodeRecord(
         name, np.concatenate(traces), ends, begins + [one["ticks"] for one in decided],
         np.array([one["decided_true_mode"] for one in decided]),
         np.array([one["decided_mode"] for one in decided]),
@@ -78,71 +92,107 @@ def fly(name: str, decider: Decider, env_id: str, seed: int, **options: Any) -> 
     )  # fmt: skip
 
 
-def draw_duel(first: Flight, second: Flight, world: WorldOptions, title: str, path: Path) -> None:
-    """The way in the plane with both estimates, and over time the true mode and what each follows, as PNG."""
-    canvas = Canvas(figsize=(11, 7.5), layout="constrained")
-    FigureCanvasAgg(canvas)
-    above, below = canvas.subplots(2, 1, height_ratios=(3, 1.1))
-    above.plot(first.column("x"), first.column("y"), color="0.2", linewidth=1.2, label="true way", zorder=3)
-    every = slice(None, None, 4)
-    measured = first.column("measured_x")[every], first.column("measured_y")[every]
-    above.plot(*measured, ".", color="0.8", markersize=2.5, zorder=1, label="every fourth measurement")
-    for flight, colour, marker in ((first, COLOURS[0], "s"), (second, COLOURS[3], "o")):
-        x, y = flight.column("estimate_x"), flight.column("estimate_y")
-        above.plot(x, y, color=colour, linewidth=1.4, alpha=0.8, label=f"estimate of {flight.name}", zorder=2)
-        for tick, correct in zip(flight.decided, flight.correct, strict=True):
-            edge = colour if correct else WRONG
-            at = first.column("x")[tick - 1], first.column("y")[tick - 1]
-            above.plot(*at, marker, markersize=8, markerfacecolor="none", markeredgecolor=edge,
-                       markeredgewidth=1.8, zorder=4)  # fmt: skip
-    for flight, marker in ((first, "s"), (second, "o")):
-        above.plot([], [], marker, color="0.3", markerfacecolor="none", label=f"{flight.name} declares")
-    above.plot([], [], "D", color=WRONG, markerfacecolor="none", label="wrongly, whatever the shape")
-    for begin in (0, *first.ends[:-1]):
-        at = first.column("x")[begin], first.column("y")[begin]
-        above.plot(*at, "|", color="0.2", markersize=11, zorder=4)
-    above.plot([], [], "|", color="0.2", markersize=11, linestyle="none", label="switch")
-    _frame(above, first)
-    above.set_xlabel("x, m")
-    above.set_ylabel("y, m")
-    above.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-    rows = ("truth", first.name, second.name)
-    begins = np.concatenate([[0], first.ends[:-1]])
-    for begin, end, mode in zip(begins, first.ends, first.true_modes, strict=True):
-        below.barh(0, end - begin, left=begin, color=mode_colour(int(mode), world.radii), edgecolor="white")
-    for row, flight in ((1, first), (2, second)):
-        for begin, end, tick, mode, correct in zip(
-            begins, flight.ends, flight.decided, flight.modes, flight.correct, strict=True
-        ):
-            below.barh(row, tick - begin, left=begin, color="0.92", edgecolor="white")
-            colour = mode_colour(int(mode), world.radii)
-            below.barh(row, end - tick, left=tick, color=colour, edgecolor="white" if correct else WRONG,
-                       linewidth=1 if correct else 2.2)  # fmt: skip
-            below.text(begin + 2, row, str(tick - begin), va="center", fontsize=8.5)
-    below.set_yticks(range(3), rows)
-    below.invert_yaxis()
-    below.set_xlim(0, first.ends[-1])
-    below.set_xlabel("ticks of the episode")
-    below.spines[["top", "right", "left"]].set_visible(False)
-    used = np.unique(np.concatenate([first.true_modes, first.modes, second.modes])).tolist()
-    handles = [
-        Patch(color=mode_colour(mode, world.radii), label=mode_name(mode, world.radii)) for mode in used
-    ]
-    handles.append(Patch(color="0.92", label="waiting, with its ticks"))
-    handles.append(Patch(facecolor="white", edgecolor=WRONG, linewidth=2, label="wrong"))
-    below.legend(handles=handles, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    rewards = "; ".join(f"{flight.name} {flight.reward:+.2f}" for flight in (first, second))
-    canvas.suptitle(f"{title}\nReward a segment: {rewards}")
+def draw_episode(
+    first: EpisodeRecord, second: EpisodeRecord, world: WorldOptions, title: str, path: Path
+) -> None:
+    """Write `episode_figure` as PNG."""
+    canvas = episode_figure(first, second, world, title)
     with whole_file(path) as part:
-        canvas.savefig(part, dpi=120)
+        canvas.savefig(part)
 
 
-def _frame(axes: Any, flight: Flight) -> None:
-    x, y = flight.column("x"), flight.column("y")
+def episode_figure(first: EpisodeRecord, second: EpisodeRecord, world: WorldOptions, title: str) -> Canvas:
+    """The track with the estimates and decisions of two deciders, and their modes over time.
+
+    Args:
+        first: record of one decider.
+        second: record of the other on the same episode.
+        world: options of the environment.
+        title: first line of the title.
+    """
+    canvas = Canvas(figsize=(11, 8), layout="constrained", dpi=120)
+    FigureCanvasAgg(canvas)
+    track, timeline = canvas.subplots(2, 1, height_ratios=(3, 1.1))
+    records = (first, second)
+    styles = decider_styles([record.name for record in records])
+    _draw_track(track, records, [styles[record.name] for record in records])
+    _draw_timeline(timeline, records, world)
+    rewards = ", ".join(f"{record.name} {record.reward:+.2f}" for record in records)
+    canvas.suptitle(f"{title}\nMean reward per segment: {rewards}")
+    return canvas
+
+
+def _draw_track(axes: Any, records: Sequence[EpisodeRecord], styles: Sequence[DeciderStyle]) -> None:
+    first = records[0]
+    x, y = first.column("x"), first.column("y")
+    axes.plot(x, y, color=TRUE_TRACK, linewidth=4, label="true track", zorder=1)
+    every = slice(None, None, 4)
+    axes.plot(
+        first.column("measured_x")[every], first.column("measured_y")[every], ".", color=MEASUREMENT,
+        markersize=2.5, zorder=2, label="every fourth measurement",
+    )  # fmt: skip
+    begins = [0, *first.ends[:-1]]
+    axes.plot(x[begins], y[begins], "|", color="0.2", markersize=12, zorder=4, label="mode switch")
+    handles = list(axes.lines)
+    labels = [line.get_label() for line in axes.lines]
+    for record, style in zip(records, styles, strict=True):
+        estimate = record.column("estimate_x"), record.column("estimate_y")
+        axes.plot(*estimate, color=style.colour, linewidth=1.2, zorder=3)
+        handles.append(axes.lines[-1])
+        for correct in (True, False):
+            ticks = record.decided[record.correct == correct] - 1
+            markers = axes.plot(
+                x[ticks], y[ticks], linestyle="none", marker=style.marker, markersize=9, zorder=5,
+                color=style.colour, markerfacecolor=style.colour if correct else "white", markeredgewidth=1.6,
+            )  # fmt: skip
+            handles += markers
+        labels += [f"{record.name}: {what}" for what in ("estimate", "correct decision", "wrong decision")]
     span = max(np.ptp(x), np.ptp(y))
     axes.set_xlim(x.min() - 0.08 * span, x.max() + 0.08 * span)
     axes.set_ylim(y.min() - 0.08 * span, y.max() + 0.08 * span)
     axes.set_aspect("equal")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.legend(handles, labels, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_timeline(axes: Any, records: Sequence[EpisodeRecord], world: WorldOptions) -> None:
+    first = records[0]
+    begins = np.concatenate([[0], first.ends[:-1]])
+    axes.set_xlim(0, first.ends[-1])
+    for begin, end, mode in zip(begins, first.ends, first.true_modes, strict=True):
+        _draw_mode(axes, 0, (begin, end), int(mode), world)
+    for row, record in enumerate(records, start=1):
+        for begin, end, tick, mode, correct in zip(
+            begins, record.ends, record.decided, record.modes, record.correct, strict=True
+        ):
+            axes.barh(row, tick - begin, left=begin, color=UNDECIDED, edgecolor="white")
+            axes.text((begin + tick) / 2, row, str(tick - begin), va="center", ha="center", fontsize=8.5)
+            _draw_mode(axes, row, (tick, end), int(mode), world, bool(correct))
+    axes.set_yticks(range(1 + len(records)), ["true mode", *(record.name for record in records)])
+    axes.invert_yaxis()
+    axes.set_xlabel("tick of the episode")
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    handles = [
+        Patch(color=UNDECIDED, label="before the decision (ticks)"),
+        Patch(facecolor="0.6", edgecolor="white", hatch="xxx", label="wrong mode"),
+    ]
+    axes.legend(handles=handles, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_mode(
+    axes: Any, row: int, ticks: tuple[int, int], mode: int, world: WorldOptions, correct: bool = True
+) -> None:
+    """A bar in the colour of a mode, with its name where the bar is long enough."""
+    begin, end = ticks
+    colour = mode_colour(mode, world.radii)
+    axes.barh(row, end - begin, left=begin, color=colour, edgecolor="white", hatch=None if correct else "xxx")
+    name = mode_name(mode, world.radii)
+    if (end - begin) / axes.get_xlim()[1] > NAME_LENGTH * len(name):
+        axes.text(
+            (begin + end) / 2, row, name, va="center", ha="center", fontsize=8.5,
+            color="white" if np.mean(to_rgb(colour)) < 0.55 else "black",
+            bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.5},
+        )  # fmt: skip

@@ -1,43 +1,47 @@
-"""A comparison for the terminal: tables, and each decider against the reference in words."""
+"""Tables and summary lines of a comparison for the terminal."""
 
 import numpy as np
 from rich import box
 from rich.table import Table
 
-from agents.comparison.study import LEVELS, Comparison, Entry
-from agents.evaluation.operating_curve import ACCURACY, Figure
+from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
+from agents.evaluation.deciders import NO_EARLY_DECISION
+from agents.evaluation.operating_curve import ACCURACY, Estimate
+from baselines.deciders.posterior_paths import MIN_COUNT
 
 
 def comparison_table(result: Comparison) -> Table:
-    """For the terminal: each figure above the half width of its 95 % interval."""
+    """Figures of each decider, with the half width of their 95 % confidence intervals."""
     first = result.entries[0]
     segments = first.curve.decisions[0].correct.size
-    wanted = result.plan.accuracy
-    way = "Best-reward thresholds" if wanted is None else f"Thresholds for {wanted:.1%} accuracy"
-    title = f"{result.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} segments, the same for all"
+    level = result.plan.accuracy
+    criterion = "for the best reward" if level is None else f"for {level:.1%} accuracy"
+    caption = (
+        f"Thresholds {criterion}, selected on other episodes.\n± half width of the 95 % confidence interval."
+    )
+    if result.plan.curves:
+        caption += f"\n{result.reference_ticks:.1f} ticks: mean decision time of {first.name} by default."
+    title = f"{result.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} common segments"
     table = Table(
         title=title,
         min_width=len(title),
-        caption=(
-            f"{way} from other episodes; ± half of the 95 % interval.\n"
-            f"{result.equal_time:.1f} ticks: {first.name} at its default threshold."
-            if result.plan.curves
-            else f"{way} from other episodes; ± half of the 95 % interval."
-        ),
+        caption=caption,
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )
-    heads = ["decider", "accuracy\n%", "mean\nticks", "reward a\nsegment", "RMSE\nm"]
+    heads = ["decider", "accuracy\n%", "mean\nticks", "mean\nreward", "RMSE\nm"]
     if result.plan.curves:
-        heads += [f"error at\n{result.equal_time:.1f} t, %"]
-        heads += [f"{level:.0%}\nat tick" for level in LEVELS]
-    table.add_column(heads[0], overflow="fold")  # long names give way, figures do not
+        heads += [f"error, %\nat {result.reference_ticks:.1f}"]
+        heads += [f"ticks at\n{level:.0%}" for level in ACCURACY_LEVELS]
+    table.add_column(heads[0], overflow="fold")  # long names are wrapped, numbers are not
     for head in heads[1:]:
         table.add_column(head, justify="right", no_wrap=True)
     for entry in result.entries:
         family = entry.curve.family
+        threshold = family.thresholds[entry.chosen]
+        shown = f"{family.symbol} {threshold:g}" if threshold < NO_EARLY_DECISION else "no threshold"
         table.add_row(
-            f"{entry.name}\n[bright_black]{family.symbol} {family.thresholds[entry.chosen]:g}[/]",
+            f"{entry.name}\n[bright_black]{shown}[/]",
             _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
             _cell(entry.rmse, 1, 3), *_curve_cells(result, entry),
         )  # fmt: skip
@@ -47,24 +51,24 @@ def comparison_table(result: Comparison) -> Table:
 def _curve_cells(result: Comparison, entry: Entry) -> list[str]:
     if not result.plan.curves:
         return []
-    times = [_cell(entry.time_at[level], 1, 1) for level in LEVELS]
-    return [_cell(entry.equal_time_error, 100, 2), *times]
+    ticks = [_cell(entry.ticks_at[level], 1, 1) for level in ACCURACY_LEVELS]
+    return [_cell(entry.error_at_reference_ticks, 100, 2), *ticks]
 
 
-def missed_accuracy(result: Comparison) -> list[str]:
-    """A line for each decider that no threshold took to the wanted accuracy on the reported episodes."""
-    wanted = result.plan.accuracy
+def unreached_accuracy_lines(result: Comparison) -> list[str]:
+    """A line for each decider that does not reach the requested accuracy on the reported episodes."""
+    level = result.plan.accuracy
     return [
-        f"{entry.name} does not reach {wanted:.1%}: its most accurate threshold is shown"
+        f"{entry.name} does not reach {level:.1%}: its most accurate threshold is shown"
         for entry in result.entries
-        if wanted is not None and result.plan.curves and entry.curve.means[ACCURACY].max() < wanted
+        if level is not None and result.plan.curves and entry.curve.means[ACCURACY].max() < level
     ]
 
 
 def error_table(result: Comparison) -> Table:
-    """How an error makes the next one likelier, by a spoiled anchor."""
-    table = Table(title="Wrong decisions, %", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for head in ("decider", "after a right one", "after a wrong one"):
+    """Error rate by previous decision: a wrong decision makes the anchor of the next segment inaccurate."""
+    table = Table(title="Error rate by previous decision", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for head in ("decider", "after a correct\ndecision, %", "after a wrong\ndecision, %"):
         table.add_column(head, justify="left" if head == "decider" else "right")
     for entry in result.entries:
         cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in entry.error_after]
@@ -72,17 +76,19 @@ def error_table(result: Comparison) -> Table:
     return table
 
 
-def bank_table(result: Comparison) -> Table:
-    """What the bank says after some ticks, if no one decides before."""
+def calibration_table(result: Comparison) -> Table:
+    """Calibration of the bank's posterior after a number of ticks without a decision."""
     table = Table(
-        title=f"The {result.world.bank.replace('_', '-')} bank while all wait",
-        caption="Worst: of bins of the stated with 1,000 segments or more.",
+        title=f"Calibration of the {result.world.bank.replace('_', '-')} bank (no decisions)",
+        caption=(
+            f"Calibration error: mean posterior minus accuracy,\nin bins of at least {MIN_COUNT:,} segments."
+        ),
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )
-    for head in ("after ticks", "likeliest is right, %", "it says, %", "stated less actual, worst, %"):
+    for head in ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"):
         table.add_column(head, justify="right")
-    for row in result.bank_rows():
+    for row in result.calibration_rows():
         table.add_row(
             f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
             f"{100 * row['worst']:+.1f}" if np.isfinite(row["worst"]) else "-",
@@ -90,43 +96,43 @@ def bank_table(result: Comparison) -> Table:
     return table
 
 
-def headlines(result: Comparison) -> list[str]:
-    """Every decider against the reference, paired on the same episodes."""
+def summary_lines(result: Comparison) -> list[str]:
+    """Differences of every decider to the reference on the same episodes, and spread over training seeds."""
     reference = result.entries[0]
     lines = []
     for entry in result.entries[1:]:
         parts = []
-        gain = result.gains(entry)
-        parts.append(f"reward {_signed(gain['reward'], 3)} a segment")
-        if "ticks_at_98" in gain:
-            parts.append(f"{_signed(gain['ticks_at_98'], 1)} ticks at 98 % accuracy")
-        lines.append(f"{entry.name} against {reference.name}: " + ", ".join(parts))
-    for kind, trained in result.by_kind().items():
+        difference = result.differences(entry)
+        parts.append(f"reward {_signed(difference['reward'], 3)} per segment")
+        if "ticks_at_98" in difference:
+            parts.append(f"{_signed(difference['ticks_at_98'], 1)} ticks at 98 % accuracy")
+        lines.append(f"{entry.name} compared with {reference.name}: " + ", ".join(parts))
+    for group, trained in result.seed_groups().items():
         if len(trained) < 2:
             continue
         spread = []
         figures = [("reward", 3, [entry.reward.value for entry in trained])]
         if result.plan.curves:
-            for level in LEVELS:
-                times = [entry.time_at[level].value for entry in trained]
-                figures.append((f"{level:.0%} at tick", 1, times))
-            errors = [100 * entry.equal_time_error.value for entry in trained]
-            figures.append((f"error at {result.equal_time:.1f} ticks, %", 2, errors))
+            for level in ACCURACY_LEVELS:
+                ticks = [entry.ticks_at[level].value for entry in trained]
+                figures.append((f"ticks at {level:.0%}", 1, ticks))
+            errors = [100 * entry.error_at_reference_ticks.value for entry in trained]
+            figures.append((f"error, %, at {result.reference_ticks:.1f} ticks", 2, errors))
         for name, digits, values in figures:
             low, mean, high = np.min(values), np.mean(values), np.max(values)
             spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")
-        lines.append(f"{kind} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
+        lines.append(f"{group} over {len(trained)} training seeds, mean and range: " + ", ".join(spread))
     return lines
 
 
-def _cell(figure: Figure, scale: float, digits: int) -> str:
-    if not np.isfinite(figure.value):
+def _cell(estimate: Estimate, scale: float, digits: int) -> str:
+    if not np.isfinite(estimate.value):
         return "not\nreached"
-    value = f"{scale * figure.value:.{digits}f}"
-    if not np.isfinite(figure.high):
-        return f"{value}\n[bright_black]> {scale * figure.low:.{digits}f}[/]"
-    return f"{value}\n[bright_black]±{scale * (figure.high - figure.low) / 2:.{digits}f}[/]"
+    value = f"{scale * estimate.value:.{digits}f}"
+    if not np.isfinite(estimate.high):
+        return f"{value}\n[bright_black]> {scale * estimate.low:.{digits}f}[/]"
+    return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"
 
 
-def _signed(figure: Figure, digits: int) -> str:
-    return f"{figure.value:+.{digits}f} [{figure.low:+.{digits}f}, {figure.high:+.{digits}f}]"
+def _signed(estimate: Estimate, digits: int) -> str:
+    return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"

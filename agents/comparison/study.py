@@ -1,6 +1,5 @@
-"""Deciders side by side: trained where asked, swept over their thresholds, measured on the same episodes."""
+"""Comparison of deciders: training where requested, threshold sweeps, and evaluation on common episodes."""
 
-import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,14 @@ from agents.evaluation.operating_curve import (
     ACCURACY,
     REWARD,
     TICKS,
-    Figure,
+    Estimate,
     OperatingCurve,
     at_threshold,
     error_at_ticks,
     sweep,
     ticks_at_accuracy,
 )
+from agents.interface.decider_colours import name_without_seed
 from agents.training.recipe import Recipe, load_recipe, recipe_names
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
@@ -29,25 +29,27 @@ from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 
-LEVELS = (0.95, 0.98)
-SEED_SUFFIX = r"([ -]seed ?\d+)$"
-BANK_TICKS = (2, 5, 10, 20, 40)
+ACCURACY_LEVELS = (0.95, 0.98)
+CALIBRATION_TICKS = (2, 5, 10, 20, 40)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is compared, on what.
+    """Settings of a comparison.
 
     Attributes:
-        env_id, options: the world.
-        deciders: classical names; the first is the reference.
-        agents: recipes to train by, 'shipped', or run folders.
-        episodes, seed: that the figures are reported on.
-        steps: of each training, None as many as its recipe has.
-        training_seeds: agents of each recipe.
-        accuracy: wanted of every decider, the sooner the better; None chooses thresholds for the reward.
-        selection_episodes: that thresholds are chosen on, from another seed on.
-        curves: False reports all but the reference at the chosen threshold only.
+        env_id: registered id of the environment.
+        options: keyword arguments of the environment, which override those of the id.
+        deciders: names of classical rules; the first is the reference.
+        agents: recipes to train, 'shipped', or run folders.
+        episodes: number of episodes that all figures are reported on.
+        seed: of the first of them.
+        steps: environment steps of each training; None takes the number in the recipe.
+        training_seeds: number of agents trained per recipe.
+        accuracy: of the thresholds that reach this accuracy, the one with the shortest mean decision time is
+            selected; None selects the threshold with the largest mean reward.
+        curves: False evaluates all deciders but the reference at their selected threshold only.
+        selection_episodes: number of separate episodes for the selection of thresholds.
     """
 
     env_id: str
@@ -63,14 +65,15 @@ class Plan:
     selection_episodes: int = seeds.SELECTION_EPISODES
 
     def world(self) -> WorldOptions:
-        """The options of the world, the id's own included."""
+        """All options of the environment, including the defaults of the id."""
         return make_vector_env(self.env_id, 1, **self.options).options
 
     def families(self) -> list[DeciderFamily | Recipe]:
-        """What is compared: families of deciders, and recipes of agents that are to be trained.
+        """The deciders to compare: families, and recipes of agents still to be trained.
 
         Raises:
-            ArgumentError: an unknown name or option, or a policy for another bank.
+            ArgumentError: a name or an option is unknown, or a policy was trained for a different number of
+                hypotheses.
         """
         world = self.world()
         found: list[DeciderFamily | Recipe] = []
@@ -93,95 +96,115 @@ class Plan:
 
 @dataclass(frozen=True)
 class Entry:
-    """One decider's figures.
+    """Results of one decider.
 
     Attributes:
-        curve: on the reported episodes.
-        chosen: index of the threshold chosen on the selection episodes.
-        accuracy, ticks, reward, rmse: at that threshold.
-        equal_time_error: share of wrong decisions at the reference's mean time.
-        time_at: mean ticks at each accuracy of `LEVELS`.
-        error_after: share of wrong decisions after a right and after a wrong previous one, NaN without any.
+        curve: operating curve on the reported episodes.
+        chosen: index of the threshold that was selected on the selection episodes.
+        accuracy: share of correct decisions at that threshold.
+        ticks: mean decision time at that threshold.
+        reward: mean reward per segment at that threshold.
+        rmse: root-mean-square error of the position at that threshold [m].
+        error_at_reference_ticks: error rate at the mean decision time of the reference.
+        ticks_at: mean decision time at each accuracy of `ACCURACY_LEVELS`.
+        error_after: error rates after a correct and after a wrong previous decision; NaN if there is none.
     """
 
     curve: OperatingCurve
     chosen: int
-    accuracy: Figure
-    ticks: Figure
-    reward: Figure
-    rmse: Figure
-    equal_time_error: Figure
-    time_at: dict[float, Figure]
+    accuracy: Estimate
+    ticks: Estimate
+    reward: Estimate
+    rmse: Estimate
+    error_at_reference_ticks: Estimate
+    ticks_at: dict[float, Estimate]
     error_after: tuple[float, float]
 
     @property
     def name(self) -> str:
-        """As tables show it."""
+        """Name of the decider in tables and figures."""
         return self.curve.family.name
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result: one entry a decider, the first of them the reference."""
+    """Result of a comparison.
+
+    Attributes:
+        plan: settings.
+        world: options of the environment.
+        reference_ticks: mean decision time of the reference at its default threshold, in ticks.
+        entries: results of each decider; the first is the reference.
+        posterior_paths: segments without early decisions, for the calibration of the bank.
+    """
 
     plan: Plan
     world: WorldOptions
-    equal_time: float
+    reference_ticks: float
     entries: tuple[Entry, ...]
-    waited: PosteriorPaths
+    posterior_paths: PosteriorPaths
 
-    def bank_rows(self) -> list[dict[str, float]]:
-        """What the bank says after some ticks, if no one decides before."""
+    def calibration_rows(self) -> list[dict[str, float]]:
+        """Calibration of the bank's posterior after a number of ticks without a decision.
+
+        The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated"
+        (its mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin).
+        """
         return [
-            {"ticks": tick, **asdict(summarise_calibration(self.waited, tick))}
-            for tick in BANK_TICKS
-            if (self.waited.length >= tick).any()
+            {"ticks": tick, **asdict(summarise_calibration(self.posterior_paths, tick))}
+            for tick in CALIBRATION_TICKS
+            if (self.posterior_paths.length >= tick).any()
         ]
 
-    def by_kind(self) -> dict[str, list[Entry]]:
-        """The entries, those together whose names differ only in the seed of their training."""
-        kinds: dict[tuple[str, str, int], list[Entry]] = {}
+    def seed_groups(self) -> dict[str, list[Entry]]:
+        """Entries by name; those whose names differ only in the training seed form one group."""
+        groups: dict[tuple[str, str, int], list[Entry]] = {}
         for entry in self.entries:
-            name = re.sub(SEED_SUFFIX, "", entry.name)
+            name = name_without_seed(entry.name)
             thresholds = len(entry.curve.family.thresholds)
-            kinds.setdefault((name, entry.curve.family.symbol, thresholds), []).append(entry)
-        return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in kinds.items()}
+            groups.setdefault((name, entry.curve.family.symbol, thresholds), []).append(entry)
+        return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in groups.items()}
 
     @property
     def learned(self) -> tuple[Entry, ...]:
-        """The entries of agents."""
+        """Entries of the learned agents."""
         return self.entries[len(self.plan.deciders) :]
 
-    def widest(self) -> tuple[Entry, int] | None:
-        """The best agent, and the episode on which it differs most from the reference; None without one."""
+    def largest_difference(self) -> tuple[Entry, int] | None:
+        """The best agent, and the episode on which it differs most from the reference.
+
+        Returns:
+            The entry of the agent with the largest mean reward, and the index of the episode with the largest
+            difference of rewards; None without agents.
+        """
         if not self.learned:
             return None
         best = max(self.learned, key=lambda entry: entry.reward.value)
         rewards = [entry.curve.decisions[entry.chosen].reward.mean(1) for entry in (best, self.entries[0])]
         return best, int(np.abs(rewards[0] - rewards[1]).argmax())
 
-    def gains(self, entry: Entry) -> dict[str, Figure]:
-        """Paired differences of an entry to the reference."""
+    def differences(self, entry: Entry) -> dict[str, Estimate]:
+        """Paired differences between an entry and the reference."""
         reference = self.entries[0]
-        gains = {
+        found = {
             "reward": entry.curve.difference(
                 reference.curve, at_threshold(REWARD, entry.chosen), at_threshold(REWARD, reference.chosen)
             )
         }
-        if self.plan.curves and all(np.isfinite(one.time_at[0.98].value) for one in (entry, reference)):
-            gains["ticks_at_98"] = entry.curve.difference(reference.curve, ticks_at_accuracy(0.98))
-        return gains
+        if self.plan.curves and all(np.isfinite(one.ticks_at[0.98].value) for one in (entry, reference)):
+            found["ticks_at_98"] = entry.curve.difference(reference.curve, ticks_at_accuracy(0.98))
+        return found
 
     def as_json(self) -> dict[str, Any]:
-        """Everything that table and figure show, and every point of the curves."""
+        """Contents of the tables and figures, with every point of the curves."""
         return {
             "plan": asdict(self.plan),
             "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
-            "equal_time": self.equal_time,
+            "equal_time": self.reference_ticks,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
             "bank": [
                 {name: value if np.isfinite(value) else None for name, value in row.items()}
-                for row in self.bank_rows()
+                for row in self.calibration_rows()
             ],
             "deciders": [self._entry_json(entry) for entry in self.entries],
         }
@@ -189,21 +212,20 @@ class Comparison:
     def _entry_json(self, entry: Entry) -> dict[str, Any]:
         family = entry.curve.family
         means = entry.curve.means
-        names = ["accuracy", "ticks", "reward", "rmse"]
         times: dict[str, Any] = {}
         if self.plan.curves:
-            names.append("equal_time_error")
-            at = {f"{level:g}": entry.time_at[level].as_json() for level in LEVELS}
-            times = {"ticks_at_accuracy": at}
+            times["equal_time_error"] = entry.error_at_reference_ticks.as_json()
+            at = {f"{level:g}": entry.ticks_at[level].as_json() for level in ACCURACY_LEVELS}
+            times["ticks_at_accuracy"] = at
         return {
             "name": entry.name,
             "threshold": {"symbol": family.symbol, "chosen": family.thresholds[entry.chosen]},
-            **{name: getattr(entry, name).as_json() for name in names},
+            **{name: getattr(entry, name).as_json() for name in ("accuracy", "ticks", "reward", "rmse")},
             **times,
             "error_after": [share if np.isfinite(share) else None for share in entry.error_after],
             "against_reference": {
                 name: figure.as_json()
-                for name, figure in self.gains(entry).items()
+                for name, figure in self.differences(entry).items()
                 if entry is not self.entries[0]
             },
             "curve": {
@@ -217,7 +239,7 @@ class Comparison:
 
 
 def compare(plan: Plan, progress: Progress) -> Comparison:
-    """Carry out a plan, showing how it goes on."""
+    """Train, evaluate and compare the deciders of a plan."""
     families: list[DeciderFamily] = []
     for found in plan.families():
         if isinstance(found, Recipe):
@@ -233,7 +255,7 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
         arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
         selection = sweep(family, plan.env_id, plan.selection_episodes, seeds.SELECTION, **arguments)
         wanted = plan.accuracy
-        index = selection.best_index() if wanted is None else selection.soonest_index(wanted)
+        index = selection.best_index() if wanted is None else selection.fastest_index(wanted)
         if not plan.curves and curves:
             progress.advance(task, len(family.thresholds) - 1)
             family, index = replace(family, thresholds=(family.thresholds[index],)), 0
@@ -242,15 +264,15 @@ def compare(plan: Plan, progress: Progress) -> Comparison:
     progress.update(task, note="")
     reference = curves[0].family
     default = reference.thresholds.index(reference.default)
-    equal_time = float(curves[0].means[TICKS, default])
+    reference_ticks = float(curves[0].means[TICKS, default])
     task = progress.add_task("Intervals", total=len(curves), note="")
     entries = []
     for curve, index in zip(curves, chosen, strict=True):
-        entries.append(_entry(curve, index, equal_time))
+        entries.append(_entry(curve, index, reference_ticks))
         progress.advance(task)
     world = plan.world()
-    waited = simulate_posterior_paths(plan.episodes, plan.seed, max(BANK_TICKS), **vars(world))
-    return Comparison(plan, world, equal_time, tuple(entries), waited)
+    paths = simulate_posterior_paths(plan.episodes, plan.seed, max(CALIBRATION_TICKS), **vars(world))
+    return Comparison(plan, world, reference_ticks, tuple(entries), paths)
 
 
 def _train(recipe: Recipe, plan: Plan, number: int, progress: Progress) -> DeciderFamily:
@@ -265,17 +287,17 @@ def _train(recipe: Recipe, plan: Plan, number: int, progress: Progress) -> Decid
     return run.family(name)
 
 
-def _entry(curve: OperatingCurve, chosen: int, equal_time: float) -> Entry:
+def _entry(curve: OperatingCurve, chosen: int, reference_ticks: float) -> Entry:
     decisions = curve.decisions[chosen]
     summary = decisions.summary()["rmse"]
     return Entry(
         curve,
         chosen,
-        curve.figure(at_threshold(ACCURACY, chosen)),
-        curve.figure(at_threshold(TICKS, chosen)),
-        curve.figure(at_threshold(REWARD, chosen)),
-        Figure(summary["mean"], *summary["interval"]),
-        curve.figure(error_at_ticks(equal_time)),
-        {level: curve.figure(ticks_at_accuracy(level)) for level in LEVELS},
+        curve.estimate(at_threshold(ACCURACY, chosen)),
+        curve.estimate(at_threshold(TICKS, chosen)),
+        curve.estimate(at_threshold(REWARD, chosen)),
+        Estimate(summary["mean"], *summary["interval"]),
+        curve.estimate(error_at_ticks(reference_ticks)),
+        {level: curve.estimate(ticks_at_accuracy(level)) for level in ACCURACY_LEVELS},
         decisions.error_after(),
     )

@@ -1,8 +1,8 @@
-"""What the commands share with their user.
+"""Input and output shared by all commands.
 
-`world_arguments` has the options of a world as command-line flags, `progress` the live display,
-`output_files` files that are whole or absent, `recording_files` recordings as CSV, `decider_colours` one
-colour for each decider in every figure.
+`world_arguments` defines the environment options as command-line flags, `progress` the progress display,
+`output_files` atomic writing of files, `recording_files` recordings as CSV, `decider_colours` the colour and
+marker of each decider, and `curve_labels` labels beside the curves of figures.
 
-May import: `hybrid_env`. Never another room of `agents`.
+May import: `hybrid_env`. Never another subpackage of `agents`.
 """

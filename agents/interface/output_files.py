@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, then renamed."""
+"""Atomic writing of output files: to a temporary file in the same folder, which is then renamed."""
 
 import json
 import os
@@ -11,20 +11,30 @@ from hybrid_env.checks import reject
 
 
 def output_folder(name: str, path: Path) -> Path:
-    """The folder of a command's output, made if it is not there; name is the flag it came from."""
+    """Create the output folder of a command if it does not exist.
+
+    Args:
+        name: name of the flag, for the error message.
+        path: path of the folder.
+
+    Raises:
+        ArgumentError: the folder cannot be created.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise reject(name, str(path), f"a folder that can be written to ({error.strerror})") from None
+        raise reject(name, str(path), f"a writable folder ({error.strerror})") from None
     return path
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A path to write to; it takes the place of `path` when the block ends well, else it is removed.
+    """Context manager that yields the path of a temporary file for writing.
+
+    The file replaces `path` if the block succeeds, and is removed otherwise.
 
     Raises:
-        ArgumentError: the place cannot be written to.
+        ArgumentError: the file cannot be written.
     """
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
@@ -38,6 +48,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write readable JSON; NaN and infinities are refused."""
+    """Write indented JSON.
+
+    Raises:
+        ArgumentError: the file cannot be written.
+        ValueError: the value contains NaN or infinities.
+    """
     with whole_file(path) as part:
         part.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,11 +1,11 @@
-"""The one progress display of the commands."""
+"""Progress display of the commands."""
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 
 def progress_display(console: Console) -> Progress:
-    """A live display; tasks are added with a `note` field that says how things stand."""
+    """A live progress display. Every task needs a `note` field with a short status text."""
     return Progress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=16),

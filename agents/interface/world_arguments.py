@@ -1,60 +1,89 @@
-"""The options of a world as command-line flags, shared by every command that makes one."""
+"""Environment options as command-line flags, shared by all commands that create an environment."""
 
 import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from hybrid_env.options import WorldOptions
+from hybrid_env.registration import ENVIRONMENTS
 
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 
 
+def _default(name: str) -> Any:
+    """Help text of the default of an option, in place of None."""
+    value = next(field.default for field in dataclasses.fields(WorldOptions) if field.name == name)
+    texts = [
+        {"heading": "random", "reset_covariance": "True for the published bank only"}.get(name, _text(value))
+    ]
+    texts += [
+        f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options
+    ]
+    return tyro.conf.arg(help_behavior_hint=f"(default: {'; '.join(texts)})")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, tuple):
+        numbers = [f"{number:g}" for number in value]
+        return " ".join(numbers if len(numbers) < 5 else [*numbers[:2], "...", numbers[-1]])
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
 @dataclass(kw_only=True)
 class WorldArguments:
-    """Flags of the world; what is not given stays as the environment's id has it."""
+    """Flags of the environment options. Flags that are not given leave the defaults of the environment id."""
 
-    env: str | None = None
-    """Registered id; default hybrid_env:HybridTrack-v0, or the one that a run folder was trained on."""
-    scheme: str | None = None
-    """'random', 'random 6x50-100', 'L50r3 R75r5 S50', or golubkov2018, tsyganov2019, golubkov2020."""
-    radii: tuple[float, ...] | None = None
+    env: Annotated[str | None, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_ENV})")] = None
+    """Registered id of the environment. By default a run folder brings its own."""
+    scheme: Annotated[str | None, _default("scheme")] = None
+    """Segments: 'random', 'random 6x50-100', 'L50r3 R75r5 S50', golubkov2018, tsyganov2019, golubkov2020."""
+    radii: Annotated[tuple[float, ...] | None, _default("radii")] = None
     """Turn radii of the bank [m]."""
-    speed: float | None = None
-    """Speed of the object at the start [m/s]."""
-    heading: float | None = None
-    """Heading of the object at the start [rad]; drawn if not given."""
-    tau: float | None = None
-    """Length of a tick [s]."""
-    process_variance: float | None = None
-    """Q, variance added to each velocity every tick [m^2/s^2]."""
-    measurement_variance: float | None = None
-    """R, variance of a measured coordinate [m^2]."""
-    outliers: float | None = None
-    """Share of measurements with five times the deviation, of which the bank does not know."""
-    delay_cost: float | None = None
-    """Cost of a tick, in units of the reward of a right decision."""
-    correctness: Literal["exact", "type"] | None = None
-    """What must be right: the hypothesis, or straight / left / right only."""
-    undecided: Literal["likeliest", "keep"] | None = None
-    """A segment that ends undecided takes the likeliest hypothesis, or keeps the mode decided last."""
-    bank: Literal["published", "anchor_aware", "oracle"] | None = None
-    """Filters: published, with the anchor's uncertainty in the turns, or (a bound) anchored at the truth."""
-    reset_covariance: bool | None = None
-    """Start every segment with P := I, as published; not the default of the other banks."""
+    speed: Annotated[float | None, _default("speed")] = None
+    """Initial speed of the object [m/s]."""
+    heading: Annotated[float | None, _default("heading")] = None
+    """Initial heading of the object [rad]."""
+    tau: Annotated[float | None, _default("tau")] = None
+    """Duration of a tick [s]."""
+    process_variance: Annotated[float | None, _default("process_variance")] = None
+    """Process noise Q, the variance added to each velocity at every tick [m^2/s^2]."""
+    measurement_variance: Annotated[float | None, _default("measurement_variance")] = None
+    """Measurement noise R, the variance of a measured coordinate [m^2]."""
+    outliers: Annotated[float | None, _default("outliers")] = None
+    """Share of outliers: measurements with five times the standard deviation, not modelled by the bank."""
+    delay_cost: Annotated[float | None, _default("delay_cost")] = None
+    """Cost of a tick, relative to the reward of a correct decision."""
+    correctness: Annotated[Literal["exact", "type"] | None, _default("correctness")] = None
+    """What has to be correct: the exact hypothesis, or its type (straight, left or right)."""
+    undecided: Annotated[Literal["likeliest", "keep"] | None, _default("undecided")] = None
+    """Decision for a segment that ends undecided: the likeliest hypothesis, or the previous mode."""
+    bank: Annotated[Literal["published", "anchor_aware", "oracle"] | None, _default("bank")] = None
+    """Filter bank: as published, with the uncertainty of the anchor, or (a bound) with the true anchor."""
+    reset_covariance: Annotated[bool | None, _default("reset_covariance")] = None
+    """Reset the covariance to P := I at the start of every segment, as published."""
 
     @property
     def env_id(self) -> str:
-        """The id that was given, or the default."""
+        """The given id, or the default."""
         return DEFAULT_ENV if self.env is None else self.env
 
     def world_options(self) -> dict[str, Any]:
-        """The options that were given, as keywords of `gym.make`."""
+        """The given options, as keyword arguments of `gym.make`."""
         names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
-        """Id and options to see a decider in: those given, over those that a run folder was trained with."""
+        """Environment id and options for a decider.
+
+        Args:
+            decider: name of a decider. A run folder brings the id and the options of its training; flags that
+                are given override these options.
+        """
         card = read_card(decider)
         if card is None or self.env not in (None, card["environment"]):
             return self.env_id, self.world_options()
@@ -63,7 +92,11 @@ class WorldArguments:
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
-    """The card of a run folder, with an optional threshold behind its name; None for any other decider."""
+    """Environment id and options on the card of a run folder; None for any other decider.
+
+    Args:
+        decider: name of a decider, with an optional ":threshold".
+    """
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):
         if path.is_file():
@@ -71,5 +104,5 @@ def read_card(decider: str) -> dict[str, Any] | None:
                 card = json.loads(path.read_text(encoding="utf-8"))
                 return {"environment": str(card["environment"]), "options": dict(card["options"])}
             except (OSError, ValueError, KeyError, TypeError):
-                return None  # `load_policy` says what is wrong with it
+                return None  # `load_policy` reports the error
     return None

@@ -1,7 +1,7 @@
-"""What limits a decision, from ATE to an oracle: `hybridtrack limits`.
+"""Attainable decision times of the classical rules on each filter bank: `hybridtrack limits`.
 
-`command` has the flags, `study` measures each bank, rule and noise level, `report` writes the tables and
-figure.
+`command` defines the flags, `study` evaluates each bank, rule and noise level, `report` writes the tables,
+and `figure` draws the decision times.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

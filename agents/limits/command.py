@@ -1,4 +1,4 @@
-"""The command `hybridtrack limits`: how far any rule gets on each bank, and what limits ATE."""
+"""The command `hybridtrack limits`: attainable decision times of the classical rules on each filter bank."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,84 +9,88 @@ from hybrid_env.checks import check_integer, reject
 
 @dataclass(kw_only=True)
 class Limits:
-    """Measure every classical rule on every bank over the noise: some minutes for the default."""
+    """Evaluate every classical rule on every filter bank and noise level.
+
+    The default takes about an hour on one core, 1,500 episodes half an hour.
+    """
 
     episodes: int = 3000
-    """Episodes that every rule is measured on; thresholds are chosen on a third as many others."""
+    """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
-    """Of the first episode."""
+    """Seed of the first episode."""
     out: Path = Path("results")
     """Folder for limits.md, limits.json and limits.png."""
 
     def run(self) -> None:
-        """Measure, write the files."""
+        """Evaluate the rules, print the tables and write the files.
+
+        Raises:
+            ArgumentError: an argument is out of range, or the output folder cannot be written.
+        """
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
-        from agents.limits.study import STATEMENT_EPISODES
+        from agents.limits.study import CALIBRATION_EPISODES
 
-        if self.seed + max(self.episodes, STATEMENT_EPISODES) > seeds.SELECTION:
+        if self.seed + max(self.episodes, CALIBRATION_EPISODES) > seeds.SELECTION:
             raise reject(
                 "seed",
                 self.seed,
-                f"at most {seeds.SELECTION} less the episodes, {STATEMENT_EPISODES} at least",
+                f"at most {seeds.SELECTION} minus the number of episodes, at least {CALIBRATION_EPISODES}",
             )
         from rich.console import Console
         from rich.markdown import Markdown
 
         from agents.interface.output_files import output_folder, whole_file, write_json
         from agents.interface.progress import progress_display
-        from agents.limits.report import classes_markdown, draw_limits, limits_markdown, statements_markdown
+        from agents.limits.figure import draw_decision_times
+        from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
         from agents.limits.study import (
-            BANK,
+            BANK_ENV,
             BANKS,
-            NOISE,
+            CALIBRATION_BANKS,
+            NOISE_LEVELS,
             RULES,
-            SINGLE,
-            STATEMENTS,
-            classes_2018,
-            rules_on_banks,
-            statements,
+            THREE_MODE_ENV,
+            bank_calibration,
+            evaluate_rules,
+            type_accuracy_golubkov2018,
         )
 
         folder = output_folder("out", self.out)
         console = Console()
         rules = sum(map(len, RULES.values()))
         with progress_display(console) as progress:
-            total = len(NOISE) * (len(BANKS) * rules + len(STATEMENTS) + 2)
-            task = progress.add_task("Measuring", total=total, note="")
+            total = len(NOISE_LEVELS) * (len(BANKS) * rules + len(CALIBRATION_BANKS) + 2)
+            task = progress.add_task("Evaluating", total=total, note="")
 
             def advance(note: str) -> None:
                 progress.update(task, advance=1, note=note)
 
             found = [
                 one
-                for env_id in (SINGLE, BANK)
-                for one in rules_on_banks(env_id, self.episodes, self.seed, advance)
+                for env_id in (THREE_MODE_ENV, BANK_ENV)
+                for one in evaluate_rules(env_id, self.episodes, self.seed, advance)
             ]
-            told = statements(self.seed, advance)
-            classes = classes_2018(self.episodes, self.seed, advance)
+            calibration = bank_calibration(self.seed, advance)
+            accuracies = type_accuracy_golubkov2018(self.episodes, self.seed, advance)
             progress.update(task, note="")
-        parts = [
-            limits_markdown(found),
-            "### Right / stated probability of the likeliest hypothesis, %\n\nHybridTrack-v0, all waiting; "
-            "in brackets stated less actual in the worst bin of the stated.\n\n" + statements_markdown(told),
-            "### The gap rule at ln 99 on the scheme of Golubkov 2018\n\n" + classes_markdown(classes),
-        ]
-        text = "\n".join(parts)
+        text = "\n".join(
+            [rules_markdown(found), calibration_markdown(calibration), type_accuracy_markdown(accuracies)]
+        )
         console.print(Markdown(text))
         with whole_file(folder / "limits.md") as part:
             part.write_text(text, encoding="utf-8")
         write_json(
             folder / "limits.json",
             {
-                "limits": [
+                "rules": [
                     asdict(one)
                     | {name: getattr(one, name).as_json() for name in ("time_95", "time_98", "reward")}
                     for one in found
                 ],
-                "statements": [asdict(one) for one in told],
-                "classes": [asdict(one) for one in classes],
+                "calibration": [asdict(one) for one in calibration],
+                "golubkov2018": [asdict(one) for one in accuracies],
             },
         )
-        draw_limits(found, folder / "limits.png")
+        draw_decision_times(found, folder / "limits.png")
         console.print(f"Files in {folder}: limits.md, limits.json, limits.png", highlight=False)

@@ -1,4 +1,4 @@
-"""How soon the modes can be told apart: every classical rule on every bank, over the noise."""
+"""Evaluation of the classical decision rules on every filter bank and noise level."""
 
 import math
 from collections.abc import Callable
@@ -20,30 +20,37 @@ from baselines.deciders.posterior_paths import (
 from baselines.papers import golubkov2018
 from hybrid_env.registration import make_vector_env
 
-SINGLE, BANK = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackBank-v0"
-NOISE = (0.01, 0.1, 1.0)  # R [m^2]
+THREE_MODE_ENV, BANK_ENV = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackBank-v0"
+NOISE_LEVELS = (0.01, 0.1, 1.0)  # R [m^2]
 BANKS = ("published", "anchor_aware", "oracle")
-RULES = {SINGLE: ("ate", "msprt", "bayes"), BANK: ("ate", "msprt-type", "msprt", "bayes")}
-STATEMENTS: dict[str, dict[str, Any]] = {
+RULES = {
+    THREE_MODE_ENV: ("ate", "msprt", "bayes"),
+    BANK_ENV: ("ate", "msprt-type", "msprt", "bayes"),
+}
+CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},
     "published, P kept": {"bank": "published", "reset_covariance": False},
     "published": {"bank": "published"},
     "oracle": {"bank": "oracle"},
 }
-STATEMENT_TICKS = (2, 5, 10, 20, 40)
-STATEMENT_EPISODES = 10_000
-GAP = math.log(99.0)
+CALIBRATION_TICKS = (2, 5, 10, 20, 40)
+CALIBRATION_EPISODES = 10_000
+GAP_THRESHOLD = math.log(99.0)
 
 
 @dataclass(frozen=True)
-class Limit:
-    """One rule on one bank at one noise.
+class RuleResult:
+    """Results of one rule on one bank at one noise level.
 
     Attributes:
-        env_id, noise, bank, rule: what was measured.
-        time_95, time_98: mean ticks at that accuracy.
-        reward: a segment, at the threshold chosen on other episodes.
-        threshold: that one.
+        env_id: registered id of the environment.
+        noise: variance R of a measured coordinate [m^2].
+        bank: filter bank.
+        rule: name of the decider.
+        time_95: mean decision time at 95 % accuracy, in ticks.
+        time_98: mean decision time at 98 % accuracy, in ticks.
+        reward: mean reward per segment at the selected threshold.
+        threshold: threshold with the largest mean reward on other episodes.
     """
 
     env_id: str
@@ -57,29 +64,52 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Stated:
-    """What a bank says after some ticks, all waiting, on HybridTrack-v0."""
+class BankCalibration:
+    """Calibration of a bank after a number of ticks without a decision, on HybridTrack-v0.
+
+    Attributes:
+        bank: filter bank.
+        noise: variance R of a measured coordinate [m^2].
+        tick: ticks since the start of the segment.
+        calibration: accuracy, mean posterior and largest calibration error.
+    """
 
     bank: str
     noise: float
     tick: int
-    statement: CalibrationSummary
+    calibration: CalibrationSummary
 
 
 @dataclass(frozen=True)
-class Classes:
-    """Share of right types of the gap rule at ln 99 on the scheme of Golubkov 2018, and its mean ticks."""
+class TypeAccuracy:
+    """Result of the gap rule at ln 99 on the scheme of Golubkov 2018.
+
+    Attributes:
+        bank: filter bank.
+        noise: variance R of a measured coordinate [m^2].
+        accuracy: share of segments with the correct type: straight, left or right.
+        ticks: mean decision time.
+    """
 
     bank: str
     noise: float
-    right: Estimate
+    accuracy: Estimate
     ticks: float
 
 
-def rules_on_banks(env_id: str, episodes: int, seed: int, on_progress: Callable[[str], None]) -> list[Limit]:
-    """Every rule on every bank; episodes are the same for all, thresholds are chosen on others."""
+def evaluate_rules(
+    env_id: str, episodes: int, seed: int, on_progress: Callable[[str], None]
+) -> list[RuleResult]:
+    """Evaluate every rule on every bank and noise level on the same episodes.
+
+    Args:
+        env_id: registered id of the environment.
+        episodes: number of episodes. A third as many others (at least 50) serve to select thresholds.
+        seed: seed of the first episode.
+        on_progress: called with a note after each rule.
+    """
     found = []
-    for noise in NOISE:
+    for noise in NOISE_LEVELS:
         for bank in BANKS:
             options: dict[str, Any] = {"measurement_variance": noise, "bank": bank}
             for rule in RULES[env_id]:
@@ -88,7 +118,7 @@ def rules_on_banks(env_id: str, episodes: int, seed: int, on_progress: Callable[
                 best = selection.best_index()
                 curve = sweep(family, env_id, episodes, seed, **options)
                 found.append(
-                    Limit(
+                    RuleResult(
                         env_id, noise, bank, family.name,
                         curve.estimate(ticks_at_accuracy(0.95)), curve.estimate(ticks_at_accuracy(0.98)),
                         curve.estimate(at_threshold(REWARD, best)), family.thresholds[best],
@@ -104,30 +134,46 @@ def _family(rule: str, env_id: str, options: dict[str, Any]) -> DeciderFamily:
     return ATE if rule == "ate" else CLASSICAL[rule]
 
 
-def statements(seed: int, on_progress: Callable[[str], None]) -> list[Stated]:
-    """Stated and actual probability of the likeliest hypothesis."""
+def bank_calibration(seed: int, on_progress: Callable[[str], None]) -> list[BankCalibration]:
+    """Calibration of the most probable hypothesis for every bank and noise level.
+
+    Args:
+        seed: seed of the first of `CALIBRATION_EPISODES` episodes.
+        on_progress: called with a note after each bank and noise level.
+    """
     found = []
-    for bank, options in STATEMENTS.items():
-        for noise in NOISE:
-            paths = simulate_posterior_paths(STATEMENT_EPISODES, seed, measurement_variance=noise, **options)
+    for bank, options in CALIBRATION_BANKS.items():
+        for noise in NOISE_LEVELS:
+            paths = simulate_posterior_paths(
+                CALIBRATION_EPISODES, seed, measurement_variance=noise, **options
+            )
             found += [
-                Stated(bank, noise, tick, summarise_calibration(paths, tick)) for tick in STATEMENT_TICKS
+                BankCalibration(bank, noise, tick, summarise_calibration(paths, tick))
+                for tick in CALIBRATION_TICKS
             ]
             on_progress(f"calibration, {bank}, R = {noise:g}")
     return found
 
 
-def classes_2018(episodes: int, seed: int, on_progress: Callable[[str], None]) -> list[Classes]:
-    """The gap rule where ATE has 72 to 80 % of the types right."""
+def type_accuracy_golubkov2018(
+    episodes: int, seed: int, on_progress: Callable[[str], None]
+) -> list[TypeAccuracy]:
+    """Type accuracy of the gap rule on the scheme of Golubkov 2018, where ATE reaches 72 to 80 %.
+
+    Args:
+        episodes: number of episodes.
+        seed: seed of the first episode.
+        on_progress: called with a note after each bank and noise level.
+    """
     found = []
     for bank in BANKS[:2]:
-        for noise in NOISE:
+        for noise in NOISE_LEVELS:
             decisions = evaluate(
-                GapDecider(GAP), BANK, episodes, seed, scheme=golubkov2018.SCHEME, heading=math.pi / 2,
-                initial_error=0, measurement_variance=noise, bank=bank,
+                GapDecider(GAP_THRESHOLD), BANK_ENV, episodes, seed, scheme=golubkov2018.SCHEME,
+                heading=math.pi / 2, initial_error=0, measurement_variance=noise, bank=bank,
             )  # fmt: skip
-            share = decisions.type_correct.mean(1)
-            right = Estimate(float(share.mean()), *confidence_interval(share))
-            found.append(Classes(bank, noise, right, float(np.mean(decisions.ticks))))
+            shares = decisions.type_correct.mean(1)
+            accuracy = Estimate(float(shares.mean()), *confidence_interval(shares))
+            found.append(TypeAccuracy(bank, noise, accuracy, float(np.mean(decisions.ticks))))
             on_progress(f"scheme of 2018, {bank}, R = {noise:g}")
     return found

@@ -54,7 +54,7 @@ class Train(WorldArguments):
 
         from agents.interface.progress import progress_display
         from agents.training.learning_curve import summary
-        from agents.training.learning_figure import draw_learning
+        from agents.training.learning_figure import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
         console = Console()
@@ -67,6 +67,6 @@ class Train(WorldArguments):
             run.train(show, self.save_every)
         for line in summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
-        draw_learning(folder, folder / "learning.png")
+        draw_learning_curve(folder, folder / "learning.png")
         console.print(f"Run {folder}: {run.num_timesteps:,} steps, learning.png", highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", highlight=False)

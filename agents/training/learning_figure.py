@@ -1,35 +1,51 @@
-"""The picture of a training: reward against seconds and against steps."""
+"""Figure of the learning curve of a training run."""
 
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from agents.interface.decider_colours import COLOURS
+from agents.evaluation.deciders import ATE
+from agents.interface.curve_labels import label_curves
+from agents.interface.decider_colours import decider_style
 from agents.interface.output_files import whole_file
 from agents.training.learning_curve import REWARD_KEY, SPRT_KEY, learning_points
 from agents.training.run_folder import read_metrics
 
 
-def draw_learning(folder: Path, path: Path) -> None:
-    """The learning curve of a run, and the SPRT at its best threshold as a line, as PNG."""
-    canvas = Canvas(figsize=(10, 4), layout="constrained")
+def draw_learning_curve(folder: Path, path: Path) -> None:
+    """Write the mean reward of a run against training time and environment steps as PNG.
+
+    Args:
+        folder: run folder.
+        path: of the figure. A dashed line is the SPRT at its best threshold.
+    """
+    canvas = Canvas(figsize=(10, 4), layout=ConstrainedLayoutEngine(wspace=0.05), dpi=120)
     FigureCanvasAgg(canvas)
-    by_time, by_steps = canvas.subplots(1, 2, sharey=True)
     points = learning_points(read_metrics(folder))
-    rewards, colour = [row[REWARD_KEY] for row in points], COLOURS[3]
-    by_time.plot([row["seconds"] for row in points], rewards, "o-", ms=3.5, color=colour, label=folder.name)
-    by_steps.plot([row["step"] / 1e6 for row in points], rewards, "o-", ms=3.5, color=colour)
-    for axes, unit in ((by_time, "seconds of training"), (by_steps, "million environment steps")):
+    rewards = [row[REWARD_KEY] for row in points]
+    agent, sprt = decider_style(folder.name), decider_style(ATE.name)
+    columns = {
+        "training time, s": [row["seconds"] for row in points],
+        "environment steps, millions": [row["step"] / 1e6 for row in points],
+    }
+    panels = canvas.subplots(1, len(columns), sharey=True)
+    curves = []
+    for axes, (label, values) in zip(panels, columns.items(), strict=True):
+        lines = axes.plot(values, rewards, marker=agent.marker, markersize=3.5, color=agent.colour)
+        names = [folder.name]
         if points:
-            axes.axhline(
-                points[-1][SPRT_KEY], color=COLOURS[0], linestyle="--", label="SPRT at its best threshold"
-            )
-        axes.set_xlabel(unit)
+            lines.append(axes.axhline(points[-1][SPRT_KEY], color=sprt.colour, linestyle="--"))
+            names.append(f"{ATE.name} at its best threshold")
+        curves.append(list(zip(lines, names, strict=True)))
+        axes.set_xlabel(label)
         axes.set_xlim(left=0)
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
-    by_time.set_ylabel("mean reward a segment")
-    by_time.legend(frameon=False, loc="lower right")
+    panels[0].set_ylabel("mean reward per segment")
+    if points:
+        for axes, named in zip(panels, curves, strict=True):
+            label_curves(axes, named)
     with whole_file(path) as part:
-        canvas.savefig(part, dpi=120)
+        canvas.savefig(part)

@@ -1,4 +1,4 @@
-"""The commands as typed: what they refuse, and that they run."""
+"""The command line: invalid arguments are rejected, and every command runs."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 from agents.cli import main
 from agents.evaluation import seeds
 
-WORLD_NONSENSE = [
+INVALID_WORLD_ARGUMENTS = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
     ("--env CartPole-v1", "env='CartPole-v1'"),
     ("--scheme Q9", "scheme='Q9'"),
@@ -34,10 +34,10 @@ WORLD_NONSENSE = [
     ("--seed half", "half"),
     ("--tua 3", "--tua"),
 ]
-NONSENSE = [
+INVALID_ARGUMENTS = [
     (f"{command} {flags}", message)
     for command in ("compare", "train", "evaluate", "play --out x.gif")
-    for flags, message in WORLD_NONSENSE
+    for flags, message in INVALID_WORLD_ARGUMENTS
 ] + [
     ("", "Expected one of"),
     ("divine", "divine"),
@@ -124,8 +124,10 @@ NONSENSE = [
 ]
 
 
-@pytest.mark.parametrize(("line", "message"), NONSENSE)
-def test_nonsense_is_answered_with_one_line_and_exit_code_2(line, message, capsys, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("line", "message"), INVALID_ARGUMENTS)
+def test_invalid_arguments_are_rejected_with_one_line_and_exit_code_2(
+    line, message, capsys, tmp_path, monkeypatch
+):
     import shlex
 
     monkeypatch.chdir(tmp_path)
@@ -134,19 +136,20 @@ def test_nonsense_is_answered_with_one_line_and_exit_code_2(line, message, capsy
     before = sorted(tmp_path.rglob("*"))
     assert main(shlex.split(line)) == 2
     captured = capsys.readouterr()
-    said = captured.err.splitlines()
-    assert len(said) == 1
-    assert said[0].startswith("hybridtrack: ")
-    assert message in said[0] or message.replace("_", "-") in said[0]
+    lines = captured.err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("hybridtrack: ")
+    assert message in lines[0] or message.replace("_", "-") in lines[0]
     assert captured.out == ""
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_every_flag_of_every_command_is_in_the_list():
+def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
     from dataclasses import fields
 
     from agents.comparison.command import Compare
     from agents.evaluation.command import Evaluate
+    from agents.limits.command import Limits
     from agents.playing.command import Play
     from agents.recordings.command import Track
     from agents.reproduction.command import Reproduce
@@ -154,9 +157,9 @@ def test_every_flag_of_every_command_is_in_the_list():
 
     for command, kinds in {
         "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),
-        "reproduce": (Reproduce,), "track": (Track,),
+        "reproduce": (Reproduce,), "track": (Track,), "limits": (Limits,),
     }.items():  # fmt: skip
-        lines = " ".join(line for line, _ in NONSENSE if line.startswith(command))
+        lines = " ".join(line for line, _ in INVALID_ARGUMENTS if line.startswith(command))
         for kind in kinds:
             for field in fields(kind):
                 positional = (kind, field.name) in {
@@ -168,7 +171,7 @@ def test_every_flag_of_every_command_is_in_the_list():
 
 
 def unwrapped(capsys):
-    """What was printed, as one line: a long path wraps lines anywhere."""
+    """The output as one line; long paths may be wrapped anywhere."""
     return " ".join(capsys.readouterr().out.split())
 
 
@@ -177,11 +180,11 @@ def test_help_is_printed_with_exit_code_0(capsys):
     assert "compare" in capsys.readouterr().out
 
 
-def test_evaluate_prints_the_figures_and_writes_them(capsys, tmp_path):
+def test_evaluate_prints_and_writes_its_results(capsys, tmp_path):
     out = tmp_path / "ate.json"
     assert main(["evaluate", "ate:0.01", "--episodes", "20", "--scheme", "S20 L30r5", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert "right decisions" in printed
+    assert "accuracy" in printed
     figures = json.loads(out.read_text())
     assert figures["segments"] == 40
     assert f"{figures['accuracy']['mean']:.4f}" in printed
@@ -189,7 +192,7 @@ def test_evaluate_prints_the_figures_and_writes_them(capsys, tmp_path):
     assert low <= figures["accuracy"]["mean"] <= high
 
 
-def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
+def test_a_run_is_trained_resumed_and_evaluated(capsys, tmp_path):
     run = str(tmp_path / "run")
     small = ["n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"]
     assert main(["train", "--out", run, "--steps", "256", "--set", *small]) == 0
@@ -201,11 +204,11 @@ def test_train_resume_and_evaluate_follow_each_other(capsys, tmp_path):
     assert main(["evaluate", run, "--radii", "1", "2"]) == 2
 
 
-def test_reproduce_prints_verdicts_and_writes_tables_and_figures(capsys, tmp_path):
+def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path):
     out = tmp_path / "results"
     assert main(["reproduce", "--runs", "4", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    for words in ("Table 4, decision time", "Tsyganov 2019: Table, RMSE", "few for a verdict", "which turn"):
+    for words in ("Table 4, decision", "Tsyganov 2019: Table, RMSE", "are recommended", "identification"):
         assert words in printed
     names = {path.name for path in out.iterdir()}
     assert {
@@ -221,7 +224,7 @@ def test_reproduce_prints_verdicts_and_writes_tables_and_figures(capsys, tmp_pat
     assert "| Golubkov 2018 |" in (out / "reproduction.md").read_text()
 
 
-def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
+def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
     out = tmp_path / "results"
     arguments = [
         "compare",
@@ -238,16 +241,24 @@ def test_compare_prints_a_table_and_writes_figure_and_data(capsys, tmp_path):
     ]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
-    for name in ("ATE", "fixed time", "MSPRT", "ppo", "ppo against ATE", "Wrong decisions", "bank while all"):
+    for name in (
+        "ATE",
+        "fixed time",
+        "MSPRT",
+        "ppo",
+        "ppo compared with ATE",
+        "Error rate",
+        "published bank",
+    ):
         assert name in printed
     data = json.loads((out / "compare.json").read_text())
     assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "ppo"]
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in out.iterdir()) == ["compare.json", "compare.png", "duel.png"]
+    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
 
 
-def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path, capsys):
+def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
     line = (
         "compare --selection-episodes 20 --deciders msprt --agents sequence --steps 12288 "
         f"--training-seeds 2 --episodes 20 --accuracy 0.9 --out {tmp_path}"
@@ -258,19 +269,19 @@ def test_compare_trains_agents_of_several_seeds_and_gives_their_spread(tmp_path,
         assert words in printed
 
 
-def test_compare_without_curves_measures_the_chosen_thresholds_only(tmp_path, capsys):
+def test_compare_without_curves_evaluates_the_selected_thresholds_only(tmp_path, capsys):
     out = tmp_path / "quick"
     line = "compare --selection-episodes 20 --deciders ate msprt --agents --curves False --episodes 20"
     assert main([*line.split(), "--out", str(out)]) == 0
-    assert "at tick" not in capsys.readouterr().out
+    assert "ticks at" not in capsys.readouterr().out
     first, second = json.loads((out / "compare.json").read_text())["deciders"]
     assert len(first["curve"]["thresholds"]) > 10
     assert second["curve"]["thresholds"] == [second["threshold"]["chosen"]]
     assert "equal_time_error" not in second
-    assert not (out / "duel.png").exists()
+    assert not (out / "episode.png").exists()
 
 
-def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(tmp_path, capsys):
+def test_a_sequence_agent_is_trained_resumed_and_evaluated_in_its_own_environment(tmp_path, capsys):
     folder = tmp_path / "run"
     line = f"train --recipe sequence --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
     assert main([*line.split(), "hidden=8", "worlds=[{n_envs: 16}]"]) == 0
@@ -281,7 +292,7 @@ def test_a_sequence_agent_is_trained_goes_on_and_is_evaluated_in_its_own_world(t
     assert json.loads((folder / "policy.json").read_text())["options"] == {"measurement_variance": 0.2}
 
 
-def test_evaluate_shows_who_degrades_in_other_worlds(tmp_path, capsys, monkeypatch):
+def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(seeds, "SELECTION_EPISODES", 10)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted True --episodes 10 --scheme random\\ 2x20-30 --out {out}"
@@ -289,7 +300,7 @@ def test_evaluate_shows_who_degrades_in_other_worlds(tmp_path, capsys, monkeypat
 
     assert main(shlex.split(line)) == 0
     printed = capsys.readouterr().out
-    for words in ("as it is", "5 % outliers", "twice the radii", "half the length", "MSPRT"):
+    for words in ("nominal", "5 % outliers", "twice the radii", "half the length", "MSPRT"):
         assert words in printed
     rows = json.loads(out.read_text())
     assert len(rows) == 20

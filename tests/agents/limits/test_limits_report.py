@@ -1,0 +1,85 @@
+"""Tables and figure of the attainable decision times, from given results."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from agents.evaluation.operating_curve import Estimate
+from agents.interface.decider_colours import STYLES
+from agents.limits.figure import decision_times, draw_decision_times
+from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
+from agents.limits.study import (
+    BANKS,
+    NOISE_LEVELS,
+    THREE_MODE_ENV,
+    BankCalibration,
+    RuleResult,
+    TypeAccuracy,
+    type_accuracy_golubkov2018,
+)
+from baselines.deciders.posterior_paths import CalibrationSummary
+
+NOT_REACHED = Estimate(math.inf, math.inf, math.inf)
+RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")
+
+
+def around(value):
+    return Estimate(value, value - 0.5, value + 0.5)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """MSPRT and Bayes risk coincide; ATE never reaches 98 % on the first bank."""
+    found = []
+    for bank, noise, rule in itertools.product(BANKS, NOISE_LEVELS, RULES):
+        time = around(20.0 + 10.0 * math.log10(noise / 0.01) - (0.0 if rule == RULES[0] else 3.0))
+        if rule == RULES[0] and bank == BANKS[0]:
+            time = NOT_REACHED
+        found.append(RuleResult(THREE_MODE_ENV, noise, bank, rule, time, time, around(0.5), 0.1))
+    return found
+
+
+def test_tables_have_a_row_for_each_bank_and_rule(results):
+    text = rules_markdown(results)
+    assert "| R = 0.01 | R = 0.1 | R = 1 |" in text
+    rows = [line for line in text.splitlines() if line.startswith("| ") and "bank" not in line]
+    assert len(rows) == len(BANKS) * len(RULES)
+    assert rows[0].startswith("| published | ATE (SPRT) | not reached / not reached; 0.500 [0.000, 1.000] |")
+    assert rows[1].startswith("| published | MSPRT | 17.0 [16.5, 17.5] / 17.0 [16.5, 17.5]; 0.500")
+
+
+def test_calibration_and_type_accuracy_are_in_percent():
+    calibration = [BankCalibration("oracle", 0.1, 5, CalibrationSummary(0.5, 0.52, -0.031))]
+    assert "| oracle | 0.1 | 50.0 / 52.0 (-3.1) |" in calibration_markdown(calibration)
+    accuracy = [TypeAccuracy("anchor_aware", 1.0, Estimate(0.98, 0.97, 0.99), 45.52)]
+    assert "| anchor-aware | 1 | 98.0 [97.0, 99.0] | 45.5 |" in type_accuracy_markdown(accuracy)
+
+
+def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(results, tmp_path):
+    figure = decision_times(results)
+    assert len(figure.axes) == len(BANKS)
+    for axes, bank in zip(figure.axes, BANKS, strict=True):
+        assert axes.get_legend() is None
+        labels = {text.get_text(): text.get_window_extent() for text in axes.texts}
+        assert set(labels) == set(RULES)
+        for one, other in itertools.combinations(labels.values(), 2):
+            assert not one.overlaps(other)
+        hollow = [line for line in axes.lines if line.get_markerfacecolor() == "white"]
+        assert len(hollow) == (len(NOISE_LEVELS) if bank == BANKS[0] else 0)
+        assert {line.get_color() for line in hollow} <= {STYLES["ATE (SPRT)"].colour}
+        shown = {line.get_color() for line in axes.lines if np.isfinite(line.get_ydata()).all()}
+        assert {STYLES["MSPRT"].colour, STYLES["Bayes risk"].colour} <= shown
+    assert "not reached" in [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    draw_decision_times(results, tmp_path / "limits.png")
+    assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018():
+    notes = []
+    found = type_accuracy_golubkov2018(20, 0, notes.append)
+    assert [(one.bank, one.noise) for one in found] == list(itertools.product(BANKS[:2], NOISE_LEVELS))
+    assert len(notes) == len(found)
+    assert all(one.accuracy.value > 0.9 for one in found)
+    assert found[0].ticks < found[1].ticks < found[2].ticks
