@@ -223,13 +223,13 @@ def study_2018() -> Iterator[Measurement]:
     if not has_filterpy():
         return
     recording = simulate(golubkov2018.SCHEME, 100, 0, start=golubkov2018.START)
-    bank_ticks = int(golubkov2018.follow(recording, 0.1).ticks.sum())  # while the whole bank runs
+    bank_ticks = int(golubkov2018.run_ate(recording, 0.1).ticks.sum())  # while the whole bank runs
     alone_ticks = recording.measurements[:, :, 0].size - bank_ticks
     z = np.array([0.1, 0.2])
     bank, alone = FilterpyBank(golubkov2018.RADII), FilterpyBank(())
     ours, theirs = [], []
     for _ in range(REPETITIONS):
-        ours.append(seconds_per_call(lambda: golubkov2018.follow(recording, 0.1)))
+        ours.append(seconds_per_call(lambda: golubkov2018.run_ate(recording, 0.1)))
         bank_time, alone_time = (seconds_per_call(partial(peer.step, z)) for peer in (bank, alone))
         theirs.append(bank_ticks * bank_time + alone_ticks * alone_time)
     yield faster(

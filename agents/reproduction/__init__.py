@@ -1,6 +1,6 @@
-"""The papers' tables beside ours: `hybridtrack reproduce`.
+"""Reproduction of the published tables and figures: `hybridtrack reproduce`.
 
-`command` runs the studies of `baselines.papers`, `report` writes the tables, `figures` draws the papers'
+`command` runs the studies of `baselines.papers`, `report` writes the tables, and `figures` draws the papers'
 figures.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other

@@ -1,4 +1,4 @@
-"""The command `hybridtrack reproduce`: the papers' tables and figures beside our own."""
+"""The command `hybridtrack reproduce`: published tables and figures next to reproduced ones."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,23 +14,30 @@ PAPERS: tuple[Paper, ...] = ("golubkov2018", "tsyganov2019", "golubkov2020")
 
 @dataclass(kw_only=True)
 class Reproduce:
-    """Run the papers' studies again: published and own figures, the spread of such a study, a verdict."""
+    """Reproduce the published studies.
+
+    Prints every published value, the reproduced value, and the 95 % interval of a study of the paper's size.
+    """
 
     papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = PAPERS
-    """Which papers; all three if none is named."""
+    """Papers to reproduce; all three by default."""
     runs: int = 1000
-    """Runs of each study; the papers used 100."""
+    """Number of runs of each study; the papers used 100."""
     seed: int = 0
-    """Of the simulated recordings."""
+    """Seed of the simulated recordings."""
     out: Path = Path("results")
-    """Folder for tables as Markdown and JSON, and the figures."""
+    """Output folder for the tables (Markdown and JSON) and the figures."""
 
     def run(self) -> None:
-        """Run the studies, print the tables, write the files."""
+        """Run the studies, print the tables and write the files.
+
+        Raises:
+            ArgumentError: an argument is out of range, or the output folder cannot be written.
+        """
         check_integer("runs", self.runs, minimum=2)
         check_integer("seed", self.seed, minimum=0)
         if not self.papers or len(set(self.papers)) != len(self.papers):
-            raise reject("papers", self.papers, "one or more different papers")
+            raise reject("papers", self.papers, "one or more papers, each at most once")
         import time
         from importlib import import_module
 
@@ -39,7 +46,7 @@ class Reproduce:
         from agents.interface.output_files import output_folder, whole_file, write_json
         from agents.interface.progress import progress_display
         from agents.reproduction.figures import draw_figures
-        from agents.reproduction.report import summary_markdown, tables, to_json, to_markdown
+        from agents.reproduction.report import describe_runs, summary_markdown, tables, to_json, to_markdown
 
         folder = output_folder("out", self.out)
         console = Console()
@@ -61,7 +68,10 @@ class Reproduce:
                 part.write_text(to_markdown(result), encoding="utf-8")
             names = draw_figures(paper, result, folder)
             files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
-            console.print(f"Study of {seconds[paper]:.2f} s; in {folder}: {files}\n", highlight=False)
+            console.print(
+                f"{describe_runs(result)} Computed in {seconds[paper]:.2f} s. Files in {folder}: {files}\n",
+                highlight=False,
+            )
         with whole_file(folder / "reproduction.md") as part:
             part.write_text(summary_markdown(results), encoding="utf-8")
-        console.print(f"Summary {folder / 'reproduction.md'}", highlight=False)
+        console.print(f"Summary: {folder / 'reproduction.md'}", highlight=False)

@@ -1,4 +1,4 @@
-"""Reproductions as tables for the terminal, Markdown and JSON."""
+"""Tables of a reproduction for the terminal, as Markdown and as JSON."""
 
 import math
 from collections.abc import Sequence
@@ -9,84 +9,98 @@ from rich.table import Table
 
 from baselines.papers.reproduction import Cell, Reproduction
 
-ENOUGH_RUNS = 500  # with fewer the middle of the interval is itself too uncertain for a verdict
-HEADS = ("row", "figure", "published", "ours", "95 % of studies", "verdict")
+MIN_RUNS = 500
+"""With fewer runs, the centre of the interval is itself too uncertain."""
+
+HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
+INSIDE = {"inside": ("yes", "green"), "outside": ("no", "red"), "not published": ("-", "bright_black")}
+FINDINGS_TITLE = "additional results"
+FINDINGS_HEADER = ("quantity", "result", "claim of the paper")
+SUMMARY_HEADER = ("paper", "table", "inside the 95 % interval", "outside the 95 % interval")
 
 
-def _words(cell: Cell) -> tuple[str, ...]:
+def _row(cell: Cell) -> tuple[str, ...]:
+    """Texts of a cell, in the order of `HEADER`."""
     published = "-" if math.isnan(cell.published) else f"{cell.published:.{cell.digits}f}"
-    spread = f"{cell.low:.{cell.digits}f} to {cell.high:.{cell.digits}f}"
-    return cell.row, cell.column, published, f"{cell.ours:.{cell.digits}f}", spread, cell.verdict
+    interval = f"{cell.low:.{cell.digits}f} to {cell.high:.{cell.digits}f}"
+    inside, _ = INSIDE[cell.verdict]
+    return cell.row, cell.column, published, f"{cell.ours:.{cell.digits}f}", interval, inside
 
 
 def _title(result: Reproduction, table: str) -> str:
-    inside = result.count().get(table)
-    count = f", {inside[0]} of {inside[1]} inside" if inside else ""
+    counts = result.count().get(table)
+    count = f", {counts[0]} of {counts[1]} inside the interval" if counts else ""
     return f"{result.paper}: {table}{count}"
 
 
-def _caption(result: Reproduction) -> str:
-    few = "" if result.runs >= ENOUGH_RUNS else f"; {result.runs} runs are few for a verdict, take 1000"
-    return f"{result.runs} runs, seed {result.seed}{few}"
+def describe_runs(result: Reproduction) -> str:
+    """Number of runs and seed, with a recommendation if there are few runs."""
+    few = f" At least {MIN_RUNS} runs are recommended." if result.runs < MIN_RUNS else ""
+    return f"{result.runs} runs, seed {result.seed}.{few}"
+
+
+def _notes(cells: Sequence[Cell]) -> str:
+    return " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
 
 
 def tables(result: Reproduction) -> list[Table]:
-    """One table for each of the paper's, and one of what else was found."""
+    """One table for each table of the paper, and one with the additional results."""
     made = []
     for name, cells in result.tables.items():
-        table = Table(title=_title(result, name), caption=_caption(result), box=box.SIMPLE_HEAD)
-        for head in HEADS:
-            table.add_column(head, justify="left" if head in ("row", "figure", "verdict") else "right")
-        row = ""
+        table = Table(title=_title(result, name), caption=_notes(cells), box=box.SIMPLE_HEAD)
+        for head in HEADER:
+            table.add_column(head, justify="left" if head in ("setting", "quantity", "inside") else "right")
+        setting = ""
         for cell in cells:
-            if row and cell.row != row:
+            if setting and cell.row != setting:
                 table.add_section()
-            words = list(_words(cell))
-            words[0] = "" if cell.row == row else words[0]
-            row = cell.row
-            style = {"inside": "green", "outside": "red"}.get(cell.verdict, "bright_black")
-            table.add_row(*words[:-1], f"[{style}]{words[-1]}[/]")
+            texts = list(_row(cell))
+            texts[0] = "" if cell.row == setting else texts[0]
+            setting = cell.row
+            inside, style = INSIDE[cell.verdict]
+            table.add_row(*texts[:-1], f"[{style}]{inside}[/]")
         made.append(table)
-    table = Table(title=f"{result.paper}: beyond the tables", box=box.SIMPLE_HEAD, show_lines=False)
-    for head in ("what", "found", "the paper says"):
+    table = Table(title=f"{result.paper}: {FINDINGS_TITLE}", box=box.SIMPLE_HEAD, show_lines=False)
+    for head in FINDINGS_HEADER:
         table.add_column(head)
     for finding in result.findings:
         table.add_row(finding.name, finding.value, finding.claim)
     return [*made, table]
 
 
-def _markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+def _markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join(lines) + "\n"
 
 
 def to_markdown(result: Reproduction) -> str:
-    """Every table of one paper."""
-    text = [f"# {result.paper}, reproduced\n", f"{_caption(result)}.\n"]
+    """All tables of one paper."""
+    text = [f"# Reproduction of {result.paper}\n", f"{describe_runs(result)}\n"]
     for name, cells in result.tables.items():
-        text += [f"## {_title(result, name)}\n", _markdown_table(HEADS, [_words(cell) for cell in cells])]
+        text += [f"## {_title(result, name)}\n", f"{_notes(cells)}\n"]
+        text += [_markdown_table(HEADER, [_row(cell) for cell in cells])]
     rows = [(finding.name, finding.value, finding.claim) for finding in result.findings]
-    text += ["## Beyond the tables\n", _markdown_table(("what", "found", "the paper says"), rows)]
+    text += [f"## {FINDINGS_TITLE.capitalize()}\n", _markdown_table(FINDINGS_HEADER, rows)]
     return "\n".join(text)
 
 
 def summary_markdown(results: Sequence[Reproduction]) -> str:
-    """A short table: how many published cells lie inside, and which do not."""
+    """Number of published values inside the interval by table, and the values outside."""
     rows = []
     for result in results:
         for name, (inside, total) in result.count().items():
             outside = [
-                "{} {} {} (ours {})".format(*_words(cell))
+                "{} {} {} (ours {})".format(*_row(cell))
                 for cell in result.tables[name]
                 if cell.verdict == "outside"
             ]
             rows.append((result.paper, name, f"{inside} of {total}", "; ".join(outside) or "none"))
-    return _markdown_table(("paper", "table", "cells inside", "cells outside"), rows)
+    return _markdown_table(SUMMARY_HEADER, rows)
 
 
 def to_json(result: Reproduction) -> dict[str, Any]:
-    """Everything but the recordings."""
+    """All results without the recordings."""
     return {
         "paper": result.paper,
         "runs": result.runs,

@@ -1,8 +1,8 @@
-"""The published tables, one file a paper, and how a reproduction is judged.
+"""Reproductions of the published tables, one module per paper.
 
-Each paper's file states its settings and its published figures and has `reproduce(runs, seed)`, which
-returns the tables of `reproduction`: published and measured cells, with the interval of a study of the
-paper's size.
+Each module states the settings and published values of its paper and has `reproduce(runs, seed)`, which
+returns a `reproduction.Reproduction`: published and reproduced values, with the interval that a study of the
+paper's size is expected to fall into.
 
 May import: `hybrid_env` and all of `baselines`. Never `agents`.
 """

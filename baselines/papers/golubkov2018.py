@@ -1,19 +1,28 @@
-"""Golubkov 2018, tables 2, 3, 4 and the share of right modes: settings, study, analysis.
+"""Golubkov 2018: settings and reproduction of tables 2, 3, 4 and of the percentages of correct modes.
 
-Not stated in print and found to reproduce the tables: tau = 0.1; alpha = beta = 0.001; natural logarithms;
-the filter starts at the exact x0; P := I at every piece for tables 3 and 4, carried over from P = I for
-table 2; of several ratios above A the largest wins; a piece without a decision counts its whole length and
-keeps q_A; "right" means straight, left or right, not the radius.
+The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s;
+alpha = beta = 0.001; natural logarithms; the filter starts at the exact x0; P := I at the start of every
+piece for tables 3 and 4, but P is carried over, from P = I at the beginning, for table 2. If several ratios
+exceed A, the largest wins. A piece without a decision counts its whole length and keeps q_A. A mode is
+correct if its type is correct (straight, left or right); the radius does not count.
 
-Where this departs from the print: Sigma = H P H' + R (printed H' P H + R); the turns after eq. (3) run to
-2 n; rule (5) tests i against q_A alone, as the algorithm does, not "any lambda_ij".
+Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3)
+run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis
+("any lambda_ij").
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.filters.known_modes import filter_known_modes
-from baselines.papers.reproduction import Cell, Finding, Reproduction, cells_of, rmse_figures, study_spread
+from baselines.papers.reproduction import (
+    Cell,
+    Finding,
+    Reproduction,
+    rmse_and_norm,
+    study_interval,
+    table_row,
+)
 from baselines.recordings.ate import Tracks, track
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
@@ -21,9 +30,14 @@ from hybrid_env.simulation import Simulation, simulate
 PAPER = "Golubkov 2018"
 SCHEME = "golubkov2018"
 START = (0.0, 0.0, 0.0, 2.0)
+"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
+
 RADII = tuple(float(radius) for radius in range(1, 11))
+"""Turn radii of the 21 hypotheses [m]."""
+
 ALPHA = 1e-3
-NOISE = {"R1": 1.0, "R2": 0.1, "R3": 0.01}  # R [m^2]
+MEASUREMENT_VARIANCES = {"R1": 1.0, "R2": 0.1, "R3": 0.01}
+"""R [m^2] of each setting."""
 
 STATES = ("x1", "x2", "x3", "x4", "nRMSE")
 PIECES = ("1", "2", "3", "4", "5", "6", "mean")
@@ -42,74 +56,94 @@ TABLE_4 = {
     "R2": (22.18, 15.95, 26.3, 22.23, 20.48, 26.98, 22.353),
     "R3": (14.94, 11.24, 17.04, 14.66, 14.66, 18.44, 15.163),
 }
-RIGHT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}  # per cent
+CORRECT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}
+"""Published percentages of correct modes."""
 
 
-def follow(recording: Simulation, variance: float, refine_radius: bool = False) -> Tracks:
-    """ATE with the paper's 21 hypotheses."""
+def run_ate(recording: Simulation, variance: float, refine_radius: bool = False) -> Tracks:
+    """Run ATE with the 21 hypotheses of the paper.
+
+    Args:
+        recording: simulated runs.
+        variance: R [m^2].
+        refine_radius: see `baselines.track`.
+    """
     return track(
         recording.measurements, recording.lengths, START, radii=RADII, measurement_variance=variance,
         alpha=ALPHA, refine_radius=refine_radius,
     )  # fmt: skip
 
 
-def right_types(found: Tracks, recording: Simulation) -> NDArray[np.bool_]:
-    """(n, K) True where straight, left or right is right."""
+def correct_types(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+    """(n, K) True where the decided type (straight, left or right) is correct."""
     n = len(RADII)
-    sides = np.where(found.decided == 0, 0, np.where(found.decided <= n, 1, -1))
+    sides = np.where(tracks.decided == 0, 0, np.where(tracks.decided <= n, 1, -1))
     return sides == np.sign(recording.signed_radii)
 
 
-def right_radii(found: Tracks, recording: Simulation) -> NDArray[np.bool_]:
-    """(n, K) True where the hypothesis is right, radius included."""
-    signed = np.array([0.0, *RADII, *(-radius for radius in RADII)])
-    return signed[found.decided] == recording.signed_radii
+def correct_hypotheses(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+    """(n, K) True where the decided hypothesis is correct, including its radius."""
+    signed_radii = np.array([0.0, *RADII, *(-radius for radius in RADII)])
+    return signed_radii[tracks.decided] == recording.signed_radii
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """Tables 2, 3 and 4, the percentages, and the radius refined after the decision."""
+    """Reproduce tables 2, 3 and 4 and the percentages, and refine the radius after the decision.
+
+    Args:
+        runs: number of runs per measurement variance, at least 2.
+        seed: seed of the simulated recordings.
+
+    Raises:
+        ArgumentError: `runs` or `seed` is out of range.
+    """
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
-    pictures = {}
-    for row, (name, variance) in enumerate(NOISE.items()):
-        recording = simulate(SCHEME, runs, seed + row, start=START, measurement_variance=variance)
-        found = follow(recording, variance)
-        known = filter_known_modes(
+    examples = {}
+    for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
+        recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
+        tracks = run_ate(recording, variance)
+        known_modes = filter_known_modes(
             recording.measurements, recording.lengths, recording.signed_radii, START,
             measurement_variance=variance,
         )  # fmt: skip
         for table, estimates, published in (
-            ("Table 2, RMSE with known modes", known.estimates, TABLE_2),
-            ("Table 3, RMSE of ATE", found.estimates, TABLE_3),
+            ("Table 2, RMSE with known modes", known_modes.estimates, TABLE_2),
+            ("Table 3, RMSE of ATE", tracks.estimates, TABLE_3),
         ):
-            squares = ((estimates - recording.truth) ** 2).mean(1)
-            cells += cells_of(table, name, STATES, published[name], study_spread(squares, rmse_figures, seed))
-        ticks = np.concatenate([found.ticks, found.ticks.mean(1, keepdims=True)], axis=1)
-        spread = study_spread(ticks, lambda means: means, seed)
-        cells += cells_of("Table 4, decision time in ticks", name, PIECES, TABLE_4[name], spread, 2)
-        right = 100.0 * right_types(found, recording).mean(1, keepdims=True)
-        spread = study_spread(right, lambda means: means, seed)
-        cells += cells_of("Right modes, %", name, ("S, L or R",), (RIGHT_MODES[name],), spread, 1)
-        findings += _radius_findings(name, recording, found, follow(recording, variance, refine_radius=True))
-        pictures[name] = (recording, found)
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), pictures)
-
-
-def _radius_findings(name: str, recording: Simulation, found: Tracks, refined: Tracks) -> list[Finding]:
-    """The paper's future work: the radius refined after the decision, by the likeliest turn of the side."""
-
-    def describe(tracks: Tracks) -> tuple[float, float, float]:
-        squares = ((tracks.estimates - recording.truth) ** 2).mean((0, 1)).sum()
-        types, radii = right_types(tracks, recording).mean(), right_radii(tracks, recording).mean()
-        return 100 * radii, 100 * types, float(np.sqrt(squares))
-
-    before, after = describe(found), describe(refined)
-    return [
-        Finding(
-            f"{name}: radius refined after the decision",
-            f"radius right {before[0]:.1f} -> {after[0]:.1f} %, "
-            f"type right {before[1]:.1f} -> {after[1]:.1f} %, nRMSE {before[2]:.3f} -> {after[2]:.3f}",
-            "named as future work",
+            mean_squares = ((estimates - recording.truth) ** 2).mean(1)
+            interval = study_interval(mean_squares, rmse_and_norm, seed)
+            cells += table_row(table, name, STATES, published[name], interval)
+        ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
+        interval = study_interval(ticks, lambda means: means, seed)
+        cells += table_row("Table 4, decision time in ticks", name, PIECES, TABLE_4[name], interval, 2)
+        correct = 100.0 * correct_types(tracks, recording).mean(1, keepdims=True)
+        interval = study_interval(correct, lambda means: means, seed)
+        cells += table_row("Correct modes, %", name, ("S, L or R",), (CORRECT_MODES[name],), interval, 1)
+        findings.append(
+            _refinement_finding(name, recording, tracks, run_ate(recording, variance, refine_radius=True))
         )
-    ]
+        examples[name] = (recording, tracks)
+    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
+
+
+def _refinement_finding(name: str, recording: Simulation, before: Tracks, after: Tracks) -> Finding:
+    """Effect of refining the radius after the decision, which the paper names as future work.
+
+    The most likely turn in the decided direction becomes the active mode.
+    """
+
+    def percentages_and_error(tracks: Tracks) -> tuple[float, float, float]:
+        squares = ((tracks.estimates - recording.truth) ** 2).mean((0, 1)).sum()
+        types = correct_types(tracks, recording).mean()
+        hypotheses = correct_hypotheses(tracks, recording).mean()
+        return 100 * hypotheses, 100 * types, float(np.sqrt(squares))
+
+    old, new = percentages_and_error(before), percentages_and_error(after)
+    return Finding(
+        f"{name}: radius refined after the decision",
+        f"correct radius {old[0]:.1f} -> {new[0]:.1f} %, "
+        f"correct type {old[1]:.1f} -> {new[1]:.1f} %, nRMSE {old[2]:.3f} -> {new[2]:.3f}",
+        "named as future work",
+    )

@@ -1,12 +1,14 @@
-"""Golubkov 2020, detection of a right turn at an unknown moment: settings, study, analysis.
+"""Golubkov 2020: settings and reproduction of the detection of a right turn at an unknown time.
 
-The print shows one realisation ("12 ticks") and names neither alpha nor beta; here the delay's distribution
-is given at four of them. The delay counts from tick 20. A run counts as missed if nothing is detected in the
-20 ticks of the turn, a false alarm before them included.
+The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta. The
+reproduction gives the distribution of the delay at four values of alpha. Delays are counted from tick 20,
+after which the turn begins. A run counts as missed if the turn is not detected within its 20 ticks; this
+includes runs with an earlier false alarm.
 
-Where this departs from the print: the root of eq. (7) is |Sigma_0| / |Sigma_1| (printed inverted); the turn
-tested is the right one, p = 2, as in the experiment, not p = 1 as in the algorithm. k lambda_k is the
-Shiryaev-Roberts statistic: alpha and beta are no error rates, which the false alarms without a turn show.
+Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted); the
+tested turn is the right one, p = 2, as in the experiment, not p = 1 as in the algorithm. k lambda_k is the
+Shiryaev-Roberts statistic. alpha and beta are therefore not error probabilities, as the false-alarm rates
+without a turn show.
 """
 
 import math
@@ -22,81 +24,122 @@ from hybrid_env.simulation import Simulation, simulate
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
-SWITCH = 20  # ticks before the turn
+SWITCH = 20
+"""Number of ticks before the turn."""
+
 START = (0.0, 0.0, 0.0, 2.0)
+"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
+
 RIGHT_TURN = 2  # p = 2
 ALPHAS = (0.1, 0.05, 0.01, 0.001)
-PUBLISHED_DELAY = 12  # ticks, of the one realisation shown
+PUBLISHED_DELAY = 12
+"""Delay of the published realisation [ticks]."""
+
 PERCENTILES = (5, 25, 50, 75, 95)
-HORIZON = 60  # ticks of the turn in the study of identification
+HORIZON = 60
+"""Length of the turn in the identification study [ticks]."""
+
 IDENTIFICATION = {"3 hypotheses": (5.0,), "21 hypotheses": tuple(float(radius) for radius in range(1, 11))}
+"""Turn radii of each bank in the identification study [m]."""
+
+DELAY_INTERVAL = "The interval contains 95 % of the delays of single runs."
+BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval over all runs."
 
 
-def watch(recording: Simulation, alpha: float, **options: Any) -> Detection:
-    """The paper's detector of a right turn."""
+def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detection:
+    """Run the paper's detector of a right turn; options are those of `detect_switch`."""
     return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
 
 
-def delay_figures(ticks: NDArray[np.int64]) -> dict[str, float]:
-    """False alarms [%], mean and percentiles of the delay [ticks], missed [%]."""
+def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
+    """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks].
+
+    Args:
+        ticks: (n,) detection tick of each run, 0 if there is none.
+    """
     delays = ticks[ticks > SWITCH] - SWITCH
-    figures = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
-    figures["mean delay"] = float(delays.mean()) if delays.size else math.nan
+    statistics = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
+    statistics["mean delay"] = float(delays.mean()) if delays.size else math.nan
     for percentile in PERCENTILES:
-        figures[f"{percentile} % of delays"] = (
+        statistics[f"{percentile} % quantile"] = (
             float(np.percentile(delays, percentile)) if delays.size else math.nan
         )
-    return figures | {"missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size)}
+    return statistics | {"missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size)}
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """The distribution behind the published realisation, and what alpha means without a turn."""
+    """Distribution of the detection delay, false alarms without a turn, and identification of the turn.
+
+    Args:
+        runs: number of runs, at least 2; the identification study uses a quarter of them.
+        seed: seed of the simulated recordings.
+
+    Raises:
+        ArgumentError: `runs` or `seed` is out of range.
+    """
     runs = check_integer("runs", runs, minimum=2)
     recording = simulate(SCHEME, runs, seed, start=START)
-    quiet = simulate(f"S{2 * SWITCH}", runs, seed + 1, start=START)
+    no_turn = simulate(f"S{2 * SWITCH}", runs, seed + 1, start=START)
     cells: list[Cell] = []
     findings: list[Finding] = []
-    pictures: dict[str, Any] = {}
+    examples: dict[str, Any] = {}
     for alpha in ALPHAS:
-        found = watch(recording, alpha)
+        detection = run_detector(recording, alpha)
         row = f"alpha = {alpha:g}"
-        figures = delay_figures(found.ticks)
-        delays = found.ticks[found.ticks > SWITCH] - SWITCH
+        statistics = delay_statistics(detection.ticks)
+        delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
         low, high = np.percentile(delays, [2.5, 97.5]) if delays.size else (math.nan, math.nan)
         cells.append(
-            Cell("Delay of the one realisation shown, ticks", row, "delay", PUBLISHED_DELAY,
-                 figures["mean delay"], float(low), float(high), 1)
+            Cell("Detection delay of the published realisation, ticks", row, "delay", PUBLISHED_DELAY,
+                 statistics["mean delay"], float(low), float(high), 1, DELAY_INTERVAL)
         )  # fmt: skip
-        cells += [
-            Cell("Distribution", row, name, math.nan, value, *_bounds(found.ticks, name, seed), 2)
-            for name, value in figures.items()
-        ]
-        alarms = 100.0 * (watch(quiet, alpha).ticks > 0).mean()
-        printed = delay_figures(watch(recording, alpha, printed_sign=True).ticks)
-        findings.append(
-            Finding(f"{row}: alarms in 40 ticks without a turn", f"{alarms:.2f} %", f"{100 * alpha:g} %")
-        )
-        findings.append(
-            Finding(
-                f"{row}: root of eq. (7) as printed",
-                f"mean delay {printed['mean delay']:.1f}, missed {printed['missed by tick 40, %']:.1f} %",
+        for name, value in statistics.items():
+            low, high = _bootstrap_interval(detection.ticks, name, seed)
+            cells.append(
+                Cell(
+                    "Distribution of the delay",
+                    row,
+                    name,
+                    math.nan,
+                    value,
+                    low,
+                    high,
+                    2,
+                    BOOTSTRAP_INTERVAL,
+                )
             )
-        )
-        pictures[row] = (recording, found)
+        false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
+        published_root = delay_statistics(run_detector(recording, alpha, printed_sign=True).ticks)
+        findings += [
+            Finding(
+                f"{row}: false alarms in 40 ticks without a turn",
+                f"{false_alarms:.2f} %",
+                f"{100 * alpha:g} %",
+            ),
+            Finding(
+                f"{row}: root of eq. (7) as published",
+                f"mean delay {published_root['mean delay']:.1f}, "
+                f"missed {published_root['missed by tick 40, %']:.1f} %",
+            ),
+        ]
+        examples[row] = (recording, detection)
     findings += _identification(max(runs // 4, 2), seed)
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), pictures)
+    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
 
 
-def _bounds(ticks: NDArray[np.int64], name: str, seed: int) -> tuple[float, float]:
-    """95 % bootstrap interval of one figure of `delay_figures` over our runs."""
+def _bootstrap_interval(ticks: NDArray[np.int64], name: str, seed: int) -> tuple[float, float]:
+    """95 % bootstrap confidence interval of one of the `delay_statistics`."""
     generator = np.random.default_rng(seed)
-    values = [delay_figures(generator.choice(ticks, ticks.size))[name] for _ in range(200)]
+    values = [delay_statistics(generator.choice(ticks, ticks.size))[name] for _ in range(200)]
     low, high = np.nanpercentile(values, [2.5, 97.5])
     return float(low), float(high)
 
 
 def _identification(runs: int, seed: int) -> list[Finding]:
-    """The paper's future work: which turn it is, at an unknown moment, every turn equally likely."""
+    """Identification of the turn at an unknown time, which the paper names as future work.
+
+    All turns are equally frequent.
+    """
     findings = []
     for name, radii in IDENTIFICATION.items():
         turns = [(side, radius) for side in "LR" for radius in radii]
@@ -109,19 +152,17 @@ def _identification(runs: int, seed: int) -> list[Finding]:
         measurements = np.concatenate([part.measurements for part in parts])
         truth = np.repeat(np.arange(1, len(turns) + 1), [len(part.measurements) for part in parts])
         for margin in (0.0, math.log(9.0), math.log(99.0)):
-            found = detect_switch(measurements, START, radii=radii, alpha=0.01, margin=margin)
-            hit = found.ticks > SWITCH
-            sides = (found.modes > len(radii)) == (truth > len(radii))
-            rule = (
-                "at detection" if margin == 0.0 else f"and ahead of every other by ln {math.exp(margin):.0f}"
-            )
+            detection = detect_switch(measurements, START, radii=radii, alpha=0.01, margin=margin)
+            detected = detection.ticks > SWITCH
+            correct_sides = (detection.modes > len(radii)) == (truth > len(radii))
+            rule = "no margin" if margin == 0.0 else f"margin ln {math.exp(margin):.0f} over every other turn"
             findings.append(
                 Finding(
-                    f"which turn, {name}, alpha = 0.01, {rule}",
-                    f"side right {100 * sides[hit].mean():.1f} %, turn right "
-                    f"{100 * (found.modes == truth)[hit].mean():.1f} %, mean delay "
-                    f"{(found.ticks[hit] - SWITCH).mean():.1f} ticks, none within {HORIZON}: "
-                    f"{100 * (found.ticks == 0).mean():.1f} %",
+                    f"identification of the turn, {name}, alpha = 0.01, {rule}",
+                    f"correct direction {100 * correct_sides[detected].mean():.1f} %, correct turn "
+                    f"{100 * (detection.modes == truth)[detected].mean():.1f} %, mean delay "
+                    f"{(detection.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within {HORIZON} "
+                    f"ticks {100 * (detection.ticks == 0).mean():.1f} %",
                     "named as future work",
                 )
             )

@@ -1,4 +1,4 @@
-"""Published figures beside one's own: cells of tables, and the spread of a study of the paper's size."""
+"""Published and reproduced table values, and the sampling interval of a study of the paper's size."""
 
 import math
 from collections.abc import Callable
@@ -10,20 +10,23 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 RESAMPLES = 2000
-PAPER_RUNS = 100  # runs of the studies in Golubkov 2018 and Tsyganov 2019
+PAPER_RUNS = 100
+"""Number of runs of the studies in Golubkov 2018 and Tsyganov 2019."""
+
+STUDY_INTERVAL = f"The interval contains 95 % of studies with {PAPER_RUNS} runs."
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One figure of a table.
+    """One value of a table.
 
     Attributes:
-        table, row, column: where it stands.
-        published: as printed; NaN where the print is illegible or gives none.
-        ours: the same figure from all our runs.
-        low, high: 95 % interval of the figure in a study with the paper's number of runs.
-        digits: after the point, for tables.
-        note: what else must be known.
+        table, row, column: position of the value.
+        published: published value, NaN if it is illegible or not given.
+        ours: the same quantity from all runs of the reproduction.
+        low, high: bounds of the 95 % interval that `note` describes.
+        digits: number of decimals to print.
+        note: meaning of the interval.
     """
 
     table: str
@@ -34,17 +37,17 @@ class Cell:
     low: float
     high: float
     digits: int = 4
-    note: str = ""
+    note: str = STUDY_INTERVAL
 
     @property
     def verdict(self) -> str:
-        """Whether the published figure lies "inside" or "outside" the interval, or is "no figure"."""
+        """Whether the published value is "inside" or "outside" the interval, or "not published"."""
         if math.isnan(self.published):
-            return "no figure"
+            return "not published"
         return "inside" if self.low <= self.published <= self.high else "outside"
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values, None for NaN."""
+        """Values for JSON, with None for NaN."""
         values = {
             key: getattr(self, key) for key in ("table", "row", "column", "published", "ours", "low", "high")
         }
@@ -56,12 +59,12 @@ class Cell:
 
 @dataclass(frozen=True)
 class Finding:
-    """A figure that the paper does not print, or claims without one.
+    """A result that the paper does not tabulate.
 
     Attributes:
-        name: what it is.
-        value: the figure in words.
-        claim: what the paper says, if anything.
+        name: quantity and setting.
+        value: result, as text.
+        claim: statement of the paper on this quantity, empty if there is none.
     """
 
     name: str
@@ -71,14 +74,15 @@ class Finding:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All cells of a paper, what else was found, and recordings for its figures.
+    """All results of the reproduction of a paper.
 
     Attributes:
-        paper: as cited.
-        runs, seed: of our study.
-        cells: of the published tables.
-        findings: beyond the tables.
-        pictures: data for the figures, by name.
+        paper: citation key.
+        runs: number of runs.
+        seed: seed of the simulated recordings.
+        cells: values of the published tables.
+        findings: results beyond the published tables.
+        examples: recording and result for each figure, by the name of the setting.
     """
 
     paper: str
@@ -86,64 +90,74 @@ class Reproduction:
     seed: int
     cells: tuple[Cell, ...]
     findings: tuple[Finding, ...]
-    pictures: dict[str, Any]
+    examples: dict[str, Any]
 
     @property
     def tables(self) -> dict[str, list[Cell]]:
-        """The cells of each table, in the paper's order."""
+        """Cells of each table, in the order of the paper."""
         tables: dict[str, list[Cell]] = {}
         for cell in self.cells:
             tables.setdefault(cell.table, []).append(cell)
         return tables
 
     def count(self) -> dict[str, tuple[int, int]]:
-        """Per table with published figures: cells inside, cells in all."""
+        """Number of published values inside the interval and in total, for each table that has any."""
         verdicts = {name: [cell.verdict for cell in cells] for name, cells in self.tables.items()}
         return {
-            name: (found.count("inside"), len(found) - found.count("no figure"))
+            name: (found.count("inside"), len(found) - found.count("not published"))
             for name, found in verdicts.items()
-            if set(found) != {"no figure"}
+            if set(found) != {"not published"}
         }
 
 
-def study_spread(
-    per_run: FloatArray, figures: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
+def study_interval(
+    per_run: FloatArray,
+    statistics: Callable[[FloatArray], FloatArray],
+    seed: int,
+    study_runs: int = PAPER_RUNS,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Figures of all runs, and the bounds between which 95 % of studies with fewer runs find them.
+    """Statistics of all runs, and the bootstrap interval of a study with fewer runs.
 
     Args:
         per_run: (n, F) values of each run.
-        figures: (..., F) means over runs -> (..., C) figures.
-        seed: of the resampling.
-        study_runs: runs of one study.
+        statistics: function from means over runs, (..., F), to statistics, (..., C).
+        seed: seed of the resampling.
+        study_runs: number of runs of one study.
 
     Returns:
-        (C,) figures, lower and upper bounds.
+        Statistics of all runs, lower and upper bounds of the 95 % interval, each (C,).
     """
     generator = np.random.default_rng(seed)
     draws = generator.multinomial(study_runs, np.full(len(per_run), 1.0 / len(per_run)), RESAMPLES)
-    spread = figures(draws @ per_run / study_runs)
-    low, high = np.percentile(spread, [2.5, 97.5], axis=0)
-    return figures(per_run.mean(0)), low, high
+    resampled = statistics(draws @ per_run / study_runs)
+    low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
+    return statistics(per_run.mean(0)), low, high
 
 
-def rmse_figures(means: FloatArray) -> FloatArray:
-    """(..., 4) mean squared errors -> (..., 5) RMSE of each component and nRMSE, their Euclidean norm."""
-    roots = np.sqrt(means)
+def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
+    """Root-mean-square errors and their Euclidean norm (nRMSE), (..., 5), from mean squares (..., 4)."""
+    roots = np.sqrt(mean_squares)
     return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
 
-def cells_of(
+def table_row(
     table: str,
     row: str,
     columns: tuple[str, ...],
     published: tuple[float, ...],
-    spread: tuple[FloatArray, FloatArray, FloatArray],
+    interval: tuple[FloatArray, FloatArray, FloatArray],
     digits: int = 4,
-    note: str = "",
 ) -> list[Cell]:
-    """A row of cells."""
+    """Cells of one row of a table.
+
+    Args:
+        table, row: names of table and row.
+        columns: (C,) names of the columns.
+        published: (C,) published values, NaN where there is none.
+        interval: value, lower and upper bound of each column, from `study_interval`.
+        digits: number of decimals to print.
+    """
     return [
-        Cell(table, row, column, printed, float(ours), float(low), float(high), digits, note)
-        for column, printed, ours, low, high in zip(columns, published, *spread, strict=True)
+        Cell(table, row, column, value, float(ours), float(low), float(high), digits)
+        for column, value, ours, low, high in zip(columns, published, *interval, strict=True)
     ]

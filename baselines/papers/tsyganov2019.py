@@ -1,9 +1,10 @@
-"""Tsyganov 2019, the table of RMSE: settings, study, analysis.
+"""Tsyganov 2019: settings and reproduction of the RMSE table.
 
-Not stated in print and found to reproduce the table: tau = 0.1; alpha = beta = 0.001; x0 = [0, 0, 0, 0.25]
-(printed with a decimal comma); after a decision the estimates of the piece are computed again from its first
-state but with the covariance as it stands, because lines 17 to 20 as printed initialise no filter. So the
-data are used twice (`recalculation="as_published"`); "rewind" goes back to state and covariance.
+The paper does not state the following settings; with them the table is reproduced. tau = 0.1 s;
+alpha = beta = 0.001; x0 = [0, 0, 0, 0.25] (published with a decimal comma). After a decision, the estimates
+of the piece are recalculated from its first state but with the covariance of the decision tick, because
+lines 17 to 20 of the published algorithm do not initialise a filter. The data are therefore used twice
+(`recalculation="as_published"`); "rewind" goes back to both the state and the covariance.
 """
 
 import math
@@ -11,7 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from baselines.papers.reproduction import Cell, Finding, Reproduction, cells_of, rmse_figures, study_spread
+from baselines.papers.reproduction import (
+    Cell,
+    Finding,
+    Reproduction,
+    rmse_and_norm,
+    study_interval,
+    table_row,
+)
 from baselines.recordings.ate import Tracks, track
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
@@ -19,56 +27,79 @@ from hybrid_env.simulation import Simulation, simulate
 PAPER = "Tsyganov 2019"
 SCHEME = "tsyganov2019"
 START = (0.0, 0.0, 0.0, 0.25)
+"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
+
 RADIUS = 5.0
+"""Turn radius [m]."""
+
 ALPHA = 1e-3
-NOISE = {"R = 0.01": 0.01, "R = 0.1": 0.1, "R = 1": 1.0}  # [m^2]
+MEASUREMENT_VARIANCES = {"R = 0.01": 0.01, "R = 0.1": 0.1, "R = 1": 1.0}
+"""R [m^2] of each setting."""
 
 STATES = ("x1", "x2", "x3", "x4", "nRMSE")
-LOST = math.nan  # illegible in print
+ILLEGIBLE = math.nan
 TABLE = {
-    "R = 0.01": (LOST, 0.0404, LOST, LOST, 0.3103),
-    "R = 0.1": (LOST, 0.0449, LOST, 0.0408, 0.3832),
+    "R = 0.01": (ILLEGIBLE, 0.0404, ILLEGIBLE, ILLEGIBLE, 0.3103),
+    "R = 0.1": (ILLEGIBLE, 0.0449, ILLEGIBLE, 0.0408, 0.3832),
     "R = 1": (0.3791, 0.0575, 0.3440, 0.0568, 0.5182),
 }
-WAYS: dict[str, dict[str, Any]] = {
-    "as published": {"recalculation": "as_published"},
-    "true rewind": {"recalculation": "rewind"},
-    "true rewind, tested against straight": {"recalculation": "rewind", "reference": "straight"},
+AS_PUBLISHED = "recalculation as published"
+VARIANTS: dict[str, dict[str, Any]] = {
+    AS_PUBLISHED: {"recalculation": "as_published"},
+    "rewind of state and covariance": {"recalculation": "rewind"},
+    "rewind of state and covariance, tests against straight": {
+        "recalculation": "rewind",
+        "reference": "straight",
+    },
 }
 
 
-def follow(recording: Simulation, variance: float, **way: Any) -> Tracks:
-    """ATE with three hypotheses and recalculation."""
+def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
+    """Run ATE with three hypotheses.
+
+    Args:
+        recording: simulated runs.
+        variance: R [m^2].
+        options: further options of `baselines.track`, such as `recalculation`.
+    """
     return track(
         recording.measurements, recording.lengths, START, radii=[RADIUS], process_variance=0.0,
-        measurement_variance=variance, alpha=ALPHA, **way,
+        measurement_variance=variance, alpha=ALPHA, **options,
     )  # fmt: skip
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """The table as published, and what a true rewind gives."""
+    """Reproduce the published table, and compare the variants of the recalculation.
+
+    Args:
+        runs: number of runs per measurement variance, at least 2.
+        seed: seed of the simulated recordings.
+
+    Raises:
+        ArgumentError: `runs` or `seed` is out of range.
+    """
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
-    pictures = {}
-    for row, (name, variance) in enumerate(NOISE.items()):
+    examples = {}
+    for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         recording = simulate(
-            SCHEME, runs, seed + row, start=START, process_variance=0.0, measurement_variance=variance
+            SCHEME, runs, seed + index, start=START, process_variance=0.0, measurement_variance=variance
         )
-        for way, options in WAYS.items():
-            found = follow(recording, variance, **options)
-            squares = ((found.estimates - recording.truth) ** 2).mean(1)
-            spread = study_spread(squares, rmse_figures, seed)
-            if way == "as published":
-                cells += cells_of("Table, RMSE", name, STATES, TABLE[name], spread)
-                pictures[name] = (recording, found)
-            sides = np.array([0, 1, -1])[found.decided]
-            right = 100.0 * (sides == np.sign(recording.signed_radii)).mean()
+        for variant, options in VARIANTS.items():
+            tracks = run_ate(recording, variance, **options)
+            mean_squares = ((tracks.estimates - recording.truth) ** 2).mean(1)
+            interval = study_interval(mean_squares, rmse_and_norm, seed)
+            if variant == AS_PUBLISHED:
+                cells += table_row("Table, RMSE", name, STATES, TABLE[name], interval)
+                examples[name] = (recording, tracks)
+            sides = np.array([0, 1, -1])[tracks.decided]
+            correct = 100.0 * (sides == np.sign(recording.signed_radii)).mean()
             findings.append(
                 Finding(
-                    f"{name}, {way}",
-                    f"{right:.1f} % of modes right, nRMSE {float(spread[0][-1]):.4f}",
-                    "100 % right" if way == "as published" else "",
+                    f"{name}, {variant}",
+                    f"{correct:.1f} % of modes correct, nRMSE {float(interval[0][-1]):.4f}",
+                    "100 % correct" if variant == AS_PUBLISHED else "",
                 )
             )
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), pictures)
+    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)

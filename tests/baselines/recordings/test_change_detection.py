@@ -50,8 +50,8 @@ def test_figures_agree_with_an_independent_program_at_four_alpha():
         0.001: (0.0, 17.6, (14, 16, 18, 19, 20), 37.0, 0.04),
     }
     for alpha, (alarms, delay, percentiles, missed, quiet_alarms) in expected.items():
-        ticks = golubkov2020.watch(recording, alpha).ticks
-        figures = golubkov2020.delay_figures(ticks)
+        ticks = golubkov2020.run_detector(recording, alpha).ticks
+        figures = golubkov2020.delay_statistics(ticks)
 
         def bound(percent):
             share = max(percent / 100, 1 / runs)
@@ -61,9 +61,9 @@ def test_figures_agree_with_an_independent_program_at_four_alpha():
         assert figures["missed by tick 40, %"] == pytest.approx(missed, abs=bound(missed))
         spread = (ticks[ticks > 20] - 20).std()
         assert figures["mean delay"] == pytest.approx(delay, abs=4 * spread * math.sqrt(2 / runs))
-        found = [figures[f"{percentile} % of delays"] for percentile in golubkov2020.PERCENTILES]
+        found = [figures[f"{percentile} % quantile"] for percentile in golubkov2020.PERCENTILES]
         np.testing.assert_allclose(found, percentiles, atol=1)  # a step of the tick
-        alarm = 100 * (golubkov2020.watch(quiet, alpha).ticks > 0).mean()
+        alarm = 100 * (golubkov2020.run_detector(quiet, alpha).ticks > 0).mean()
         assert alarm == pytest.approx(quiet_alarms, abs=bound(quiet_alarms))
 
 
