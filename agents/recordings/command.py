@@ -1,4 +1,4 @@
-"""The command `track`: mode decisions on one's own recording, with ATE."""
+"""The command `hybridtrack track`: mode decisions with ATE on a recording of positions."""
 
 import os
 from collections.abc import Sequence
@@ -32,97 +32,99 @@ from hybrid_env.rendering.modes import mode_name
 
 DEFAULT_PIECE = 50  # ticks
 DEFAULT_TAU = 0.1  # [s]
-SAME_TAU = 1e-3
-TAU_BOUNDS = (1e-9, 1e9)  # [s]
-FARTHEST = 1e15
-"""An estimate beyond this [m, m/s] is no track."""
+TAU_TOLERANCE = 1e-3
+"""Largest relative difference between --tau and the t column."""
 
-SHOWN_PIECES = 20
-FEWEST_ROWS = 50
-"""An estimate of the noise from fewer measurements is not worth the name."""
+TAU_RANGE = (1e-9, 1e9)  # [s]
+MAX_ESTIMATE = 1e15
+"""Larger estimates [m, m/s] mean that the filter has diverged."""
+
+MAX_PRINTED_PIECES = 20
+MIN_NOISE_ROWS = 50
+"""The noise is not estimated from fewer measurements."""
 
 NOISE_ERROR = 2.4
-"""Relative standard error of the estimate, times the root of the number of rows; found by simulation."""
+"""Relative standard error of the noise estimate times the square root of the number of rows.
+
+Determined by simulation."""
 
 NORMAL_MEDIAN = 0.6744897501960817
-"""Median of |z| of a standard normal z."""
+"""Median of |z| for a standard normal z."""
 
 
 def estimate_noise(measurements: ArrayLike) -> float:
-    """Measurement variance R from the third differences of each coordinate.
+    """Estimate the measurement variance R from the third differences of each coordinate.
 
-    d_k = z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k removes any motion that is quadratic over four ticks and
-    leaves noise of variance (1 + 9 + 9 + 1) R. With the median, so that outliers and switches count little,
+    d_k = z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k cancels motion that is quadratic over four ticks. Its noise
+    has the variance (1 + 9 + 9 + 1) R. The median is robust against outliers and switches:
 
-        R = (median |d_k| / 0.6745)^2 / 20, the mean of x and y.
+        R = (median |d_k| / 0.6745)^2 / 20, averaged over x and y.
 
-    A turn adds about r (omega tau)^3 to |d|, and process noise Q tau^2 / 10 to R; both are far below R
-    where a tick is short. The relative standard error is about 2.4 / sqrt(T). Noise that is correlated from
-    tick to tick, as after smoothing, comes out too small.
+    A turn adds about r (omega tau)^3 to |d|, and process noise adds Q tau^2 / 10 to R. Both are negligible if
+    the tick is short. The relative standard error is about 2.4 / sqrt(T). The variance of noise that is
+    correlated between ticks, for example after smoothing, is underestimated.
 
     Args:
-        measurements: (T, 2) x and y [m], T >= 50.
+        measurements: (T, 2) measured x and y [m], T >= 50.
 
     Returns:
         R [m^2].
 
     Raises:
-        ArgumentError: too few measurements, or third differences whose median is 0.
+        ArgumentError: there are too few measurements, or they show no noise.
     """
     values = check_array("measurements", measurements, (None, 2))
-    if len(values) < FEWEST_ROWS:
+    if len(values) < MIN_NOISE_ROWS:
         raise reject(
             "measurement_variance",
             None,
-            f"a number > 0, as an estimate needs {FEWEST_ROWS} rows, not {len(values)}",
+            f"a number > 0, because its estimate needs {MIN_NOISE_ROWS} rows, not {len(values)}",
         )
     median = np.median(np.abs(np.diff(values, n=3, axis=0)), axis=0)
     variance = float(np.mean((median / NORMAL_MEDIAN) ** 2) / 20.0)
-    # a smooth recording leaves the rounding of its coordinates, which is no noise of a sensor
+    # the third differences of a noise-free recording contain only the rounding of the coordinates
     if variance <= (8.0 * np.finfo(np.float64).eps * np.abs(values).max()) ** 2:
-        raise reject(
-            "measurement_variance", None, "a number > 0, as this recording shows no noise to estimate"
-        )
+        raise reject("measurement_variance", None, "a number > 0, because the recording shows no noise")
     return variance
 
 
 @dataclass
 class Track:
-    """Find the modes of a recording: straight, left or right turn, and since when that is certain.
+    """Run ATE on a recording: decide between straight, left and right turns, and estimate the trajectory.
 
     Writes modes.csv, estimates.csv and track.png. Ticks are counted from 1, the first row of the recording.
     """
 
     file: tyro.conf.Positional[Path]
-    """CSV with columns x, y [m] and perhaps t [s], by header or in the order t,x,y."""
+    """CSV file with columns x, y [m] and optionally t [s], named by a header or in the order t,x,y."""
     lengths: tuple[int, ...] = ()
-    """Ticks of the pieces between possible switches, which add up to the rows; see also --piece."""
+    """Ticks of each piece between possible switches; their sum is the number of rows. See also --piece."""
     piece: int | None = None
-    """A possible switch every so many ticks, 50 where --lengths is not given either."""
+    """Ticks between possible switches, if --lengths is not given; 50 by default."""
     radii: tuple[float, ...] = (5.0,)
-    """Turn radii to choose from [m], each as a left and as a right turn."""
+    """Turn radii of the hypotheses [m]; each is tested as a left and as a right turn."""
     tau: float | None = None
-    """Tick [s]; by default that of the t column, else 0.1."""
+    """Duration of a tick [s]; by default from the t column, or 0.1 without one."""
     process_variance: float = 0.001
-    """Q, variance that each velocity gains every tick [m^2/s^2]."""
+    """Process noise variance Q of each velocity per tick [m^2/s^2]."""
     measurement_variance: float | None = None
-    """R, variance of a measured coordinate [m^2]; by default estimated from third differences."""
+    """Measurement noise variance R of each coordinate [m^2]; by default estimated from the recording."""
     alpha: float = 1e-3
-    """Probability of leaving the active mode wrongly."""
+    """Error probability of the first kind: the active mode is rejected although it is correct."""
     beta: float | None = None
-    """Probability of staying in it wrongly; by default alpha."""
+    """Error probability of the second kind: the active mode is kept although it is wrong. Default: alpha."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
-    """What a piece that ends without a decision takes: the mode before it, or the likeliest one."""
+    """Mode of a piece without a decision: that of the previous piece (keep), or the most likely one."""
     start: tuple[float, float, float, float] | None = None
-    """Estimate x, vx, y, vy one tick before the first row [m, m/s]; by default a line through ten rows."""
+    """State x, vx, y, vy one tick before the first row [m, m/s]; by default from a line through ten rows."""
     out: Path | None = None
-    """Folder for the results; by default <name of the file>_track beside it."""
+    """Output folder; by default <file name>_track in the folder of the file."""
 
     def run(self) -> None:
-        """Track the recording, write the results and print the pieces.
+        """Track the recording, write the results and print the decisions.
 
         Raises:
-            ArgumentError: one line that names the argument or the place in the file, and what is allowed.
+            ArgumentError: an argument or a line of the file is invalid.
         """
         self._check()
         console = Console()
@@ -142,10 +144,10 @@ class Track:
                 process_variance=self.process_variance, measurement_variance=variance,
                 alpha=self.alpha, beta=self.beta, undecided=self.undecided,
             )  # fmt: skip
-        if not (np.abs(tracks.estimates) <= FARTHEST).all():
+        if not (np.abs(tracks.estimates) <= MAX_ESTIMATE).all():
             raise ArgumentError(
-                f"the estimates of {self.file} leave all bounds: expected coordinates, ticks, start and "
-                "variances in m and s that fit each other"
+                f"the estimates of {self.file} diverge: expected coordinates, tick, start and variances in "
+                "consistent units of m and s"
             )
         ticks = len(recording.measurements)
         times = recording.times
@@ -164,13 +166,13 @@ class Track:
 
         origin = "as given"
         if self.measurement_variance is None:
-            origin = f"estimated from third differences, within {NOISE_ERROR / np.sqrt(ticks):.0%} or so"
+            origin = f"estimated, relative standard error {NOISE_ERROR / np.sqrt(ticks):.0%}"
         console.print(
-            f"{ticks} ticks of {tau:.6g} s, measurement_variance {variance:.4g} m^2 {origin}",
+            f"{ticks} ticks of {tau:.6g} s, measurement variance {variance:.4g} m^2 ({origin})",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
-        console.print(_shown_table(pieces, times, tau))
-        rest = len(lengths) - SHOWN_PIECES
+        console.print(_printed_table(pieces, times, tau))
+        rest = len(lengths) - MAX_PRINTED_PIECES
         if rest > 0:
             console.print(f"... and {rest} more in modes.csv", highlight=False)
         for name in ("modes.csv", "estimates.csv", "track.png"):
@@ -178,14 +180,14 @@ class Track:
 
     def _check(self) -> None:
         if self.lengths and self.piece is not None:
-            raise reject("piece", self.piece, "to be left out where lengths are given")
+            raise reject("piece", self.piece, "no value if lengths are given")
         for length in self.lengths:
             check_integer("lengths", length)
         if self.piece is not None:
             check_integer("piece", self.piece)
         check_radii("radii", self.radii)
         if self.tau is not None:
-            check_between("tau", self.tau, *TAU_BOUNDS)
+            check_between("tau", self.tau, *TAU_RANGE)
         check_positive("process_variance", self.process_variance, allow_zero=True)
         if self.measurement_variance is not None:
             check_positive("measurement_variance", self.measurement_variance)
@@ -204,22 +206,22 @@ class Track:
             raise reject(
                 "lengths",
                 self.lengths,
-                f"lengths that add up to the {rows} rows of {self.file}, not {sum(self.lengths)}",
+                f"lengths whose sum is {rows}, the number of rows of {self.file}, not {sum(self.lengths)}",
             )
         return list(self.lengths)
 
     def _tau(self, recording: Recording) -> float:
         if self.tau is None:
-            return check_between("tau", recording.tau or DEFAULT_TAU, *TAU_BOUNDS)
-        if recording.tau is not None and abs(self.tau - recording.tau) > SAME_TAU * recording.tau:
+            return check_between("tau", recording.tau or DEFAULT_TAU, *TAU_RANGE)
+        if recording.tau is not None and abs(self.tau - recording.tau) > TAU_TOLERANCE * recording.tau:
             raise reject(
-                "tau", self.tau, f"{recording.tau:.6g} as in the t column of {self.file}, or to be left out"
+                "tau", self.tau, f"no value, or {recording.tau:.6g} as in the t column of {self.file}"
             )
         return self.tau
 
 
 def _piece_table(lengths: Sequence[int], tracks: ate.Tracks, radii: Sequence[float]) -> dict[str, list[Any]]:
-    """The columns of modes.csv; what does not apply is empty."""
+    """Columns of modes.csv. Cells that do not apply are empty."""
     last = np.cumsum(lengths)
     first = last - np.asarray(lengths) + 1
     modes = tracks.decided.tolist()
@@ -232,7 +234,9 @@ def _piece_table(lengths: Sequence[int], tracks: ate.Tracks, radii: Sequence[flo
         "mode": [mode_name(mode, radii) for mode in modes],
         "mode_index": modes,
         "radius": [radii[(mode - 1) % len(radii)] if mode else "" for mode in modes],
-        "decision_tick": ["" if open_ else tick for tick, open_ in zip(decisions, undecided, strict=True)],
+        "decision_tick": [
+            "" if missing else tick for tick, missing in zip(decisions, undecided, strict=True)
+        ],
         "undecided": undecided,
     }
 
@@ -243,7 +247,7 @@ def _estimate_table(
     tracks: ate.Tracks,
     radii: Sequence[float],
 ) -> dict[str, Column]:
-    """The columns of estimates.csv, whose first three are a recording again."""
+    """Columns of estimates.csv. The first three are in the format of a recording."""
     names = [mode_name(mode, radii) for mode in range(2 * len(radii) + 1)]
     estimates = {f"estimate_{name}": tracks.estimates[:, k] for k, name in enumerate(("x", "vx", "y", "vy"))}
     return {
@@ -256,26 +260,30 @@ def _estimate_table(
     }
 
 
-def _shown_table(pieces: dict[str, list[Any]], times: NDArray[np.float64], tau: float) -> Table:
+def _printed_table(pieces: dict[str, list[Any]], times: NDArray[np.float64], tau: float) -> Table:
     table = Table()
     for name in ("piece", "ticks", "from\n[s]", "mode", "decided\nat tick", "delay\n[ticks]", "delay\n[s]"):
         table.add_column(escape(name), justify="left" if name == "mode" else "right")
-    for k in range(min(len(pieces["piece"]), SHOWN_PIECES)):
+    for k in range(min(len(pieces["piece"]), MAX_PRINTED_PIECES)):
         first, last, decision = (pieces[name][k] for name in ("first_tick", "last_tick", "decision_tick"))
-        waited = ("undecided", "", "")
+        decided = ("undecided", "", "")
         if not pieces["undecided"][k]:
             ticks = decision - first + 1
-            waited = (str(decision), str(ticks), f"{ticks * tau:.3f}")
+            decided = (str(decision), str(ticks), f"{ticks * tau:.3f}")
         table.add_row(
-            str(pieces["piece"][k]), f"{first}-{last}", f"{times[first - 1]:.3f}", pieces["mode"][k], *waited
+            str(pieces["piece"][k]), f"{first}-{last}", f"{times[first - 1]:.3f}", pieces["mode"][k], *decided
         )
     return table
 
 
 def _check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be made or written to, before any work."""
+    """Check that a folder can be created and written to, before any work.
+
+    Raises:
+        ArgumentError: it cannot.
+    """
     existing = folder
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise reject("out", str(folder), "a folder that can be written to")
+        raise reject("out", str(folder), "a writable folder")
