@@ -30,7 +30,7 @@ class Bench:
 
         from agents.benchmark.measurements import GROUPS, Measurement
         from agents.benchmark.report import draw, markdown, table
-        from agents.interface.output_files import output_folder, whole_file, write_json
+        from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
 
         folder = output_folder("out", self.out)
@@ -50,7 +50,7 @@ class Bench:
             progress.update(task, note="")
         console.print(table(found, title))
         write_json(folder / "bench.json", {"title": title, "measurements": [asdict(one) for one in found]})
-        with whole_file(folder / "bench.md") as part:
+        with atomic_file(folder / "bench.md") as part:
             part.write_text(markdown(found, title), encoding="utf-8")
         draw(found, title, folder / "bench.png")
         console.print(f"Files in {folder}: bench.json, bench.md, bench.png", highlight=False)

@@ -9,7 +9,7 @@ from rich import box
 from rich.table import Table
 
 from agents.benchmark.measurements import Measurement
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 
 
 def _words(one: Measurement) -> tuple[str, str, str, str, str]:
@@ -70,5 +70,5 @@ def draw(found: Sequence[Measurement], title: str, path: Path) -> None:
     axes.set_xlabel("times as fast")
     axes.set_title(title)
     axes.spines[["top", "right"]].set_visible(False)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         figure.savefig(part, dpi=110)

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from agents.interface.decider_colours import DeciderStyle, decider_styles
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from baselines.deciders.decider import Decider
 from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
@@ -97,7 +97,7 @@ def draw_episode(
 ) -> None:
     """Write `episode_figure` as PNG."""
     canvas = episode_figure(first, second, world, title)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         canvas.savefig(part)
 
 

@@ -16,7 +16,7 @@ from agents.evaluation.evaluate import confidence_interval
 from agents.evaluation.operating_curve import ACCURACY, REWARD, TICKS
 from agents.interface.curve_labels import label_curves
 from agents.interface.decider_colours import DeciderStyle, decider_styles
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 
 ERROR_TICKS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 DPI = 120
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 def draw_operating_curves(result: Comparison, path: Path) -> None:
     """Write `operating_curves` as PNG."""
     canvas = operating_curves(result)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         canvas.savefig(part)
 
 
@@ -79,7 +79,12 @@ def operating_curves(result: Comparison) -> Canvas:
         fontsize=9,
         color="0.3",
     )
-    _mark_unreached_levels(left, groups, styles)
+    swept = {
+        name: entries
+        for name, entries in groups.items()
+        if result.plan.curves or entries[0] is result.entries[0]
+    }
+    _mark_unreached_levels(left, swept, styles)
     for axes, curves in ((left, errors), (right, rewards)):
         for line, _ in curves:
             _mark_edges(axes, line)

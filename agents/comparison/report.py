@@ -20,7 +20,9 @@ def comparison_table(result: Comparison) -> Table:
         f"Thresholds {criterion}, selected on other episodes.\n± half width of the 95 % confidence interval."
     )
     if result.plan.curves:
-        caption += f"\n{result.reference_ticks:.1f} ticks: mean decision time of {first.name} by default."
+        caption += (
+            f"\n{result.reference_ticks:.1f} ticks: mean time of {first.name} at its default threshold."
+        )
     title = f"{result.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} common segments"
     table = Table(
         title=title,
@@ -117,7 +119,7 @@ def summary_lines(result: Comparison) -> list[str]:
                 ticks = [entry.ticks_at[level].value for entry in trained]
                 figures.append((f"ticks at {level:.0%}", 1, ticks))
             errors = [100 * entry.error_at_reference_ticks.value for entry in trained]
-            figures.append((f"error, %, at {result.reference_ticks:.1f} ticks", 2, errors))
+            figures.append((f"error rate at {result.reference_ticks:.1f} ticks, %", 2, errors))
         for name, digits, values in figures:
             low, mean, high = np.min(values), np.mean(values), np.max(values)
             spread.append(f"{name} {mean:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})")

@@ -28,7 +28,7 @@ def output_folder(name: str, path: Path) -> Path:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Context manager that yields the path of a temporary file for writing.
 
     The file replaces `path` if the block succeeds, and is removed otherwise.
@@ -54,5 +54,5 @@ def write_json(path: Path, value: Any) -> None:
         ArgumentError: the file cannot be written.
         ValueError: the value contains NaN or infinities.
     """
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         part.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from hybrid_env.checks import ArgumentError, reject
 
 Column: TypeAlias = Sequence[Any] | NDArray[Any]
@@ -110,7 +110,7 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> 
         raise reject(
             "columns", {name: len(column) for name, column in lists.items()}, "columns of equal length"
         )
-    with whole_file(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
+    with atomic_file(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(lists)
         writer.writerows(zip(*lists.values(), strict=True))

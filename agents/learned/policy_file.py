@@ -11,7 +11,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from agents.interface.output_files import whole_file, write_json
+from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from hybrid_env.checks import reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
@@ -28,7 +28,7 @@ def package_versions() -> dict[str, str]:
 
 def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any]) -> None:
     """Write weights and card. Each file is written atomically."""
-    with whole_file(folder / WEIGHTS) as part:
+    with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
     write_json(folder / CARD, dict(card) | {"observation_scales": OBSERVATION_SCALES})
 

@@ -40,7 +40,7 @@ class Limits:
         from rich.console import Console
         from rich.markdown import Markdown
 
-        from agents.interface.output_files import output_folder, whole_file, write_json
+        from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
         from agents.limits.figure import draw_decision_times
         from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
@@ -78,7 +78,7 @@ class Limits:
             [rules_markdown(found), calibration_markdown(calibration), type_accuracy_markdown(accuracies)]
         )
         console.print(Markdown(text))
-        with whole_file(folder / "limits.md") as part:
+        with atomic_file(folder / "limits.md") as part:
             part.write_text(text, encoding="utf-8")
         write_json(
             folder / "limits.json",

@@ -11,7 +11,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from agents.interface.curve_labels import label_curves
 from agents.interface.decider_colours import DeciderStyle, decider_styles
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from agents.limits.study import BANKS, NOISE_LEVELS, RuleResult
 
 MARKER_SPACING = 10.0  # between the markers of rules that do not reach the accuracy [pt]
@@ -20,7 +20,7 @@ MARKER_SPACING = 10.0  # between the markers of rules that do not reach the accu
 def draw_decision_times(found: Sequence[RuleResult], path: Path) -> None:
     """Write `decision_times` as PNG."""
     canvas = decision_times(found)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         canvas.savefig(part)
 
 

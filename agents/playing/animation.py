@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.figure import RENDER_FPS
 from hybrid_env.rendering.modes import mode_colour, shade
@@ -27,7 +27,7 @@ def write_gif(path: Path, frames: Iterator[Frame], options: WorldOptions) -> Non
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
     images = (Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         next(images).save(
             part,
             format="GIF",

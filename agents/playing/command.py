@@ -12,7 +12,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from agents.evaluation.deciders import load_decider
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from agents.interface.progress import progress_display
 from agents.interface.recording_files import write_table
 from agents.interface.world_arguments import WorldArguments
@@ -140,7 +140,7 @@ class Play(WorldArguments):
                 if renderer.window.closed_by_user:
                     return False
         if self.out is not None:
-            with whole_file(self.out) as part:
+            with atomic_file(self.out) as part:
                 Image.fromarray(renderer.draw(history)).save(part, format="PNG")
         return True
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from agents.interface.output_files import output_folder, whole_file
+from agents.interface.output_files import atomic_file, output_folder
 from agents.interface.recording_files import Column, Recording, read_recording, write_table
 from agents.recordings.figure import draw_track
 from baselines.deciders.sprt import sprt_thresholds
@@ -161,7 +161,7 @@ class Track:
                 folder / "estimates.csv", _estimate_table(times, recording.measurements, tracks, self.radii)
             )
             figure = draw_track(times, recording.measurements, lengths, tracks, self.radii)
-            with whole_file(folder / "track.png") as part:
+            with atomic_file(folder / "track.png") as part:
                 figure.savefig(part, format="png")
 
         origin = "as given"

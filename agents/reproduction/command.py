@@ -43,7 +43,7 @@ class Reproduce:
 
         from rich.console import Console
 
-        from agents.interface.output_files import output_folder, whole_file, write_json
+        from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
         from agents.reproduction.figures import draw_figures
         from agents.reproduction.report import describe_runs, summary_markdown, tables, to_json, to_markdown
@@ -64,7 +64,7 @@ class Reproduce:
             for table in tables(result):
                 console.print(table)
             write_json(folder / f"{paper}.json", to_json(result))
-            with whole_file(folder / f"{paper}.md") as part:
+            with atomic_file(folder / f"{paper}.md") as part:
                 part.write_text(to_markdown(result), encoding="utf-8")
             names = draw_figures(paper, result, folder)
             files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
@@ -72,6 +72,6 @@ class Reproduce:
                 f"{describe_runs(result)} Computed in {seconds[paper]:.2f} s. Files in {folder}: {files}\n",
                 highlight=False,
             )
-        with whole_file(folder / "reproduction.md") as part:
+        with atomic_file(folder / "reproduction.md") as part:
             part.write_text(summary_markdown(results), encoding="utf-8")
         console.print(f"Summary: {folder / 'reproduction.md'}", highlight=False)

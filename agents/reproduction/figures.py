@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from agents.interface.curve_labels import label_curves
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
 from baselines.papers.reproduction import Reproduction
@@ -56,7 +56,7 @@ def draw_figures(paper: str, result: Reproduction, folder: Path) -> list[str]:
             for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1)
         }  # fmt: skip
     for name, figure in figures.items():
-        with whole_file(folder / name) as part:
+        with atomic_file(folder / name) as part:
             figure.savefig(part, dpi=DPI)
     return list(figures)
 

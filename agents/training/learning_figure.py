@@ -9,7 +9,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from agents.evaluation.deciders import ATE
 from agents.interface.curve_labels import label_curves
 from agents.interface.decider_colours import decider_style
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from agents.training.learning_curve import REWARD_KEY, SPRT_KEY, learning_points
 from agents.training.run_folder import read_metrics
 
@@ -47,5 +47,5 @@ def draw_learning_curve(folder: Path, path: Path) -> None:
     if points:
         for axes, named in zip(panels, curves, strict=True):
             label_curves(axes, named)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         canvas.savefig(part)

@@ -15,7 +15,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 from torch.optim import Optimizer
 
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from agents.learned.policy_file import first_line
 from hybrid_env.checks import reject
 
@@ -31,7 +31,7 @@ def save_checkpoint(
     tensors = {f"policy.{name}": value.contiguous() for name, value in weights.items()}
     for index, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
-    with whole_file(folder / CHECKPOINT) as part:
+    with atomic_file(folder / CHECKPOINT) as part:
         save_file(tensors, part, metadata={name: repr(value) for name, value in progress.items()})
 
 
@@ -101,6 +101,6 @@ def drop_metrics_after(folder: Path, step: int) -> None:
     """Delete the metrics logged after a checkpoint; the resumed run logs them again."""
     path = folder / METRICS
     if path.is_file():
-        with whole_file(path) as part:
+        with atomic_file(path) as part:
             kept = [row for row in read_metrics(folder) if row["step"] <= step]
             part.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")

@@ -58,9 +58,9 @@ def entry(name, accuracy, ticks, chosen=1, episodes=4):
     )
 
 
-def comparison(*entries, accuracy=None):
+def comparison(*entries, accuracy=None, curves=True):
     names = tuple(one.name for one in entries)
-    plan = Plan("hybrid_env:HybridTrack-v0", {}, names[:1], names[1:], 4, 0, None, 1, accuracy)
+    plan = Plan("hybrid_env:HybridTrack-v0", {}, names[:1], names[1:], 4, 0, None, 1, accuracy, curves)
     paths = PosteriorPaths(np.zeros((1, 1)), np.zeros((1, 1), bool), np.ones(1, int), "hypothesis")
     return Comparison(plan, WorldOptions(), 20.0, entries, paths)
 
@@ -121,6 +121,12 @@ def test_accuracy_levels_that_are_not_reached_are_marked_at_the_edge():
     ]
     assert [line.get_color() for line in marks] == 2 * [STYLES["MSPRT"].colour]
     left, _ = operating_curves(comparison(entry(*REFERENCE), entry(*FAST))).axes
+    assert not any("not reached" in name for name in labels_of(left))
+
+
+def test_a_single_threshold_says_nothing_about_accuracy_levels():
+    single = entry("MSPRT", [0.92], [18], chosen=0)
+    left, _ = operating_curves(comparison(entry(*REFERENCE), single, curves=False)).axes
     assert not any("not reached" in name for name in labels_of(left))
 
 

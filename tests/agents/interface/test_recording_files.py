@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.interface.output_files import whole_file
+from agents.interface.output_files import atomic_file
 from agents.interface.recording_files import read_recording, write_table
 from hybrid_env.checks import ArgumentError
 
@@ -127,7 +127,7 @@ def test_written_recording_is_read_back_exactly(tmp_path: Path) -> None:
 
 
 def write_and_interrupt(path: Path) -> None:
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         part.write_text("half")
         raise KeyboardInterrupt
 

@@ -76,10 +76,11 @@ def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(resul
     assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018():
+def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeypatch):
+    monkeypatch.setattr("agents.limits.study.BANKS", BANKS[:1])
     notes = []
     found = type_accuracy_golubkov2018(20, 0, notes.append)
-    assert [(one.bank, one.noise) for one in found] == list(itertools.product(BANKS[:2], NOISE_LEVELS))
+    assert [one.noise for one in found] == list(NOISE_LEVELS)
     assert len(notes) == len(found)
     assert all(one.accuracy.value > 0.9 for one in found)
     assert found[0].ticks < found[1].ticks < found[2].ticks
