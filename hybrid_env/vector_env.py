@@ -11,8 +11,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_flag, check_integer, reject
-from hybrid_env.core.kernel import DECIDED, TERMINATED
+from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
+from hybrid_env.lazy_info import LazyInfo
 from hybrid_env.options import WorldOptions
 from hybrid_env.world import World
 
@@ -73,6 +74,10 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._started = False
+        self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
+        self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        self._shape = (self.num_envs,)
+        self._nowhere = np.zeros(self.num_envs, np.bool_)
 
     def reset(
         self,
@@ -105,7 +110,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
                 self.world.seed(i, seeding.np_random(seeds[i])[0])
         self.world.reset(mask)
         self._started = True
-        return self.world.observations.copy(), self._tick_info(mask)
+        return self.world.copy_rows(), self._tick_info(mask)
 
     def step(
         self, actions: NDArray[np.int64]
@@ -116,24 +121,22 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         if not self._started:
             raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
         actions = np.asarray(actions)
-        if actions.shape != (self.num_envs,) or actions.dtype.kind not in "iu":
+        if actions.shape != self._shape or actions.dtype.kind not in "iu":
             raise gym.error.InvalidAction(
                 f"actions have shape {actions.shape} and type {actions.dtype}: "
                 f"expected integers of shape ({self.num_envs},)"
             )
         world = self.world
-        if self.autoreset_mode is AutoresetMode.DISABLED and world.terminated.any():
+        if self._disabled and world.terminated.any():
             raise gym.error.ResetNeeded(
                 "step() needs reset() with a reset_mask first: a track has terminated"
             )
         world.actions[:] = actions
         events = world.step()
 
-        ended = events & TERMINATED
-        terminated = world.terminated.copy() if ended else np.zeros(self.num_envs, np.bool_)
-        rewards = world.rewards.copy()
+        terminated, rewards = world.terminated.copy(), world.rewards.copy()
         final: dict[str, Any] = {}
-        if ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
+        if events & TERMINATED and self._same_step:
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(terminated):
                 final_obs[i] = world.observations[i].copy()
@@ -141,20 +144,17 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             final = {"final_obs": final_obs, "final_info": final_info}
             final |= {f"_{key}": terminated.copy() for key in final}
             world.reset(terminated)
-        info = self._tick_info() if self.tick_info else {}
-        if events & DECIDED:
-            info |= self._decision_info()
-        info |= final
-        return world.observations.copy(), rewards, terminated, np.zeros(self.num_envs, np.bool_), info
+        if events:
+            final = self._decision_info() | final
+        info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
+        return world.copy_rows(), rewards, terminated, self._nowhere.copy(), info
 
-    def _tick_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        values = self.world.read_tick()
-        if mask is None:
-            mask = np.ones(self.num_envs, np.bool_)
-        else:
-            for held in values.values():
-                held[~mask] = 0
-            mask = mask.copy()
+    def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """The present tick of the tracks of a mask, (N,)."""
+        values = self.world.copy_tick()()
+        for held in values.values():
+            held[~mask] = 0
+        mask = mask.copy()
         return values | {f"_{key}": mask for key in values}
 
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
@@ -164,6 +164,6 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             for held in values.values():
                 held[~mask] = 0
             decided &= mask
-        elif self.autoreset_mode is AutoresetMode.SAME_STEP and not decided.any():
+        elif self._same_step and not decided.any():
             return {}  # the decisions are in `final_info`
         return values | dict.fromkeys(_DECISION_MASKS, decided)

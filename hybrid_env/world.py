@@ -2,6 +2,7 @@
 
 import functools
 import operator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -16,8 +17,16 @@ from hybrid_env.core.compilation import announce_compilation
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.published_bank import PublishedBank, published_arrays
-from hybrid_env.core.records import BLOCK, DECISION, DECISION_FLAGS, LANES, SCRATCH, TRACE_COLUMNS
-from hybrid_env.core.tick_info import copy_tick
+from hybrid_env.core.records import (
+    BLOCK,
+    DECISION,
+    DECISION_FLAGS,
+    LANES,
+    SCRATCH,
+    TICK,
+    TICK_NAMES,
+    TRACE_COLUMNS,
+)
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -73,7 +82,7 @@ class World:
             "terminated": self.terminated, "decisions": self.decisions,
             "decision_flags": self.decision_flags,
         }  # fmt: skip
-        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        self._cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
         self._parameters, self._scratch = [], []
         for thread in range(self.threads):
             scratch = {"scratch": aligned_zeros((1,), SCRATCH)}
@@ -85,16 +94,38 @@ class World:
             parameters = self.options.parameters()
             parameters["tracks"], parameters["trace_rows"] = self.trace.shape[:2]
             parameters["blocks_count"], parameters["table_rows"] = len(self.blocks), len(self._table)
-            parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
+            parameters["first_block"], parameters["last_block"] = self._cuts[thread : thread + 2]
             for name, array in (arrays | scratch).items():
                 parameters[name] = array.ctypes.data
             self._parameters.append(parameters)
             self._scratch.append(scratch)
-        self._addresses = [parameters.ctypes.data for parameters in self._parameters]
+        # the front of every block, as plain bytes, which are copied fastest
+        front = np.dtype((np.void, TICK.itemsize))
+        self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
+        self._log_likelihood = self.bank.hypotheses["log_likelihood"]
+        addresses = [parameters.ctypes.data for parameters in self._parameters]
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._run: Callable[[bool], int]
+        self.copy_rows: Callable[[], NDArray[np.float32]]
+        """The observations of all tracks, (N, width), as a fresh array."""
+        if self._pool is None:
+            self._run = functools.partial(self._advance, addresses[0])
+            self.copy_rows = self.observations.copy
+        else:
+            self._run = functools.partial(self._run_threads, self._pool, addresses)
+            self.copy_rows = functools.partial(self._copy_rows_in_threads, self._pool)
 
     def __getstate__(self) -> dict[str, Any]:
-        bound = ("_parameters", "_scratch", "_addresses", "_advance", "_pool")
+        bound = (
+            "_parameters",
+            "_scratch",
+            "_ticks",
+            "_log_likelihood",
+            "_run",
+            "copy_rows",
+            "_advance",
+            "_pool",
+        )
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -108,42 +139,31 @@ class World:
             raise ValueError("this environment was pickled by another version of hybrid_env")
         self._bind()
 
-    def _run(self, reset: bool) -> int:
-        """Call the kernel, in every thread on its own blocks."""
-        if self._pool is None:
-            events: int = self._advance(reset, self._addresses[0])
-            return events
-        jobs = [self._pool.submit(self._advance, reset, address) for address in self._addresses]
+    def _run_threads(self, pool: ThreadPoolExecutor, addresses: list[int], reset: bool) -> int:
+        """Call the kernel in every thread on its own blocks."""
+        jobs = [pool.submit(self._advance, address, reset) for address in addresses]
         found = [job.result() for job in jobs]
         return min(found) if min(found) < 0 else functools.reduce(operator.or_, found)
 
     def field(self, name: str) -> NDArray[Any]:
         """A field of `BLOCK`: a copy, (N, ...)."""
-        values = self.blocks[name]
-        by_track = values.swapaxes(1, 2) if values.ndim == 3 else values
-        flat = by_track.reshape(-1, *by_track.shape[2:])[: self.actions.size]
-        return flat.copy()
+        return self._by_track(self.blocks[name].copy())
 
-    def read_tick(self) -> dict[str, NDArray[Any]]:
-        """The present tick of every track, by the keys of info; fresh arrays."""
-        tracks = self.actions.size
-        integers, states = np.empty((3, tracks), np.int64), np.empty((3, tracks, 4))
-        measurements, log_likelihoods = np.empty((tracks, 2)), np.empty((tracks, self.options.hypotheses))
-        copy_tick(
-            self.blocks,
-            self.bank.hypotheses["log_likelihood"],
-            integers,
-            states,
-            measurements,
-            log_likelihoods,
-        )
-        segment, tick, true_mode = integers
-        truth, anchor, estimate = states
-        return {
-            "segment": segment, "tick": tick, "true_mode": true_mode, "truth": truth,
-            "measurement": measurements, "anchor": anchor, "estimate": estimate,
-            "log_likelihood": log_likelihoods,
-        }  # fmt: skip
+    def _by_track(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(N, ...) of a field of blocks, (B, ..., LANES)."""
+        by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
+        return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
+
+    def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
+        """Copy the present tick of every track; the returned function makes the arrays of info, (N, ...)."""
+        return functools.partial(self._tick_arrays, self._ticks.copy(), self._log_likelihood.copy())
+
+    def _tick_arrays(
+        self, ticks: NDArray[Any], log_likelihood: NDArray[np.float64]
+    ) -> dict[str, NDArray[Any]]:
+        fields = ticks.view(TICK)
+        arrays = {name: self._by_track(fields[name]) for name in TICK_NAMES}
+        return arrays | {"log_likelihood": self._by_track(log_likelihood)}
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
         """`DECISION` and `DECISION_FLAGS` of the last step, (N,) each, zero without a decision; copies."""
@@ -172,7 +192,15 @@ class World:
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of the mask, (N,)."""
         self.actions[:] = mask
-        self._run(reset=True)
+        self._run(True)
+
+    def _copy_rows_in_threads(self, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
+        rows = np.empty_like(self.observations)
+        cuts = zip(self._cuts[:-1] * LANES, self._cuts[1:] * LANES, strict=True)
+        jobs = [pool.submit(np.copyto, rows[a:b], self.observations[a:b]) for a, b in cuts]
+        for job in jobs:
+            job.result()
+        return rows
 
     def step(self) -> int:
         """One step of every track by `actions`; a terminated one begins its next episode.
@@ -183,7 +211,7 @@ class World:
         Raises:
             InvalidAction: nothing has been done then.
         """
-        events = self._run(reset=False)
+        events = self._run(False)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events

@@ -62,8 +62,9 @@ def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, var
 
 @formula
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
-    """The increment ln N(innovation; 0, Sigma). Its differences between hypotheses are Golubkov 2018, eq.
-    (4).
+    """The increment ln N(innovation; 0, Sigma).
+
+    Its differences between hypotheses are Golubkov 2018, eq. (4).
 
     Args:
         white_x, white_y: innovation on each axis over its standard deviation.

@@ -296,7 +296,7 @@ def _advance(reset: bool, banks: Any, setting: Any) -> int:
 
 
 @compiled
-def advance_published(reset: bool, address: int) -> int:
+def advance_published(address: int, reset: bool) -> int:
     """One step of every track, or with `reset` a new episode on every track whose action is not 0.
 
     In a step, a track that has terminated begins its next episode. A track that terminates keeps its row, the
@@ -315,7 +315,7 @@ def advance_published(reset: bool, address: int) -> int:
 
 
 @compiled
-def advance_aware(reset: bool, address: int) -> int:
+def advance_aware(address: int, reset: bool) -> int:
     """`advance_published` with the anchor-aware bank."""
     setting = array_at(address, (1,), PARAMETERS)[0]
     return _advance(reset, aware_banks(setting), setting)

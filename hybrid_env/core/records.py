@@ -17,23 +17,33 @@ def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
 
 
-BLOCK = lanes_of(
-    ("random_state", np.uint64, (4,)),
+_TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
-    ("true_centre", np.float64, (2,)),  # [m]
-    ("true_motion", np.float64, (3,)),  # transition coefficients
     ("measurement", np.float64, (2,)),  # [m]
     ("anchor", np.float64, (4,)),  # what the bank starts from: the estimate, or the truth of an oracle
-    ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
     ("estimate", np.float64, (4,)),  # of the active filter
-    ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
+    ("segment", np.int64, ()),
+    ("true_mode", np.int64, ()),
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
+)
+
+TICK = lanes_of(*_TICK)
+"""The front of a block: what `info` says of the present tick."""
+
+TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
+"""Its fields, in the order of `info`."""
+
+BLOCK = lanes_of(
+    *_TICK,
+    ("random_state", np.uint64, (4,)),
+    ("true_centre", np.float64, (2,)),  # [m]
+    ("true_motion", np.float64, (3,)),  # transition coefficients
+    ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
+    ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
     ("length", np.int64, ()),  # of the segment in ticks
     ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("speed", np.float64, ()),  # of the anchor [m/s]
-    ("segment", np.int64, ()),
-    ("true_mode", np.int64, ()),
     ("traced", np.int64, ()),  # rows written to the trace in this call
 )
 """State of `LANES` tracks."""

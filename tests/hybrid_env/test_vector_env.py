@@ -1,5 +1,8 @@
 """The vector environment against single ones, in each autoreset mode."""
 
+import copy
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -190,3 +193,43 @@ def test_bad_seeds_are_refused_and_arrays_of_them_taken(seed):
         env.reset(seed=seed)
     rows, _ = env.reset(seed=np.array([4, 5, 6]))
     np.testing.assert_array_equal(rows, env.reset(seed=4)[0])
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_threads_change_nothing(bank):
+    tracks, generator = 61, np.random.default_rng(4)
+    alone, together = (
+        HybridTrackVectorEnv(tracks, bank=bank, measurement_variance=(0.1, 0.2), threads=threads)
+        for threads in (1, 3)
+    )
+    np.testing.assert_array_equal(alone.reset(seed=1)[0], together.reset(seed=1)[0])
+    for _ in range(300):
+        actions = np.where(generator.random(tracks) < 0.1, generator.integers(0, 4, tracks), 0)
+        *arrays, info = alone.step(actions)
+        *others, other_info = together.step(actions)
+        for one, other in zip(arrays, others, strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert list(info) == list(other_info)
+        for key, value in info.items():
+            np.testing.assert_array_equal(value, other_info[key])
+
+
+def test_an_invalid_action_in_one_threads_tracks_steps_none():
+    env, same = (HybridTrackVectorEnv(40, threads=2) for _ in range(2))
+    rows = env.reset(seed=0)[0]
+    same.reset(seed=0)
+    actions = np.zeros(40, np.int64)
+    actions[33] = 9
+    with pytest.raises(gym.error.InvalidAction, match="action=9"):
+        env.step(actions)
+    np.testing.assert_array_equal(env.world.observations, rows)
+    np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
+
+
+def test_an_environment_with_threads_is_copied_and_pickled():
+    env = HybridTrackVectorEnv(20, threads=2)
+    env.reset(seed=0)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    rows = env.step(np.zeros(20, np.int64))[0]
+    for other in copies:
+        np.testing.assert_array_equal(other.step(np.zeros(20, np.int64))[0], rows)

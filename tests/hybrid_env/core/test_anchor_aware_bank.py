@@ -140,7 +140,7 @@ def test_no_nan_over_noise_speed_and_radius(bank, steps):
             rows, rewards, _, _, _ = env.step(actions)
             assert np.isfinite(rows).all(), (R, speed, radius)
             assert np.isfinite(rewards).all()
-        assert np.isfinite(env.world.read_tick()["log_likelihood"]).all()
+        assert np.isfinite(env.world.copy_tick()()["log_likelihood"]).all()
         assert np.isfinite(env.world.field("estimate")).all()
         assert env.single_observation_space.contains(rows[0])
 

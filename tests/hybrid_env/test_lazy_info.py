@@ -1,0 +1,101 @@
+"""An info dictionary that is filled when it is first used is a dictionary in every other respect."""
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
+from hybrid_env.lazy_info import LazyInfo
+
+
+def lazy(calls, further=()):
+    def make():
+        calls.append(1)
+        return {"tick": np.array([3, 4])}
+
+    return LazyInfo(make, dict(further))
+
+
+USES = {
+    "getitem": lambda info: info["tick"],
+    "get": lambda info: info.get("tick"),
+    "in": lambda info: "tick" in info,
+    "len": len,
+    "iterate": list,
+    "keys": lambda info: info.keys(),
+    "items": lambda info: info.items(),
+    "repr": repr,
+    "or": lambda info: info | {"x": 1},
+    "reverse or": lambda info: {"x": 1} | info,
+    "dict": dict,
+    "unpack": lambda info: {**info},
+    "keywords": lambda info: dict(**info),
+    "copy": lambda info: info.copy(),
+    "deepcopy": copy.deepcopy,
+    "pickle": pickle.dumps,
+    "set": lambda info: info.update(episode=1),
+    "pop": lambda info: info.pop("tick"),
+}
+
+
+@pytest.mark.parametrize("use", USES.values(), ids=USES)
+def test_every_use_fills_it_once(use):
+    calls = []
+    info = lazy(calls)
+    assert calls == []
+    use(info)
+    assert calls == [1]
+    assert len(info) in (1, 2, 3)
+    assert calls == [1]
+
+
+def test_what_it_becomes_is_what_an_ordinary_dictionary_would_hold():
+    expected = {"tick": [3, 4], "_tick": [True, True], "decided_mode": 1}
+    for convert in (
+        dict,
+        copy.deepcopy,
+        lambda info: pickle.loads(pickle.dumps(info)),
+        lambda info: {**info},
+    ):
+        found = convert(lazy([], {"decided_mode": 1}))
+        plain = {key: np.asarray(value).tolist() for key, value in found.items()}
+        assert plain == expected
+        assert json.dumps(plain)
+
+
+def test_what_is_written_before_the_first_read_stays():
+    info = lazy([])
+    info["episode"] = 7
+    assert set(info) == {"tick", "_tick", "episode"}
+    assert isinstance(info, dict)
+
+
+def test_info_read_after_later_steps_still_describes_its_own_step():
+    first, second = (HybridTrackVectorEnv(9, radii=(3.0, 5.0)) for _ in range(2))
+    first.reset(seed=2)
+    second.reset(seed=2)
+    read_late, read_at_once = [], []
+    for action in (0, 0, 1, 0, 2, 0):
+        read_late.append(first.step(np.full(9, action))[4])
+        read_at_once.append(dict(second.step(np.full(9, action))[4]))
+    for late, at_once in zip(read_late, read_at_once, strict=True):
+        assert list(late) == list(at_once)
+        for key, value in at_once.items():
+            np.testing.assert_array_equal(late[key], value)
+
+
+def test_unread_info_equals_the_single_environments():
+    envs, singles = HybridTrackVectorEnv(10), [HybridTrackEnv() for _ in range(10)]
+    envs.reset(seed=5)
+    for i, single in enumerate(singles):
+        single.reset(seed=5 + i)
+    wait = np.zeros(10, np.int64)
+    kept = [(envs.step(wait)[4], [single.step(0)[4] for single in singles]) for _ in range(30)]
+    for info, expected in kept:  # read only now
+        for i, one in enumerate(expected):
+            for key, value in one.items():
+                np.testing.assert_array_equal(info[key][i], value)
+                assert info[f"_{key}"][i]
