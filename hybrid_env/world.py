@@ -82,7 +82,7 @@ class World:
             "terminated": self.terminated, "decisions": self.decisions,
             "decision_flags": self.decision_flags,
         }  # fmt: skip
-        self._cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
         self._parameters, self._scratch = [], []
         for thread in range(self.threads):
             scratch = {"scratch": aligned_zeros((1,), SCRATCH)}
@@ -94,7 +94,7 @@ class World:
             parameters = self.options.parameters()
             parameters["tracks"], parameters["trace_rows"] = self.trace.shape[:2]
             parameters["blocks_count"], parameters["table_rows"] = len(self.blocks), len(self._table)
-            parameters["first_block"], parameters["last_block"] = self._cuts[thread : thread + 2]
+            parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
             for name, array in (arrays | scratch).items():
                 parameters[name] = array.ctypes.data
             self._parameters.append(parameters)
@@ -104,16 +104,12 @@ class World:
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
         self._log_likelihood = self.bank.hypotheses["log_likelihood"]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
-        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
         self._run: Callable[[bool], int]
-        self.copy_rows: Callable[[], NDArray[np.float32]]
-        """The observations of all tracks, (N, width), as a fresh array."""
         if self._pool is None:
             self._run = functools.partial(self._advance, addresses[0])
-            self.copy_rows = self.observations.copy
         else:
             self._run = functools.partial(self._run_threads, self._pool, addresses)
-            self.copy_rows = functools.partial(self._copy_rows_in_threads, self._pool)
 
     def __getstate__(self) -> dict[str, Any]:
         bound = (
@@ -122,7 +118,6 @@ class World:
             "_ticks",
             "_log_likelihood",
             "_run",
-            "copy_rows",
             "_advance",
             "_pool",
         )
@@ -140,9 +135,9 @@ class World:
         self._bind()
 
     def _run_threads(self, pool: ThreadPoolExecutor, addresses: list[int], reset: bool) -> int:
-        """Call the kernel in every thread on its own blocks."""
-        jobs = [pool.submit(self._advance, address, reset) for address in addresses]
-        found = [job.result() for job in jobs]
+        """Call the kernel in every thread on its own blocks; this thread takes the first share."""
+        jobs = [pool.submit(self._advance, address, reset) for address in addresses[1:]]
+        found = [self._advance(addresses[0], reset), *(job.result() for job in jobs)]
         return min(found) if min(found) < 0 else functools.reduce(operator.or_, found)
 
     def field(self, name: str) -> NDArray[Any]:
@@ -193,14 +188,6 @@ class World:
         """Begin a new episode on the tracks of the mask, (N,)."""
         self.actions[:] = mask
         self._run(True)
-
-    def _copy_rows_in_threads(self, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
-        rows = np.empty_like(self.observations)
-        cuts = zip(self._cuts[:-1] * LANES, self._cuts[1:] * LANES, strict=True)
-        jobs = [pool.submit(np.copyto, rows[a:b], self.observations[a:b]) for a, b in cuts]
-        for job in jobs:
-            job.result()
-        return rows
 
     def step(self) -> int:
         """One step of every track by `actions`; a terminated one begins its next episode.
