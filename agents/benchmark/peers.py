@@ -1,4 +1,4 @@
-"""The bank as people write it without this package: a 4x4 filter a hypothesis, in NumPy and with filterpy."""
+"""Banks written without this package: one 4x4 filter per hypothesis, in NumPy and with filterpy."""
 
 import importlib.util
 import math
@@ -15,7 +15,7 @@ GQG = Q * np.diag([0.0, 1.0, 0.0, 1.0])
 
 
 def has_filterpy() -> bool:
-    """Whether filterpy is installed; it is an extra for development."""
+    """Whether filterpy is installed; an optional dependency for development."""
     return importlib.util.find_spec("filterpy") is not None
 
 

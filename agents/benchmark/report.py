@@ -1,4 +1,4 @@
-"""Measurements as a table, Markdown and a figure."""
+"""Measurements as a table, as Markdown and as a figure."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
-from agents.benchmark.measurements import Measurement
+from agents.benchmark.timing import Measurement
 from agents.interface.output_files import atomic_file
 
 
@@ -27,8 +27,10 @@ def _words(one: Measurement) -> tuple[str, str, str, str, str]:
 def table(found: Sequence[Measurement], title: str) -> Table:
     """For the terminal."""
     made = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for head in ("what", "figure", "range", "goal", ""):
-        made.add_column(head, justify="left" if head == "what" else "right", no_wrap=head != "what")
+    for head in ("measurement", "median", "range", "goal", ""):
+        made.add_column(
+            head, justify="left" if head == "measurement" else "right", no_wrap=head != "measurement"
+        )
     group = ""
     for one in found:
         if one.group != group:
@@ -42,14 +44,19 @@ def table(found: Sequence[Measurement], title: str) -> Table:
 
 
 def markdown(found: Sequence[Measurement], title: str) -> str:
-    """The same for a README, with absolute times."""
-    lines = [f"{title}.", "", "| what | figure | range | goal | | times |", "|---|---|---|---|---|---|"]
+    """The same as Markdown, with absolute times."""
+    lines = [
+        f"{title}.",
+        "",
+        "| measurement | median | range | goal | | times |",
+        "|---|---|---|---|---|---|",
+    ]
     lines += [f"| {one.group}: {one.name} | " + " | ".join(_words(one)) + " |" for one in found]
     return "\n".join(lines) + "\n"
 
 
 def draw(found: Sequence[Measurement], title: str, path: Path) -> None:
-    """Ratios as bars over a logarithmic axis, their goals as marks."""
+    """Speed ratios as bars on a logarithmic axis, with their goals as marks."""
     ratios = [one for one in found if one.unit == "x"]
     figure = Figure(figsize=(11, 1.2 + 0.3 * max(len(ratios), 3)), layout="constrained")
     FigureCanvasAgg(figure)
@@ -67,7 +74,7 @@ def draw(found: Sequence[Measurement], title: str, path: Path) -> None:
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_yticks(list(places), [f"{one.group}: {one.name}" for one in ratios], fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel("times as fast")
+    axes.set_xlabel("speed ratio, ours over theirs")
     axes.set_title(title)
     axes.spines[["top", "right"]].set_visible(False)
     with atomic_file(path) as part:

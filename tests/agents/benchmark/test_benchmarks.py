@@ -1,14 +1,15 @@
-"""The benchmark compares like with like, and counts what it says; no time is asserted."""
+"""The benchmark measures both sides alike and counts ticks correctly. No time is asserted."""
 
 import json
 
 import numpy as np
 import pytest
 
-from agents.benchmark import measurements as benchmark
-from agents.benchmark.measurements import Measurement, faster, in_turn, seconds_per_call
+from agents.benchmark import timing
+from agents.benchmark.environments import _Steps
 from agents.benchmark.peers import FilterpyBank, NumpyBank
 from agents.benchmark.report import markdown
+from agents.benchmark.timing import Measurement, measure_in_turn, seconds_per_call, speed_ratio
 from agents.cli import main
 from baselines.papers.golubkov2018 import START
 from hybrid_env import KalmanBank
@@ -31,16 +32,16 @@ def test_the_bank_and_its_peers_compute_the_same_likelihoods(peer):
 
 def test_the_two_sides_are_measured_in_turn():
     calls = []
-    in_turn(lambda: calls.append("A"), lambda: calls.append("B"), repetitions=2, least=1e-9)
+    measure_in_turn(lambda: calls.append("A"), lambda: calls.append("B"), repetitions=2, least=1e-9)
     order = "".join(side for k, side in enumerate(calls) if k == 0 or calls[k - 1] != side)
     assert order == "ABABAB"  # once each before, then two pairs
 
 
 def test_a_ratio_is_the_median_over_pairs_with_its_range():
-    one = faster("g", "n", [1.0, 2.0, 1.0], [3.0, 4.0, 5.0], goal=2.5, share=1.0)
+    one = speed_ratio("g", "n", [1.0, 2.0, 1.0], [3.0, 4.0, 5.0], goal=2.5, work=1.0)
     assert (one.value, one.low, one.high) == (3.0, 2.0, 5.0)
     assert one.met is True
-    assert faster("g", "n", [1.0], [3.0], goal=6.5, share=2.0).met is False
+    assert speed_ratio("g", "n", [1.0], [3.0], goal=6.5, work=2.0).met is False
     assert Measurement("g", "n", 7.0, 7.0, 7.0, "%", 8.0, at_most=True).met is True
     assert Measurement("g", "n", 7.0, 7.0, 7.0, "").met is None
 
@@ -51,17 +52,19 @@ def test_calls_are_counted():
     assert len(calls) > 1
 
 
-def test_world_ticks_count_what_is_fast_forwarded():
+def test_simulated_ticks_include_fast_forwarded_ones():
     env = make_vector_env("hybrid_env:HybridTrack-v0", 400, tick_info=False)
-    assert benchmark._Steps(env, 0.0).ticks_per_step == 1.0
+    env.reset(seed=0)
+    assert _Steps(env, 0.0).ticks_per_step == 1.0
     # a declaration in 25 at tick k of a segment of 75 runs 75 - k ticks more, k about 19 on average:
     # (1 + 56 / 25) a step, give or take a tenth for the segments' lengths and the start
-    assert benchmark._Steps(env, 0.04).ticks_per_step == pytest.approx(3.2, rel=0.15)
+    env.reset(seed=0)
+    assert _Steps(env, 0.04).ticks_per_step == pytest.approx(3.2, rel=0.15)
 
 
-def test_the_command_writes_its_table_figure_and_data(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmark, "REPETITIONS", 1)
-    monkeypatch.setattr(benchmark, "SECONDS", 1e-4)
+def test_the_command_writes_table_figure_and_data(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(timing, "REPETITIONS", 1)
+    monkeypatch.setattr(timing, "SECONDS", 1e-4)
     assert main(["bench", "single", "bank", "--out", str(tmp_path)]) == 0
     assert "21 hypotheses" in capsys.readouterr().out
     found = json.loads((tmp_path / "bench.json").read_text())["measurements"]
@@ -73,7 +76,7 @@ def test_the_command_writes_its_table_figure_and_data(capsys, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("line", ["bench everything", "bench --out bad.txt"])
-def test_nonsense_is_refused(line, capsys, tmp_path, monkeypatch):
+def test_unknown_groups_and_bad_folders_are_refused(line, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.txt").write_text("")
     assert main(line.split()) == 2
