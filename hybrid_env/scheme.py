@@ -148,7 +148,7 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
 
 
 def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
-    """Rows (signed radius [m], mode, length in ticks) of the segments in order, or to draw from.
+    """Rows `core.records.SEGMENT_COLUMNS` of the segments in order, or to draw from.
 
     A random scheme has one row for every mode, equally likely, with length 0.
     """

@@ -12,7 +12,7 @@ from hybrid_env.core.compilation import compiled
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import BLOCK, LANES
 from hybrid_env.core.true_object import begin_motion, move
-from hybrid_env.scheme import FixedScheme, parse_scheme
+from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class _Noise(NamedTuple):
 def _simulate(
     blocks: NDArray[Any],
     lengths: NDArray[np.int64],
-    signed_radii: NDArray[np.float64],
+    table: NDArray[np.float64],
     tau: float,
     noise: _Noise,
     truth: NDArray[np.float64],
@@ -57,7 +57,7 @@ def _simulate(
         k = 0
         for piece in range(lengths.size):
             for lane in range(LANES):
-                begin_motion(block, lane, signed_radii[piece], tau)
+                begin_motion(block, lane, table[piece], tau)
             for _ in range(lengths[piece]):
                 move(block, draws, np.uint64(0), np.uint64(LANES), noise)
                 for lane in range(LANES):
@@ -102,11 +102,13 @@ def simulate(
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
     lengths = np.array([piece.length for piece in fixed.pieces])
-    signed_radii = np.array([piece.signed_radius for piece in fixed.pieces])
+    radii = sorted({piece.radius for piece in fixed.pieces if piece.radius is not None}) or [1.0]
+    table = segment_table(fixed, radii)
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(noise_axes(measurement_variance))
     process_deviation = math.sqrt(check_positive("process_variance", process_variance, allow_zero=True))
     noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
-    _simulate(blocks, lengths, signed_radii, check_positive("tau", tau), noise, truth, measurements)
+    _simulate(blocks, lengths, table, check_positive("tau", tau), noise, truth, measurements)
+    signed_radii = np.array([piece.signed_radius for piece in fixed.pieces])
     return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)

@@ -25,12 +25,14 @@ from hybrid_env.core.records import (
     LANES,
     PARAMETERS,
     SCRATCH,
+    SEGMENT_COLUMNS,
     TRACE_COLUMNS,
 )
 from hybrid_env.core.true_object import begin_motion, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of an anchor that is the truth
-TRACE_WIDTH = len(TRACE_COLUMNS)
+TRACE_WIDTH, SEGMENT_WIDTH = len(TRACE_COLUMNS), len(SEGMENT_COLUMNS)
+MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 DECIDED, TERMINATED = 1, 2  # events of a step, added up
@@ -43,7 +45,7 @@ class Arrays(NamedTuple):
     blocks: NDArray[Any]  # (B,) records `BLOCK`
     scratch: NDArray[Any]  # (1,) record `SCRATCH`
     radii: NDArray[np.float64]  # (n,) [m]
-    table: NDArray[np.float64]  # (rows, 3) segments, see `scheme.segment_table`
+    table: NDArray[np.float64]  # (rows, SEGMENT_WIDTH), see `scheme.segment_table`
     trace: NDArray[np.float64]  # (N, trace rows, TRACE_WIDTH)
     observations: NDArray[np.float32]  # (N, width)
     rewards: NDArray[np.float64]  # (N,)
@@ -63,7 +65,7 @@ def _arrays_of(setting: Any) -> Arrays:
         array_at(setting.blocks, (setting.blocks_count,), BLOCK),
         array_at(setting.scratch, (1,), SCRATCH),
         array_at(setting.radii, (n,), np.float64),
-        array_at(setting.table, (setting.table_rows, 3), np.float64),
+        array_at(setting.table, (setting.table_rows, SEGMENT_WIDTH), np.float64),
         array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64),
         array_at(setting.observations, (tracks, row_width(2 * n + 1)), np.float32),
         array_at(setting.rewards, (tracks,), np.float64),
@@ -103,9 +105,9 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: An
         block.length[lane] = setting.shortest + integer_below(block.random_state, lane, lengths)
     else:
         row = block.segment[lane]
-        block.length[lane] = np.int64(table[row, 2])
-    block.true_mode[lane] = np.int64(table[row, 1])
-    begin_motion(block, lane, table[row, 0], setting.tau)
+        block.length[lane] = np.int64(table[row, LENGTH])
+    block.true_mode[lane] = np.int64(table[row, MODE])
+    begin_motion(block, lane, table[row], setting.tau)
     for k in range(4):
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
     anchor = (

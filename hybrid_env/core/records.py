@@ -133,6 +133,9 @@ Passing an array from Python costs 0.1 us per call, more than the tick of a trac
 the address of one such record and finds everything else there. Each thread has a record of its own.
 """
 
+SEGMENT_COLUMNS = ("signed_radius", "mode", "length")
+"""Columns of the table of segments: radius [m], positive to the left; mode of the bank; length [ticks]."""
+
 TRACE_COLUMNS = (
     "x",
     "vx",

@@ -11,18 +11,22 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import draw_noise
+from hybrid_env.core.records import SEGMENT_COLUMNS
+
+SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
 
 @internal
-def begin_motion(block: Any, lane: int, signed_radius: float, tau: float) -> None:
+def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float) -> None:
     """The object of a lane begins a segment: its turn is anchored at its true state.
 
     Args:
         block: a record `records.BLOCK`.
-        signed_radius: of the turn [m], positive to the left; 0 is straight.
+        segment: row of the table of segments, `records.SEGMENT_COLUMNS`.
         tau: tick [s].
     """
     x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
+    signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
     speed, heading_x, heading_y = heading_vector(vx, vy)
     turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
     cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
