@@ -18,6 +18,7 @@ from hybrid_env.checks import (
     noise_axes,
     reject,
 )
+from hybrid_env.core.kernel import BANKS
 from hybrid_env.core.records import PARAMETERS
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 
@@ -81,7 +82,7 @@ class WorldOptions:
         if check_positive("outliers", self.outliers, allow_zero=True) >= 1.0:
             raise reject("outliers", self.outliers, "a number from 0 to below 1")
         fix(self, "initial_error", self._check_initial_error())
-        check_choice("bank", self.bank, ("published", "anchor_aware", "oracle"))
+        check_choice("bank", self.bank, BANKS)
         if self.reset_covariance is not None:
             check_flag("reset_covariance", self.reset_covariance)
         if self.reset_covariance and self.bank == "oracle":

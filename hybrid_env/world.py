@@ -12,11 +12,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.core import kernel
-from hybrid_env.core.anchor_aware_bank import AnchorAwareBank, aware_arrays
+from hybrid_env.core.anchor_aware_bank import AnchorAwareBank
 from hybrid_env.core.compilation import announce_compilation
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
-from hybrid_env.core.published_bank import PublishedBank, published_arrays
+from hybrid_env.core.published_bank import PublishedBank
 from hybrid_env.core.records import (
     BLOCK,
     DECISION,
@@ -52,12 +52,9 @@ class World:
         self.layout = Layout(options.hypotheses)
         blocks = -(-tracks // LANES)
         self.threads = min(threads, blocks)
-        n = len(options.radii)
         self.bank: PublishedBank | AnchorAwareBank
-        if options.bank == "anchor_aware":
-            self.bank = aware_arrays(n, blocks)
-        else:
-            self.bank = published_arrays(n, options.variances.size, blocks)
+        allocate = kernel.BANKS[options.bank][0]
+        self.bank = allocate(len(options.radii), options.variances.size, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
@@ -74,8 +71,7 @@ class World:
 
     def _bind(self) -> None:
         """Tell the kernel where the arrays are. Each thread has its blocks and memory for one tick."""
-        aware = self.options.bank == "anchor_aware"
-        self._advance = kernel.advance_aware if aware else kernel.advance_published
+        self._advance = kernel.BANKS[self.options.bank][1]
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
             "trace": self.trace, "observations": self.observations, "rewards": self.rewards,

@@ -55,8 +55,8 @@ class AnchorAwareBank(NamedTuple):
     innovations: NDArray[Any]
 
 
-def aware_arrays(radii_count: int, *blocks: int) -> AnchorAwareBank:
-    """A bank of zeros. A number of blocks adds an axis in front of the array that each block owns."""
+def aware_arrays(radii_count: int, axes: int, *blocks: int) -> AnchorAwareBank:
+    """A bank of zeros; see `published_bank.published_arrays`. axes: not used, both are in the state."""
     hypotheses = 2 * radii_count + 1
     return AnchorAwareBank(
         aligned_zeros((*blocks, hypotheses), AWARE_HYPOTHESIS), aligned_zeros((hypotheses,), INNOVATION)

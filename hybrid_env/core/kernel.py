@@ -11,13 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core import bank_operations
-from hybrid_env.core.anchor_aware_bank import aware_banks
+from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
 from hybrid_env.core.compilation import compiled, formula, internal
 from hybrid_env.core.memory import array_at
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.core.observation_row import compare_hypotheses, row_width, write_segment, write_tick
-from hybrid_env.core.published_bank import IDENTITY, estimate_of, likeliest, mode_type, published_banks
+from hybrid_env.core.published_bank import (
+    IDENTITY,
+    estimate_of,
+    likeliest,
+    mode_type,
+    published_arrays,
+    published_banks,
+)
 from hybrid_env.core.records import (
     BLOCK,
     DECISION,
@@ -321,3 +328,11 @@ def advance_aware(address: int, reset: bool) -> int:
     """`advance_published` with the anchor-aware bank."""
     setting = array_at(address, (1,), PARAMETERS)[0]
     return _advance(reset, aware_banks(setting), setting)
+
+
+BANKS: dict[str, tuple[Any, Any]] = {
+    "published": (published_arrays, advance_published),
+    "oracle": (published_arrays, advance_published),
+    "anchor_aware": (aware_arrays, advance_aware),
+}
+"""For each name of a bank the function that allocates it, and the kernel that steps it."""

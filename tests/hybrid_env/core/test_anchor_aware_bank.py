@@ -19,7 +19,7 @@ def test_the_bank_equals_literal_extended_filters_in_every_lane():
     generator = np.random.default_rng(7)
     radii = np.array([2.0, 9.0, 200.0])
     signed = [0.0, *radii, *-radii]
-    bank = aware_arrays(radii.size)
+    bank = aware_arrays(radii.size, 2)
     for _ in range(20):
         tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -2)
         R = 10.0 ** generator.uniform(-2, 0, 2)
@@ -146,7 +146,7 @@ def test_no_nan_over_noise_speed_and_radius(bank, steps):
 
 
 def test_a_diverged_filter_loses_and_stays_finite():
-    bank = aware_arrays(1)
+    bank = aware_arrays(1, 1)
     model = FilterModel(0.1, 0.001, 0.1, 0.1)
     covariance = tuple(0.1 * np.eye(4)[TRIANGLE])
     begin_aware(bank, 0, (0.0, 1.0, 0.0, 0.0), covariance, np.array([5.0]), model)
