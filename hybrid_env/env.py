@@ -16,78 +16,88 @@ from hybrid_env.world import World
 
 
 class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
-    """Decide soon and rightly which mode of motion an object has switched to.
+    """Decide quickly and correctly which mode of motion an object has switched to.
 
     ## Description
-    An object moves on a plane: straight pieces, left turns and right turns on known radii, with noise on its
-    velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Every tick its position is measured with
-    noise. The moments at which it may switch are known, the new mode is not. A bank of Kalman filters, one
-    per hypothesis, starts at each switch from the current estimate and is compared with the measurements
-    (eq. (2)); with `bank="anchor_aware"` they know how uncertain that estimate is. The agent reads how well
-    each hypothesis explains the measurements, and waits or declares one.
+    An object moves in a plane along straight lines, left turns and right turns of known radii, with process
+    noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured
+    with noise at every tick. The times at which the mode may switch are known, the new mode is unknown. At
+    each switch a bank of Kalman filters, one per hypothesis, starts from the current estimate, which is
+    called the anchor (eq. (2)). The bank treats the anchor as exact by default; with `bank="anchor_aware"` it
+    accounts for the covariance of the anchor. The agent observes how well each hypothesis explains the
+    measurements, and either waits for the next measurement or declares a hypothesis.
 
-    An episode is one trajectory of several segments. A declaration ends the segment for the agent: the chosen
-    filter follows the object alone to the segment's end within the same step, and its estimate is where the
-    next segment's bank starts. So a wrong decision spoils the next segment too.
+    An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
+    fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the
+    segment, and its estimate is the anchor of the next segment. A wrong decision therefore also degrades the
+    estimates of the next segment.
 
     ## Action Space
-    `Discrete(M + 1)` for M hypotheses: 0 straight, then left, then right turns, in the order of `radii`.
+    The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the
+    left turns and then the right turns, in the order of `radii`.
 
     | Num | Action |
     |---|---|
     | 0 | wait for the next measurement |
     | i + 1 | declare hypothesis i |
 
-    With `actions="best"` the space is `Discrete(2)`: wait, or declare the likeliest hypothesis. Any other
-    action raises `gymnasium.error.InvalidAction`.
+    With `actions="best"` the action space is `Discrete(2)`: wait, or declare the most likely hypothesis. An
+    action outside the space raises `gymnasium.error.InvalidAction`.
 
     ## Observation Space
-    A float32 `Box` of 6 M + 10 numbers: six blocks of M, then ten single ones. `hybrid_env.Layout` reads them
-    by name and undoes the scale. R stands for the geometric mean of the two measurement variances; "along"
-    and "across" (to the left) are seen in the heading of the estimate at the switch, the anchor.
+    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per hypothesis,
+    followed by ten scalars. Each quantity is multiplied by its scale, which Min and Max do not include;
+    `hybrid_env.Layout` reads quantities by name and removes the scale. R is the geometric mean of the two
+    measurement variances. "Along" and "across" (positive to the left) refer to the heading of the anchor.
 
     | Num | Name | Observation | Min | Max | Scale |
     |---|---|---|---|---|---|
-    | 0 .. M - 1 | log_ratio | log-likelihood since the switch less the largest | -30 | 0 | 0.1 |
-    | M .. | innovation_along | whitened innovation of the last tick | | | 1 |
-    | 2 M .. | innovation_across | the same, across | | | 1 |
-    | 3 M .. | log_variance | log of the innovation variance over R | 0 | | 1 |
-    | 4 M .. | previous | 1 for the mode decided last | 0 | 1 | 1 |
-    | 5 M .. | curvature | signed, left is positive [1/m] | | | 1 |
-    | 6 M | ticks | since the switch, 1 at the first measurement | 1 | | 0.01 |
-    | 6 M + 1 | ticks_left | to the next switch | 0 | | 0.01 |
-    | 6 M + 2 | log_error_probability | log(1 - largest posterior), equal priors | -30 | 0 | 0.1 |
-    | 6 M + 3 | speed | of the anchor [m/s] | 0 | | 1 |
-    | 6 M + 4 | displacement_along | measurement less anchor, over sqrt(R) | | | 0.1 |
-    | 6 M + 5 | displacement_across | the same, across | | | 0.1 |
-    | 6 M + 6 | anchor_xx | position variance of the kept estimate, over R | 0 | | 1 |
-    | 6 M + 7 | anchor_xv | its covariance of position and velocity, over R [1/s] | | | 1 |
-    | 6 M + 8 | anchor_vv | its velocity variance, over R [1/s^2] | 0 | | 1 |
-    | 6 M + 9 | log_noise | log R, R in m^2 | | | 1 |
+    | 0 .. M - 1 | log_ratio | log-likelihood since the switch minus the maximum | -30 | 0 | 0.1 |
+    | M .. | innovation_along | whitened innovation of the current tick | | | 1 |
+    | 2 M .. | innovation_across | whitened innovation, across | | | 1 |
+    | 3 M .. | log_variance | log of (innovation variance / R) | 0 | | 1 |
+    | 4 M .. | previous | one-hot encoding of the last decided mode | 0 | 1 | 1 |
+    | 5 M .. | curvature | signed curvature, positive to the left [1/m] | | | 1 |
+    | 6 M | ticks | ticks since the switch, 1 at the first measurement | 1 | | 0.01 |
+    | 6 M + 1 | ticks_left | ticks until the next switch | 0 | | 0.01 |
+    | 6 M + 2 | log_error_probability | log(1 - maximum posterior), equal priors | -30 | 0 | 0.1 |
+    | 6 M + 3 | speed | speed of the anchor [m/s] | 0 | | 1 |
+    | 6 M + 4 | displacement_along | (measurement - anchor) / sqrt(R) | | | 0.1 |
+    | 6 M + 5 | displacement_across | (measurement - anchor) / sqrt(R), across | | | 0.1 |
+    | 6 M + 6 | anchor_xx | position variance of the estimate at the switch / R | 0 | | 1 |
+    | 6 M + 7 | anchor_xv | its position-velocity covariance / R [1/s] | | | 1 |
+    | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
+    | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
     ## Rewards
-    Every step costs `delay_cost`. A decision adds +1 if it is right and -1 if it is wrong, so a segment
-    decided at its k-th tick earns (+1 or -1) - k delay_cost. Train with gamma = 1: haste is priced already.
+    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the
+    decision is correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore
+    (+1 or -1) - k * delay_cost. Train with a discount factor of 1: the delay cost already penalizes late
+    decisions.
 
     ## Starting State
-    The object starts at the origin with `speed` and a random heading. The first estimate is off by
-    N(0, 0.3 R) in position and N(0, 0.02 m^2/s^2) in velocity, as after a typical segment (`initial_error`).
-    `reset` returns the first tick of the first segment.
+    The object starts at the origin with the given `speed` and a uniformly random heading. On each axis the
+    error of the first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for
+    velocity, as after a typical segment (`initial_error`). `reset` returns the observation of the first tick
+    of the first segment.
 
     ## Episode End
-    The episode terminates with the decision on the last segment; the row returned then is the one on which
-    that decision was made. Waiting on the last tick of a segment decides it in that same step, for the
-    likeliest hypothesis (`undecided="keep"`: for the mode decided last). There is no truncation.
+    The episode terminates with the decision on the last segment. The observation of this step is the one on
+    which the decision was made. Waiting on the last tick of a segment forces a decision in that step, for the
+    most likely hypothesis (with `undecided="keep"`: for the last decided mode). Episodes are never truncated.
 
     ## Information
-    Of the present tick, at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy], `measurement`
-    [x, y], `anchor`, `estimate` (of the active filter, the mode decided last) and `log_likelihood` (M,) since
-    the switch. Of a decision made in this step: `decided_mode`, `decided_true_mode`, `correct` (as rewarded),
-    `type_correct`, `ticks`, `forced`, `decided_length` and `decided_squared_error` (of position, summed over
-    the segment). In m, m/s and ticks.
+    `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
+    `measurement` [x, y], `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter, which is
+    that of the last decided mode, and `log_likelihood` (M,) since the switch.
+
+    A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the
+    reward), `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`,
+    `decided_length` (of the segment) and `decided_squared_error` (of the estimated position, summed over the
+    segment). Units are m, m/s and ticks.
 
     ## Arguments
-    Every option of `hybrid_env.WorldOptions` is a keyword of `gym.make`, and `render_mode`:
+    `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.WorldOptions`:
 
     ```python
     gym.make("hybrid_env:HybridTrack-v0", measurement_variance=0.01, scheme="L50r5 S50 R75r5")
@@ -96,15 +106,15 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
     | Id | Hypotheses | Defaults |
     |---|---|---|
     | HybridTrack-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 6 segments of 50 to 100 ticks, cost 0.02 |
-    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | the same, type correctness, cost 0.01 |
+    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
 
-    Which policy is good depends on these options, so say them with every figure.
+    Results depend on these options. Report all options that differ from the defaults.
 
     ## References
-    Golubkov, Tsyganov and Tsyganova 2018 (model, bank, ATE); Wald 1947 (sequential tests).
+    Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).
 
     ## Version History
-    * v0: first version
+    * v0: Initial version
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # type: ignore[misc]
@@ -124,13 +134,13 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
-        self._all = np.ones(1, np.bool_)
+        self._reset_mask = np.ones(1, np.bool_)
         self._action_count = self.options.action_count
         self._started = False
         self._bind_views()
 
     def _bind_views(self) -> None:
-        """Live views of the one track, so that a step makes no new ones."""
+        """Create views of the single track once, because creating them takes longer than a tick."""
         block = self.world.blocks[0]
         self._actions = self.world.actions
         self._observation = self.world.observations[0]
@@ -142,26 +152,26 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._bind_views()  # copied and unpickled views are arrays of their own
+        self._bind_views()  # copied and unpickled views do not share memory with the world
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode. Without a seed the track's random stream goes on; `options` is not used."""
+        """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         super().reset(seed=seed)
         if seed is not None or not self.world.seeded[0]:
             self.world.seed(0, self.np_random)
-        self.world.reset(self._all)
+        self.world.reset(self._reset_mask)
         self._started = True
         info = self._info()
         if self.history is not None:
-            self.history.begin(self.world.traced(0), info)
+            self.history.begin(self.world.read_trace(0), info)
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), info
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Wait one tick (0), or declare a hypothesis and go to the first tick of the next segment."""
+        """Wait one tick (action 0), or declare a hypothesis and advance to the next segment."""
         try:
             index = operator.index(action)
         except TypeError:
@@ -169,7 +179,7 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         if not 0 <= index < self._action_count:
             raise self.world.invalid_action(action)
         if not self._started or self._terminated.item(0):
-            raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
+            raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
         self._actions[0] = index
         events = self.world.step()
         info = self._info()
@@ -177,7 +187,7 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
             info |= {key: values.item() for key, values in self.world.read_decisions().items()}
             del info["has_decision"]
         if self.history is not None:
-            self.history.add(self.world.traced(0), info)
+            self.history.add(self.world.read_trace(0), info)
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
@@ -195,17 +205,18 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
         }
 
     def render(self) -> Any:
-        """A frame of the episode so far: (height, width, 3) uint8 for "rgb_array", a window for "human"."""
+        """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode "rgb_array"."""
         if self.history is None or self.renderer is None:
             gym.logger.warn(
-                "render() without a render_mode: make the environment with render_mode='rgb_array' or 'human'"
+                "render() has no effect without a render_mode: create the environment with "
+                "render_mode='rgb_array' or 'human'"
             )
             return None
         if not self._started:
-            raise gym.error.ResetNeeded("render() needs reset() first: no episode is running")
+            raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
         return self.renderer.draw(self.history)
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window if one is open."""
         if self.renderer is not None:
             self.renderer.close()

@@ -1,6 +1,6 @@
-"""The row that a policy reads: its layout by name.
+"""The layout of an observation, by name.
 
-`core.observation_row` writes the row. `Layout` finds every quantity by name and undoes the scaling.
+`core.observation_row` writes the observation. `Layout` locates each quantity by name and removes its scale.
 """
 
 from typing import Any
@@ -23,7 +23,7 @@ __all__ = ["HYPOTHESIS_FEATURES", "LOG_FLOOR", "LOG_SCALE", "TICK_SCALE", "TRACK
 
 
 class Layout:
-    """Where each quantity stands in an observation of a bank with M hypotheses.
+    """Position and scale of each quantity in an observation of a bank with M hypotheses.
 
     >>> layout = Layout(3)
     >>> layout.width
@@ -47,7 +47,7 @@ class Layout:
 
     @classmethod
     def of_width(cls, width: int) -> "Layout":
-        """The layout of observations of a given width."""
+        """Return the layout of observations of a given width. Raises `ArgumentError` if there is none."""
         hypotheses, rest = divmod(width - SINGLES, BLOCKS)
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
             raise reject("width", width, "6 M + 10 for M = 3, 5, 7, ... hypotheses")
@@ -55,16 +55,16 @@ class Layout:
 
     @classmethod
     def of_rows(cls, observation: NDArray[Any]) -> "Layout":
-        """The layout of a batch of rows, (N, width); a single row is refused."""
+        """Return the layout of a batch of observations, (N, width). Raises `ArgumentError` otherwise."""
         if observation.ndim != 2:
-            raise reject("observation shape", observation.shape, "(N, width), one row a track")
+            raise reject("observation shape", observation.shape, "(N, width), one row per track")
         return cls.of_width(observation.shape[1])
 
     def read(self, observation: NDArray[Any], name: str) -> NDArray[np.float64]:
-        """A quantity in its own unit, (..., M) per hypothesis or (...) per track.
+        """Return a quantity without its scale, (..., M) per hypothesis or (...) per track.
 
         Args:
-            observation: (..., width).
+            observation: one or more observations, (..., width).
             name: a key of `HYPOTHESIS_FEATURES` or `TRACK_FEATURES`.
         """
         if name not in self.slices:

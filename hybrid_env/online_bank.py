@@ -1,11 +1,11 @@
-"""The published bank of one track as an object, for notebooks and for one's own loops."""
+"""The published filter bank of one track as a Python object, for notebooks and user code."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import check_array, check_positive, check_radii, noise_axes
+from hybrid_env.checks import axis_variances, check_array, check_positive, check_radii
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.published_bank import (
     FilterModel,
@@ -37,7 +37,16 @@ def _step_one(bank: PublishedBank, measurement: FloatArray, model: FilterModel) 
 
 
 class KalmanBank:
-    """The bank of one track.
+    """The published bank of Kalman filters for one track. Golubkov 2018, eq. (2) and (4).
+
+    Args:
+        radii: turn radii [m], each as a left and as a right turn.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+
+    Raises:
+        ArgumentError: an argument is not allowed.
 
     >>> bank = KalmanBank(radii=[5.0], measurement_variance=0.1)
     >>> bank.anchor([0.0, 2.0, 0.0, 0.0])
@@ -55,7 +64,7 @@ class KalmanBank:
         self.radii = check_radii("radii", radii)
         self.tau = check_positive("tau", tau)
         self.process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-        self.variances = noise_axes(measurement_variance)
+        self.variances = axis_variances(measurement_variance)
         self._bank = published_arrays(self.radii.size, self.variances.size)
         self._model = FilterModel(
             self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])
@@ -69,11 +78,12 @@ class KalmanBank:
         return 2 * self.radii.size + 1
 
     def anchor(self, state: ArrayLike, covariance: ArrayLike = (1.0, 0.0, 1.0)) -> None:
-        """Start a segment at an estimate.
+        """Start every filter from an estimate, as at a switch.
 
         Args:
             state: (4,) [x, vx, y, vy] [m, m/s].
-            covariance: (3,) of (position, velocity), the same on both axes; the published bank's identity.
+            covariance: (3,) xx, xv, vv of (position, velocity) on each axis; by default the identity, as
+                published.
         """
         anchor = check_array("state", state, (4,))
         start = check_array("covariance", covariance, (3,))
@@ -81,9 +91,9 @@ class KalmanBank:
         self._anchored = True
 
     def step(self, measurement: ArrayLike) -> FloatArray:
-        """One tick. measurement: (2,) [m]. Returns the cumulative log-likelihoods, (M,)."""
+        """Advance one tick. measurement: (2,) [m]. Returns the cumulative log-likelihoods, (M,)."""
         if not self._anchored:
-            raise RuntimeError("step() before anchor(): the bank has no starting estimate")
+            raise RuntimeError("step() called before anchor(): the bank has no initial estimate")
         self._measurement[:, 0] = check_array("measurement", measurement, (2,))
         _step_one(self._bank, self._measurement, self._model)
         return self.log_likelihood
@@ -100,24 +110,24 @@ class KalmanBank:
 
     @property
     def innovations(self) -> FloatArray:
-        """(M, 2) innovations of the last tick [m]."""
+        """(M, 2) innovations of the current tick [m]."""
         return self._read(self._bank.innovations, "white_x", "white_y") * np.sqrt(self.innovation_variances)
 
     @property
     def innovation_variances(self) -> FloatArray:
-        """(M, 2) variance of the innovation on each axis [m^2]."""
-        return self._by_axis(self._bank.gains, "whitener")[:, :, 0] ** -2.0
+        """(M, 2) innovation variance on each axis [m^2]."""
+        return self._read_axes(self._bank.gains, "whitener")[:, :, 0] ** -2.0
 
     @property
     def covariances(self) -> FloatArray:
         """(M, 2, 3) covariance of (position, velocity) on each axis: xx, xv, vv."""
-        return self._by_axis(self._bank.covariances, "xx", "xv", "vv")
+        return self._read_axes(self._bank.covariances, "xx", "xv", "vv")
 
     def _read(self, records: NDArray[Any], *names: str) -> FloatArray:
-        """(..., fields) of the one track, a copy."""
+        """Return a copy of the fields of the single track, (..., fields)."""
         return np.stack([records[name][..., 0] for name in names], axis=-1)
 
-    def _by_axis(self, records: NDArray[Any], *names: str) -> FloatArray:
-        """(M, 2, fields) of what is shared by radius and axis."""
+    def _read_axes(self, records: NDArray[Any], *names: str) -> FloatArray:
+        """Return fields stored per axis and radius as (M, 2, fields)."""
         turns = list(range(1, self.radii.size + 1))
         return self._read(records, *names)[[0, -1]][:, [0, *turns, *turns]].swapaxes(0, 1)

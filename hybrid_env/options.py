@@ -1,4 +1,4 @@
-"""The options of a world, checked when it is made."""
+"""The options of a world, checked on creation."""
 
 import dataclasses
 import difflib
@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import (
+    axis_variances,
     check_choice,
     check_flag,
     check_number,
     check_positive,
     check_radii,
-    noise_axes,
     reject,
 )
 from hybrid_env.core.kernel import BANKS
@@ -25,31 +25,35 @@ from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
-    """Everything of the model that `gym.make` takes as a keyword; the values are checked here.
+    """The options of the model, which are keywords of `gym.make`.
 
     Attributes:
-        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, every mode equally
-            likely), "random 4x20-60", "L50r3 R75r5 S50", a name of `SCHEMES`, or a scheme object.
-        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
-        speed: of the object at the start [m/s].
-        heading: of the object at the start [rad], counter-clockwise from the x axis; None draws it.
+        scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
+            "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
+        radii: n turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
+        speed: initial speed of the object [m/s].
+        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
+            uniformly.
         tau: length of a tick [s].
-        process_variance: Q, added to each velocity every tick [m^2/s^2].
-        measurement_variance: R of a measured coordinate [m^2], one number or (x, y).
-        outliers: share of measurements, below 1, with five times the deviation (variance 25 R), of which the
-            bank does not know.
-        initial_error: (variance of the first estimate's position over R, variance of its velocity
-            [m^2/s^2]), both normal; 0 starts at the true state.
-        bank: "published" takes the anchor as exact; "anchor_aware" has its uncertainty in the state of every
-            turn, see `anchor_aware`; "oracle" is the published bank anchored at the true state, a bound for
-            evaluation that nobody has in practice.
-        reset_covariance: True starts every segment with P := I, as published; False keeps the covariance of
-            the chosen filter. None is True for the published bank and False for the others.
-        delay_cost: cost of a step, in units of the reward of a right decision.
-        correctness: "exact" asks for the hypothesis, "type" for straight, left or right only.
-        actions: "all" waits or declares one of M hypotheses; "best" waits or declares the likeliest.
-        undecided: a segment that ends undecided is decided for the "likeliest" hypothesis, or does
-            "keep" the mode decided last, as in the papers.
+        process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
+        measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
+        outliers: fraction of measurements, below 1, with five times the standard deviation (variance 25 R).
+            The bank does not model outliers.
+        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
+            normal error; 0 starts at the true state.
+        bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
+            the state of every turn, see `core.anchor_aware_bank`; "oracle" is the published bank anchored at
+            the true state, an upper bound for evaluation that is not available in practice.
+        reset_covariance: True starts every segment with P := I, as published; False carries over the
+            covariance of the chosen filter. None means True for the published bank and False for the others.
+        delay_cost: cost of a step, in units of the reward of a correct decision.
+        correctness: "exact" requires the hypothesis, "type" only straight, left or right.
+        actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
+        undecided: decision on a segment that ends undecided: "likeliest" for the most likely hypothesis,
+            "keep" for the last decided mode, as in the papers.
+
+    Raises:
+        ArgumentError: an option has a value that is not allowed.
     """
 
     scheme: str | Scheme = "random"
@@ -78,24 +82,23 @@ class WorldOptions:
             fix(self, name, check_positive(name, getattr(self, name), allow_zero=True))
         if self.heading is not None:
             fix(self, "heading", check_number("heading", self.heading, "a finite angle [rad] or None"))
-        noise_axes(self.measurement_variance)
+        axis_variances(self.measurement_variance)
         if check_positive("outliers", self.outliers, allow_zero=True) >= 1.0:
-            raise reject("outliers", self.outliers, "a number from 0 to below 1")
+            raise reject("outliers", self.outliers, "a number >= 0 and < 1")
         fix(self, "initial_error", self._check_initial_error())
         check_choice("bank", self.bank, BANKS)
         if self.reset_covariance is not None:
             check_flag("reset_covariance", self.reset_covariance)
         if self.reset_covariance and self.bank == "oracle":
-            raise reject("reset_covariance", True, "False or None with bank='oracle', which has no doubt")
+            raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
         check_choice("correctness", self.correctness, ("exact", "type"))
         check_choice("actions", self.actions, ("all", "best"))
         check_choice("undecided", self.undecided, ("likeliest", "keep"))
         if self.correctness == "exact":
             missing = {abs(float(row[0])) for row in self.table if row[0]} - set(self.radii)
             if missing:
-                raise reject(
-                    "radii", self.radii, f"the scheme's radii {sorted(missing)} too, or correctness='type'"
-                )
+                allowed = f"radii that include {sorted(missing)} of the scheme, or correctness='type'"
+                raise reject("radii", self.radii, allowed)
 
     def _check_initial_error(self) -> tuple[float, float]:
         value = self.initial_error
@@ -110,7 +113,7 @@ class WorldOptions:
 
     @classmethod
     def of(cls, **options: Any) -> "WorldOptions":
-        """The options of keywords, with a one-line error for a name that does not exist."""
+        """Create options from keywords. An unknown name raises a `TypeError` with the closest known name."""
         names = [field.name for field in dataclasses.fields(cls)]
         for name, value in options.items():
             if name not in names:
@@ -133,18 +136,18 @@ class WorldOptions:
 
     @property
     def variances(self) -> NDArray[np.float64]:
-        """R of each distinct noise axis [m^2], (1,) or (2,)."""
-        return noise_axes(self.measurement_variance)
+        """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
+        return axis_variances(self.measurement_variance)
 
     @property
     def table(self) -> NDArray[np.float64]:
-        """Segments in order or to draw from, see `scheme.segment_table`."""
+        """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         assert not isinstance(self.scheme, str)
         return segment_table(self.scheme, self.radii)
 
     @property
     def longest_segment(self) -> int:
-        """Ticks of the longest segment that can occur."""
+        """Length of the longest possible segment [ticks]."""
         assert not isinstance(self.scheme, str)
         if isinstance(self.scheme, FixedScheme):
             return max(piece.length for piece in self.scheme.pieces)
@@ -152,12 +155,12 @@ class WorldOptions:
 
     @property
     def segments(self) -> int:
-        """Segments of an episode."""
+        """Number of segments of an episode."""
         assert not isinstance(self.scheme, str)
         return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
 
     def parameters(self) -> NDArray[Any]:
-        """The one record that the kernel reads."""
+        """Return (1,) record `PARAMETERS` for the kernel."""
         assert not isinstance(self.scheme, str)
         assert isinstance(self.initial_error, tuple)
         record = np.zeros(1, PARAMETERS)

@@ -1,4 +1,4 @@
-"""The registered environments, by id."""
+"""Registration of the environments with Gymnasium."""
 
 from typing import Any
 
@@ -16,11 +16,11 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
         "delay_cost": 0.01,
     },
 }
-"""Registered ids and the options in which they differ from the defaults."""
+"""Registered ids and their options that differ from the defaults."""
 
 
 def register_environments() -> None:
-    """Register every id with Gymnasium, once."""
+    """Register every id that is not registered yet."""
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
             register(
@@ -32,7 +32,11 @@ def register_environments() -> None:
 
 
 def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVectorEnv:
-    """The vector environment of a registered id, with the id's own options and those given."""
+    """Create the vector environment of a registered id; `options` override the options of the id.
+
+    Raises:
+        ArgumentError: the id is not one of this package, or an option is not allowed.
+    """
     check_env_id(env_id)
     env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
     assert isinstance(env, HybridTrackVectorEnv)
@@ -40,11 +44,11 @@ def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVe
 
 
 def check_env_id(env_id: str) -> None:
-    """Refuse ids that are not registered for this package's environments."""
-    ours = [
+    """Raise `ArgumentError` for an id that does not belong to an environment of this package."""
+    known = [
         name
         for name, spec in gym.registry.items()
         if isinstance(spec.vector_entry_point, str) and spec.vector_entry_point.startswith("hybrid_env.")
     ]
-    if env_id.removeprefix("hybrid_env:") not in ours:
-        raise reject("env", env_id, "one of " + ", ".join(ours))
+    if env_id.removeprefix("hybrid_env:") not in known:
+        raise reject("env", env_id, "one of " + ", ".join(known))

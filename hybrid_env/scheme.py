@@ -1,7 +1,7 @@
-"""Schemes of segments: what the object does, for how long, and on which radius.
+"""Schemes: the mode, length and radius of every segment of a trajectory.
 
-A scheme is written as in the papers, one word a segment: "L50r3 R75r5 S50" turns left for 50 ticks on a
-radius of 3 m, right for 75 ticks on 5 m, and goes straight for 50 ticks.
+A scheme is written as in the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with
+a radius of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks.
 """
 
 import re
@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_integer, check_radii, reject
 
-MAX_LENGTH = 1_000_000  # ticks of a segment, and segments of a scheme
+MAX_LENGTH = 1_000_000  # ticks per segment, and segments per scheme
 GRAMMAR = (
-    "words like 'S50', 'L50r3' or 'R75r5' (mode, ticks >= 1, radius > 0 of a turn), "
-    "'random', 'random 6x50-100' (segments x ticks), or a name of hybrid_env.SCHEMES"
+    "words such as 'S50', 'L50r3' or 'R75r5' (mode, ticks >= 1, radius > 0 for a turn), "
+    "'random', 'random 6x50-100' (segments x ticks), or a key of hybrid_env.SCHEMES"
 )
 
 _SEGMENT = re.compile(r"([SLR])(\d+)(?:r(\d+(?:\.\d*)?|\.\d+))?")
@@ -25,12 +25,15 @@ _RANDOM = re.compile(r"random(?:\s+(\d+)x(\d+)(?:-(\d+))?)?")
 
 @dataclass(frozen=True)
 class Segment:
-    """One piece of a trajectory.
+    """One segment of a trajectory.
 
     Attributes:
         mode: "S" straight, "L" left turn, "R" right turn.
-        length: ticks, at least 1.
-        radius: of the turn [m]; None for a straight piece.
+        length: length [ticks], at least 1.
+        radius: turn radius [m]; None for a straight segment.
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
     """
 
     mode: str
@@ -44,13 +47,13 @@ class Segment:
         if self.length > MAX_LENGTH:
             raise reject("length", self.length, f"at most {MAX_LENGTH} ticks")
         if (self.mode == "S") != (self.radius is None):
-            raise reject("radius", self.radius, "None for a straight piece, a number > 0 for a turn")
+            raise reject("radius", self.radius, "None for a straight segment, a number > 0 for a turn")
         if self.radius is not None:
             check_radii("radius", self.radius)
 
     @property
     def signed_radius(self) -> float:
-        """Radius [m], positive to the left, negative to the right, 0 for straight."""
+        """Turn radius [m], positive to the left, negative to the right, 0 if straight."""
         return 0.0 if self.radius is None else self.radius if self.mode == "L" else -self.radius
 
     def __str__(self) -> str:
@@ -59,7 +62,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class FixedScheme:
-    """The same segments in every episode."""
+    """A scheme with the same segments in every episode.
+
+    Attributes:
+        pieces: the segments in order.
+    """
 
     pieces: tuple[Segment, ...]
 
@@ -73,12 +80,15 @@ class FixedScheme:
 
 @dataclass(frozen=True)
 class RandomScheme:
-    """Segments drawn anew in every episode, every mode equally likely, whatever came before.
+    """A scheme with random segments in every episode. Modes are independent and equally likely.
 
     Attributes:
         segments: number of segments.
-        lengths: (shortest, longest) in ticks, both included, equally likely.
-        radii: the object's turn radii [m]; None takes the radii of the bank.
+        lengths: (shortest, longest) length [ticks]; lengths are uniform and include both limits.
+        radii: turn radii of the object [m]; None uses the radii of the bank.
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
     """
 
     segments: int = 6
@@ -110,11 +120,11 @@ SCHEMES = {
     "tsyganov2019": "S250 R314r5 S250 L314r5 S250 L314r5 S250 L314r5 S250",
     "golubkov2020": "S20 R20r5",
 }
-"""The papers' schemes by name: Golubkov 2018, table 1; Tsyganov 2019, example 1; Golubkov 2020."""
+"""The schemes of the papers: Golubkov 2018, table 1; Tsyganov 2019, example 1; Golubkov 2020."""
 
 
 def parse_scheme(value: "str | Scheme") -> Scheme:
-    """The scheme that a string stands for; a scheme passes through."""
+    """Parse a string; a scheme object is returned as it is. Raises `ArgumentError` for other values."""
     if isinstance(value, (FixedScheme, RandomScheme)):
         return value
     if not isinstance(value, str) or not value.strip():
@@ -130,16 +140,16 @@ def parse_scheme(value: "str | Scheme") -> Scheme:
     for word in re.split(r"[\s,;]+", text):
         match = _SEGMENT.fullmatch(word)
         if not match or (match[1] == "S") != (match[3] is None):
-            raise reject("scheme", value, GRAMMAR + f"; the word {word!r} is none of these")
+            raise reject("scheme", value, GRAMMAR + f"; invalid word {word!r}")
         try:
             pieces.append(Segment(match[1], int(match[2]), float(match[3]) if match[3] else None))
         except ValueError as error:
-            raise reject("scheme", value, f"{GRAMMAR}; in the word {word!r} {error}") from None
+            raise reject("scheme", value, f"{GRAMMAR}; invalid word {word!r}: {error}") from None
     return FixedScheme(tuple(pieces))
 
 
 def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
-    """Index into the bank of the hypothesis closest in curvature on the same side; 0 is straight."""
+    """Return the index of the hypothesis on the same side with the closest curvature; 0 is straight."""
     if signed_radius == 0.0:
         return 0
     bank: NDArray[np.float64] = np.asarray(radii, dtype=np.float64)
@@ -148,14 +158,15 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
 
 
 def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
-    """Rows `core.records.SEGMENT_COLUMNS` of the segments in order, or to draw from.
+    """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`.
 
-    A random scheme has one row for every mode, equally likely, with length 0.
+    A fixed scheme has one row per segment. A random scheme has one row per mode, with length 0; the rows are
+    equally likely.
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):
         rows = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
     else:
-        own = bank if scheme.radii is None else np.asarray(scheme.radii)
-        rows = [(signed, 0) for signed in (0.0, *own, *-own)]
+        turns = bank if scheme.radii is None else np.asarray(scheme.radii)
+        rows = [(signed, 0) for signed in (0.0, *turns, *-turns)]
     return np.array([(signed, nearest_mode(signed, bank), length) for signed, length in rows])

@@ -1,4 +1,4 @@
-"""Recordings of simulated objects, many runs of one scheme at once, for studies without an environment."""
+"""Simulated recordings: many runs of one scheme at once, for studies without an environment."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import check_array, check_integer, check_positive, noise_axes, reject
+from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import BLOCK, LANES
@@ -17,13 +17,13 @@ from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
 @dataclass(frozen=True)
 class Simulation:
-    """n runs of T ticks in K pieces.
+    """n runs of T ticks in K segments.
 
     Attributes:
-        truth: (n, T, 4) states [x, vx, y, vy] [m, m/s].
-        measurements: (n, T, 2) measured coordinates [m].
-        lengths: (K,) ticks of the pieces.
-        signed_radii: (K,) radii [m], positive to the left, negative to the right, 0 straight.
+        truth: (n, T, 4) true states [x, vx, y, vy] [m, m/s].
+        measurements: (n, T, 2) measured positions [m].
+        lengths: (K,) segment lengths [ticks].
+        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
     """
 
     truth: NDArray[np.float64]
@@ -33,7 +33,7 @@ class Simulation:
 
 
 class _Noise(NamedTuple):
-    """Standard deviations of the noise, as `core.true_object.move` reads them."""
+    """The noise settings read by `core.true_object.move`: standard deviations, and fraction of outliers."""
 
     process_deviation: float
     deviation_x: float
@@ -55,10 +55,10 @@ def _simulate(
     for b in range(blocks.size):
         block = blocks[b]
         k = 0
-        for piece in range(lengths.size):
+        for segment in range(lengths.size):
             for lane in range(LANES):
-                begin_motion(block, lane, table[piece], tau)
-            for _ in range(lengths[piece]):
+                begin_motion(block, lane, table[segment], tau)
+            for _ in range(lengths[segment]):
                 move(block, draws, np.uint64(0), np.uint64(LANES), noise)
                 for lane in range(LANES):
                     for axis in range(4):
@@ -78,22 +78,23 @@ def simulate(
     process_variance: float = 0.001,
     measurement_variance: float | ArrayLike = 0.1,
 ) -> Simulation:
-    """Draw runs of a fixed scheme from one starting state. Golubkov 2018, eq. (1), with the papers' x0.
+    """Simulate runs of a fixed scheme. Golubkov 2018, eq. (1); the default start is that of the papers.
 
     Args:
-        scheme: fixed scheme or its text.
-        runs: n; run i of a seed is the same whatever n is.
-        start: (4,) true state one tick before the first measurement [m, m/s].
-        tau: tick [s].
+        scheme: a fixed scheme or its text.
+        runs: n, number of runs.
+        seed: seed of the random streams; run i of a seed does not depend on n.
+        start: (4,) true state [x, vx, y, vy] one tick before the first measurement [m, m/s].
+        tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
 
     Raises:
-        ArgumentError: names the argument, its value and what is allowed.
+        ArgumentError: an argument has a value that is not allowed.
     """
     fixed = parse_scheme(scheme)
     if not isinstance(fixed, FixedScheme):
-        raise reject("scheme", scheme, "a scheme of given segments, not a random one")
+        raise reject("scheme", scheme, "a fixed scheme")
     runs = check_integer("runs", runs)
     number = -(-runs // LANES)
     blocks = aligned_zeros((number,), BLOCK)
@@ -101,14 +102,14 @@ def simulate(
     streams = sequence.generate_state(4 * number * LANES, np.uint64)
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
-    lengths = np.array([piece.length for piece in fixed.pieces])
-    radii = sorted({piece.radius for piece in fixed.pieces if piece.radius is not None}) or [1.0]
+    lengths = np.array([segment.length for segment in fixed.pieces])
+    radii = sorted({segment.radius for segment in fixed.pieces if segment.radius is not None}) or [1.0]
     table = segment_table(fixed, radii)
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
-    deviations = np.sqrt(noise_axes(measurement_variance))
+    deviations = np.sqrt(axis_variances(measurement_variance))
     process_deviation = math.sqrt(check_positive("process_variance", process_variance, allow_zero=True))
     noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
     _simulate(blocks, lengths, table, check_positive("tau", tau), noise, truth, measurements)
-    signed_radii = np.array([piece.signed_radius for piece in fixed.pieces])
+    signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])
     return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)

@@ -1,4 +1,4 @@
-"""The environment of N tracks at once, on the same kernel."""
+"""The vector environment: N tracks in one kernel call."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,23 +21,26 @@ _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key !=
 
 
 class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
-    """N tracks of `HybridTrackEnv` in one kernel call.
+    """A vector environment of N `HybridTrackEnv` tracks, stepped in one kernel call.
 
-    Track i seeded with s equals the single environment seeded with s + i, bit for bit, through autoresets.
-    Spaces, rewards and info keys are those of `HybridTrackEnv`, batched; Gymnasium's `_key` masks say
-    which tracks a key of info holds for.
+    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
+    Spaces, rewards and info keys are those of `HybridTrackEnv`, batched. As in Gymnasium, a mask `_key` marks
+    the tracks for which an info key is valid.
 
     Args:
-        num_envs: N.
-        autoreset_mode: NEXT_STEP begins a terminated track's next episode at the next step, whose action is
-            ignored and whose reward is 0; SAME_STEP begins it at once and returns `final_obs` and
-            `final_info`; DISABLED leaves it to `reset(options={"reset_mask": ...})`.
-        tick_info: False leaves out of `step`'s info what describes the present tick, and keeps decisions,
-            `final_obs` and `final_info`: the lean way for training.
-        trace_rows: ticks of each step kept in `world.trace`, 0 for none.
-        threads: that step the tracks in parallel; results do not depend on it. Worthwhile from about 4,000
-            tracks on.
+        num_envs: N, number of tracks.
+        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and
+            whose reward is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`;
+            DISABLED requires a call of `reset(options={"reset_mask": ...})`.
+        tick_info: False omits the description of the current tick from the info of `step`, which is faster
+            for training. Decisions, `final_obs` and `final_info` are always present.
+        trace_rows: number of ticks per step stored in `world.trace`, 0 to store none.
+        threads: number of threads that step the tracks in parallel. Results do not depend on it. More than
+            one is useful from about 4,000 tracks.
         options: see `WorldOptions`.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
     """
 
     def __init__(
@@ -51,7 +54,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
     ):
         if options.pop("render_mode", None) is not None:
             raise ValueError(
-                "render_mode is not allowed in the vector environment: render one HybridTrackEnv"
+                "render_mode is not supported by the vector environment: render a HybridTrackEnv"
             )
         self.num_envs = check_integer("num_envs", num_envs)
         try:
@@ -77,7 +80,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
         self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         self._shape = (self.num_envs,)
-        self._nowhere = np.zeros(self.num_envs, np.bool_)
+        self._truncated = np.zeros(self.num_envs, np.bool_)
 
     def reset(
         self,
@@ -87,24 +90,29 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
 
-        seed: s seeds track i with s + i; a sequence has one seed a track; None goes on with the streams.
+        Args:
+            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues
+                the random stream of each track.
+            options: may contain "reset_mask".
+
+        Raises:
+            ArgumentError: the seed or the mask is not allowed.
+            ResetNeeded: a track outside the mask has never been reset.
         """
         mask = np.ones(self.num_envs, np.bool_)
         if options is not None and "reset_mask" in options:
             mask = np.array(options["reset_mask"], order="C")
             if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
-                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},) with a True")
+                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},), not all False")
         seeds: Sequence[int | None]
         if seed is None or isinstance(seed, (int, np.integer)):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
             if not isinstance(seed, (Sequence, np.ndarray)) or len(seed) != self.num_envs:
-                raise reject("seed", seed, f"an integer or {self.num_envs} of them")
+                raise reject("seed", seed, f"an integer, or a sequence of {self.num_envs} integers or None")
             seeds = [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
         if not (self.world.seeded | mask).all():
-            raise gym.error.ResetNeeded(
-                "reset() of some tracks needs a reset() of all before: some never began"
-            )
+            raise gym.error.ResetNeeded("reset() with a reset_mask requires an earlier reset() of all tracks")
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None or not self.world.seeded[i]:
                 self.world.seed(i, seeding.np_random(seeds[i])[0])
@@ -117,9 +125,17 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
     ) -> tuple[
         NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
     ]:
-        """One step of every track. actions: (N,) integers, 0 waits."""
+        """Step every track. Returns observations, rewards, terminated, truncated and info as fresh arrays.
+
+        Args:
+            actions: (N,) integers, 0 waits.
+
+        Raises:
+            InvalidAction: the shape or type is wrong, or an action is outside the space. No track is stepped.
+            ResetNeeded: no episode is running.
+        """
         if not self._started:
-            raise gym.error.ResetNeeded("step() needs reset() first: no episode is running")
+            raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
         actions = np.asarray(actions)
         if actions.shape != self._shape or actions.dtype.kind not in "iu":
             raise gym.error.InvalidAction(
@@ -129,7 +145,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         world = self.world
         if self._disabled and world.terminated.any():
             raise gym.error.ResetNeeded(
-                "step() needs reset() with a reset_mask first: a track has terminated"
+                "step() requires running episodes: reset() terminated tracks with a reset_mask first"
             )
         world.actions[:] = actions
         events = world.step()
@@ -147,22 +163,23 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         if events:
             final = self._decision_info() | final
         info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
-        return world.observations.copy(), rewards, terminated, self._nowhere.copy(), info
+        return world.observations.copy(), rewards, terminated, self._truncated.copy(), info
 
     def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """The present tick of the tracks of a mask, (N,)."""
+        """Return the info of the current tick, zero for tracks outside a mask, (N,)."""
         values = self.world.copy_tick()()
-        for held in values.values():
-            held[~mask] = 0
+        for array in values.values():
+            array[~mask] = 0
         mask = mask.copy()
         return values | {f"_{key}": mask for key in values}
 
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        """Return the info of the decisions of the last step, zero for tracks outside a mask, (N,)."""
         values = self.world.read_decisions()
         decided = values.pop("has_decision")
         if mask is not None:
-            for held in values.values():
-                held[~mask] = 0
+            for array in values.values():
+                array[~mask] = 0
             decided &= mask
         elif self._same_step and not decided.any():
             return {}  # the decisions are in `final_info`

@@ -1,4 +1,4 @@
-"""The arrays of N tracks and the calls into the kernel; environments are views of it."""
+"""The arrays of N tracks and the calls of the kernel. The environments are built on it."""
 
 import functools
 import operator
@@ -35,10 +35,10 @@ class World:
     """State of N tracks under one set of options.
 
     Args:
-        options: of the model.
-        tracks: N.
-        trace_rows: ticks of one step that are kept for rendering and recording, 0 for none.
-        threads: that step different blocks of tracks at the same time.
+        options: options of the model.
+        tracks: N, number of tracks.
+        trace_rows: number of ticks per step stored for rendering and recording, 0 to store none.
+        threads: number of threads that step different blocks of tracks in parallel.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class World:
         announce_compilation(self._advance)
 
     def _bind(self) -> None:
-        """Tell the kernel where the arrays are. Each thread has its blocks and memory for one tick."""
+        """Write the array addresses into one parameter record per thread, with scratch memory for each."""
         self._advance = kernel.BANKS[self.options.bank][1]
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
@@ -95,7 +95,7 @@ class World:
                 parameters[name] = array.ctypes.data
             self._parameters.append(parameters)
             self._scratch.append(scratch)
-        # the front of every block, as plain bytes, which are copied fastest
+        # the leading bytes of every block, copied as raw memory for speed
         front = np.dtype((np.void, TICK.itemsize))
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
         self._log_likelihood = self.bank.hypotheses["log_likelihood"]
@@ -120,7 +120,7 @@ class World:
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # copied and unpickled arrays lie elsewhere, maybe where the kernel must not write
+        # copied and unpickled arrays have new addresses and may be read-only
         for name, value in state.items():
             if isinstance(value, np.ndarray):
                 value = np.require(value, requirements=["C", "W"])
@@ -131,33 +131,33 @@ class World:
         self._bind()
 
     def _run_threads(self, pool: ThreadPoolExecutor, addresses: list[int], reset: bool) -> int:
-        """Call the kernel in every thread on its own blocks; this thread takes the first share."""
+        """Call the kernel in every thread; the calling thread steps the first range of blocks."""
         jobs = [pool.submit(self._advance, address, reset) for address in addresses[1:]]
-        found = [self._advance(addresses[0], reset), *(job.result() for job in jobs)]
-        return min(found) if min(found) < 0 else functools.reduce(operator.or_, found)
+        events = [self._advance(addresses[0], reset), *(job.result() for job in jobs)]
+        return min(events) if min(events) < 0 else functools.reduce(operator.or_, events)
 
     def field(self, name: str) -> NDArray[Any]:
-        """A field of `BLOCK`: a copy, (N, ...)."""
-        return self._by_track(self.blocks[name].copy())
+        """Return a copy of a field of `BLOCK`, (N, ...)."""
+        return self._flatten_blocks(self.blocks[name].copy())
 
-    def _by_track(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(N, ...) of a field of blocks, (B, ..., LANES)."""
+    def _flatten_blocks(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Reshape a field of all blocks, (B, ..., LANES), to (N, ...)."""
         by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
     def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
-        """Copy the present tick of every track; the returned function makes the arrays of info, (N, ...)."""
+        """Copy the current tick of every track. The returned function creates the info arrays, (N, ...)."""
         return functools.partial(self._tick_arrays, self._ticks.copy(), self._log_likelihood.copy())
 
     def _tick_arrays(
         self, ticks: NDArray[Any], log_likelihood: NDArray[np.float64]
     ) -> dict[str, NDArray[Any]]:
         fields = ticks.view(TICK)
-        arrays = {name: self._by_track(fields[name]) for name in TICK_NAMES}
-        return arrays | {"log_likelihood": self._by_track(log_likelihood)}
+        arrays = {name: self._flatten_blocks(fields[name]) for name in TICK_NAMES}
+        return arrays | {"log_likelihood": self._flatten_blocks(log_likelihood)}
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
-        """`DECISION` and `DECISION_FLAGS` of the last step, (N,) each, zero without a decision; copies."""
+        """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""
         rows, flags = self.decisions.copy(), self.decision_flags.copy()
         values: dict[str, NDArray[Any]] = {key: rows[k] for k, key in enumerate(DECISION)}
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
@@ -167,7 +167,7 @@ class World:
 
     @property
     def nbytes(self) -> int:
-        """Memory of all tracks [bytes]."""
+        """Memory size of all tracks [bytes]."""
         arrays = (
             *self.bank, self.blocks, self.observations, self.rewards, self.terminated, self.decisions,
             self.decision_flags, self.trace,
@@ -175,37 +175,37 @@ class World:
         return sum(array.nbytes for array in arrays)
 
     def seed(self, track: int, generator: np.random.Generator) -> None:
-        """Start the random stream of one track from a generator."""
+        """Seed the random stream of one track from a generator."""
         block, lane = divmod(track, LANES)
         self.blocks["random_state"][block, :, lane] = generator.integers(1, 2**64, 4, dtype=np.uint64)
         self.seeded[track] = True
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Begin a new episode on the tracks of the mask, (N,)."""
+        """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
         self._run(True)
 
     def step(self) -> int:
-        """One step of every track by `actions`; a terminated one begins its next episode.
+        """Step every track with `actions`. A terminated track begins its next episode.
 
         Returns:
             `kernel.DECIDED` if any track made a decision, plus `kernel.TERMINATED` if any terminated.
 
         Raises:
-            InvalidAction: nothing has been done then.
+            InvalidAction: an action is outside the space. No track is stepped.
         """
         events = self._run(False)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events
 
-    def traced(self, track: int) -> NDArray[np.float64]:
-        """The ticks of the last call, (ticks, len(TRACE_COLUMNS))."""
+    def read_trace(self, track: int) -> NDArray[np.float64]:
+        """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
         block, lane = divmod(track, LANES)
-        return self.trace[track, : self.blocks["traced"][block, lane]].copy()
+        return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
     def observation_space(self) -> spaces.Box:
-        """The space of one row; finite bounds wherever the quantity has one."""
+        """Return the observation space of one track, with the bounds of bounded quantities."""
         unbounded = float(np.finfo(np.float32).max)
         low = np.full(self.layout.width, -unbounded, np.float32)
         high = np.full(self.layout.width, unbounded, np.float32)
@@ -226,11 +226,11 @@ class World:
         return spaces.Box(low, high, dtype=np.float32)
 
     def action_space(self) -> spaces.Discrete:
-        """Wait, or declare."""
+        """Return the action space of one track: 0 waits, other actions declare a hypothesis."""
         return spaces.Discrete(self.options.action_count)
 
     def invalid_action(self, action: Any) -> Exception:
-        """The error for an action outside the space."""
+        """Return the error for an action outside the space."""
         last = self.options.action_count - 1
         return gym.error.InvalidAction(
             f"action={action!r} is not allowed: expected an integer from 0 (wait) to {last}"

@@ -68,7 +68,7 @@ def record_episode(name: str, decider: Decider, env_id: str, seed: int, **option
     longest = make_vector_env(env_id, 1, **options).options.longest_segment
     env = make_vector_env(env_id, 1, tick_info=False, trace_rows=2 * longest, **options)
     observation, _ = env.reset(seed=seed)
-    traces = [env.world.traced(0)]
+    traces = [env.world.read_trace(0)]
     state: Any = None
     start = np.ones(1, np.bool_)
     decided: list[dict[str, Any]] = []
@@ -76,7 +76,7 @@ def record_episode(name: str, decider: Decider, env_id: str, seed: int, **option
     while True:
         actions, state = decider.predict(observation, state=state, episode_start=start, deterministic=True)
         observation, reward, start, _, info = env.step(np.asarray(actions))
-        traces.append(env.world.traced(0))
+        traces.append(env.world.read_trace(0))
         rewards += float(reward[0])
         if "decided_mode" in info:
             decided.append({key: values[0] for key, values in info.items() if not key.startswith("_")})

@@ -1,8 +1,8 @@
-"""Wald's sequential probability ratio test over a bank of hypotheses, as in Golubkov 2018, rule (5).
+"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule (5).
 
-Every hypothesis i is tested against the active one q_A, the mode decided last:
-lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). The print speaks of any lambda_ij; its
-algorithm, and this file, compare with q_A only.
+Every hypothesis i is tested against the active hypothesis q_A, the last decided mode, with the log-likelihood
+ratio lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) of the paper uses all pairs
+lambda_ij; its algorithm, which is implemented here, uses only ratios to q_A.
 """
 
 import math
@@ -16,15 +16,20 @@ from hybrid_env.checks import check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import LOG_FLOOR, Layout
 
-CLIPPED = LOG_FLOOR + 1e-3
+CLIPPED = LOG_FLOOR + 1e-3  # ratios up to this value may be clipped
 
 
 def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
-    """Wald's bounds A = ln((1 - beta) / alpha) and B = ln(beta / (1 - alpha)). Golubkov 2018, after rule (5).
+    """Return Wald's thresholds A = ln((1 - beta) / alpha) and B = ln(beta / (1 - alpha)).
+
+    Golubkov 2018, after rule (5).
 
     Args:
-        alpha: error of the first kind, in (0, 1).
-        beta: error of the second kind, in (0, 1), alpha + beta < 1; None takes alpha.
+        alpha: type I error probability, in (0, 1).
+        beta: type II error probability, in (0, 1), with alpha + beta < 1; None uses alpha.
+
+    Raises:
+        ArgumentError: alpha, beta or their sum is outside its range.
     """
     alpha = check_between("alpha", alpha, 0.0, 1.0)
     if beta is None:
@@ -43,17 +48,18 @@ def sprt_test(
     upper: float,
     lower: float,
 ) -> int:
-    """One tick of the test. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
+    """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
     Args:
-        log_likelihood: (M,) cumulative since the switch, up to a common constant.
-        running: (M,) hypotheses still under test; those at or below `lower` are dropped in place.
+        log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
+        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in
+            place.
         reference: the active hypothesis q_A.
-        upper: A; of several ratios at or above it the largest wins.
-        lower: B.
+        upper: threshold A. If several ratios are >= A, the hypothesis with the largest is decided.
+        lower: threshold B.
 
     Returns:
-        The decided hypothesis, q_A itself where all others are dropped, or -1 to go on.
+        The decided hypothesis, which is q_A if all others are rejected, or -1 to continue the test.
     """
     winner = -1
     largest = upper
@@ -90,14 +96,17 @@ def _test_tracks(
 class SPRTDecider:
     """The test of ATE as a decider on observations.
 
-    The ratios in the observation are taken to the best hypothesis and clipped, and the best may be one that
-    the test has dropped; so where a ratio is clipped, the decider adds up the log-likelihood itself, from
-    innovations and their variances. What is left of a difference to `ate.track` is a ratio within float32's
-    resolution of a threshold.
+    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and
+    they are clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the
+    innovations and their variances. Its decisions differ from `ate.track` only where a ratio is within
+    float32 precision of a threshold.
 
     Args:
-        alpha: error of the first kind.
-        beta: error of the second kind; None takes alpha.
+        alpha: type I error probability.
+        beta: type II error probability; None uses alpha.
+
+    Raises:
+        ArgumentError: alpha, beta or their sum is outside its range.
     """
 
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
@@ -110,21 +119,22 @@ class SPRTDecider:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
-        """See `Decider.predict`; the state is (log-likelihoods, hypotheses still under test), both (N, M).
+        """See `Decider.predict`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
 
-        Without a state in the middle of a segment it begins with the clipped ratios and all hypotheses.
+        If there is no state after the first tick of a segment, the test starts from the clipped ratios with
+        all hypotheses.
         """
         layout = Layout.of_rows(observation)
-        along, across = (layout.read(observation, f"innovation_{way}") for way in ("along", "across"))
+        along, across = (layout.read(observation, f"innovation_{axis}") for axis in ("along", "across"))
         increment = -layout.read(observation, "log_variance") - 0.5 * (along**2 + across**2)
         ratios = layout.read(observation, "log_ratio")
         log_likelihood, running = ratios, np.ones(ratios.shape, np.bool_)
         if state is not None:
             best = ratios.argmax(-1)[:, None]
-            added = state[0] + increment
-            log_likelihood = np.take_along_axis(added, best, -1) + ratios
+            accumulated = state[0] + increment
+            log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
             clipped = ratios <= CLIPPED
-            log_likelihood[clipped] = added[clipped]
+            log_likelihood[clipped] = accumulated[clipped]
             running = state[1].copy()
         first = np.rint(layout.read(observation, "ticks")) <= 1
         log_likelihood[first] = increment[first]

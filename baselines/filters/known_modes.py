@@ -1,7 +1,7 @@
-"""The Kalman filter that knows every mode. Golubkov 2018, table 2 ("optimal").
+"""The Kalman filter with known modes. Golubkov 2018, table 2 ("optimal").
 
-It runs one hypothesis of the bank per piece, anchored at its own estimate, and carries its covariance over
-the switches. The table is not reproduced with P := I at every piece.
+It runs one filter of the bank per segment, which starts from the last estimate and its covariance. With
+P := I at every switch the published table is not reproduced.
 """
 
 from collections.abc import Sequence
@@ -22,26 +22,26 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimates:
-    """Filter output of n runs of T ticks; a single run has no first axis.
+    """Output of a filter for n runs of T ticks. A single run has no first axis.
 
     Attributes:
-        estimates: (n, T, 4) [x, vx, y, vy] [m, m/s].
-        covariances: (n, T, 2, 3) of (position, velocity) on each axis: P_XX, P_XV, P_VV.
+        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s].
+        covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
     """
 
     estimates: FloatArray
     covariances: FloatArray
 
 
-class _Pieces(NamedTuple):
-    """(K,) lengths in ticks and signed radii [m] of the pieces."""
+class _Segments(NamedTuple):
+    """Lengths [ticks] and signed radii [m] of the segments, (K,) each."""
 
     lengths: NDArray[np.int64]
     signed_radii: FloatArray
 
 
 class _Start(NamedTuple):
-    """Estimate (4,) and covariance (3,) at the start, and whether the covariance is carried over switches."""
+    """Initial estimate (4,) and covariance (3,), and whether the covariance is carried over at switches."""
 
     estimate: FloatArray
     covariance: FloatArray
@@ -51,18 +51,19 @@ class _Start(NamedTuple):
 @compiled
 def _filter_run(
     measurements: FloatArray,
-    pieces: _Pieces,
+    segments: _Segments,
     start: _Start,
     filters: Filters,
     estimates: FloatArray,
     covariances: FloatArray,
 ) -> None:
+    """Filter one run."""
     bank, _, model = filters
     estimate, covariance = start.estimate.copy(), np.empty((2, 3))
     covariance[:] = start.covariance
     measurement = np.zeros((2, LANES))
     k = 0
-    for length, signed_radius in zip(pieces.lengths, pieces.signed_radii):  # noqa: B905, numba has no strict
+    for length, signed_radius in zip(segments.lengths, segments.signed_radii):  # noqa: B905, numba does not support `strict`
         radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
         mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
         x, vx, y, vy = estimate
@@ -93,25 +94,33 @@ def filter_known_modes(
     start_covariance: ArrayLike = (1.0, 0.0, 1.0),
     carry_covariance: bool = True,
 ) -> Estimates:
-    """Kalman filter over pieces of known modes.
+    """Estimate the trajectory of recorded positions with known modes and switch times.
 
     Args:
-        measurements: (T, 2) or (n, T, 2) [m].
-        lengths: (K,) ticks of the pieces; they add up to T.
-        signed_radii: (K,) [m], positive to the left, negative to the right, 0 straight.
-        start: (4,) or (n, 4) estimate one tick before the first measurement; None takes `first_estimate`.
-        tau, process_variance, measurement_variance: as in `ate.track`.
-        start_covariance: (3,) of (position, velocity) on both axes.
-        carry_covariance: False starts every piece with `start_covariance` again.
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        lengths: (K,) segment lengths [ticks], with sum T.
+        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+            uses `first_estimate`.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+        start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
+        carry_covariance: False resets the covariance to `start_covariance` at every switch.
+
+    Returns:
+        Estimates and covariances; without the first axis for a single run.
 
     Raises:
-        ArgumentError: names the argument, its value and what is allowed.
+        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_positive("tau", tau)
-    values, pieces, starts = check_recording(measurements, lengths, start, tau)
+    values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
     radii = check_array("signed_radii", signed_radii, (None,))
-    if radii.size != pieces.size:
-        raise reject("signed_radii", signed_radii, f"one radius for each of the {pieces.size} pieces")
+    if radii.size != segment_lengths.size:
+        raise reject(
+            "signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments"
+        )
     filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
     carry = check_flag("carry_covariance", carry_covariance)
@@ -119,7 +128,9 @@ def filter_known_modes(
     estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
     for run in range(runs):
         begin = _Start(starts[run], first, carry)
-        _filter_run(values[run], _Pieces(pieces, radii), begin, filters, estimates[run], covariances[run])
+        _filter_run(
+            values[run], _Segments(segment_lengths, radii), begin, filters, estimates[run], covariances[run]
+        )
     if np.ndim(measurements) == 2:
         return Estimates(estimates[0], covariances[0])
     return Estimates(estimates, covariances)

@@ -109,7 +109,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
                 )
             )
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
-        published_root = delay_statistics(run_detector(recording, alpha, printed_sign=True).ticks)
+        published_root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
         findings += [
             Finding(
                 f"{row}: false alarms in 40 ticks without a turn",

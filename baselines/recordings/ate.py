@@ -1,9 +1,9 @@
 """Adaptive trajectory estimation (ATE) on recorded measurements. Golubkov 2018, algorithm 1; Tsyganov 2019.
 
-At every switch the bank starts at the current estimate with P := I; until the test decides, the output is
-the old mode's estimate; then the chosen filter runs alone to the end of the piece. Tsyganov 2019 goes back
-after a decision and computes the estimates of the piece so far with the chosen filter. The same test drives
-`sprt.SPRTDecider` in the environment.
+At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the
+estimate of the last decided mode; after the decision, only the chosen filter runs to the end of the segment.
+Tsyganov 2019 adds a recalculation: after a decision, the chosen filter recomputes the estimates since the
+switch. `sprt.SPRTDecider` applies the same test in the environment.
 """
 
 from collections.abc import Sequence
@@ -32,22 +32,23 @@ from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
 
-KEEP, AS_PUBLISHED, REWIND = 0, 1, 2
-RECALCULATIONS = {"none": KEEP, "as_published": AS_PUBLISHED, "rewind": REWIND}
+NO_RECALCULATION, AS_PUBLISHED, REWIND = 0, 1, 2
+RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND}
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """What ATE found, for n runs of T ticks in K pieces and M hypotheses; a single run has no first axis.
+    """Results of ATE for n runs of T ticks, K segments and M hypotheses. A single run has no first axis.
 
     Attributes:
-        estimates: (n, T, 4) [x, vx, y, vy] [m, m/s]; at the tick of a decision still the old mode's.
-        covariances: (n, T, 2, 3) of (position, velocity) on each axis: P_XX, P_XV, P_VV.
-        modes: (n, T) mode whose filter gave the estimate, an index into the bank.
-        decided: (n, K) mode of each piece.
-        ticks: (n, K) decision tick within the piece, its length where none was made.
-        undecided: (n, K) True where the piece ended without a decision.
-        ratios: (n, T, M) log-likelihood ratio to the active mode, NaN after the decision.
+        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s]. Without recalculation, those up to and
+            including the tick of the decision are estimates of the previous mode.
+        covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
+        modes: (n, T) hypothesis whose filter provides the estimate.
+        decided: (n, K) decided mode of each segment.
+        ticks: (n, K) decision time since the switch [ticks]; the segment length if undecided.
+        undecided: (n, K) True if the segment ended without a decision.
+        ratios: (n, T, M) log-likelihood ratios to the active hypothesis, NaN after the decision.
     """
 
     estimates: FloatArray
@@ -60,7 +61,7 @@ class Tracks:
 
 
 class _Rule(NamedTuple):
-    """The test and what follows a decision; see `track`."""
+    """Thresholds and options of the algorithm; see `track`."""
 
     upper: float
     lower: float
@@ -84,6 +85,7 @@ class _Output(NamedTuple):
 
 @internal
 def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
+    """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
     n = hypotheses.size // 2
     best = mode
     for h in range(hypotheses.size):
@@ -95,6 +97,7 @@ def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
 
 @internal
 def _write_tick(bank: PublishedBank, mode: int, k: int, output: _Output) -> None:
+    """Write the estimate, covariance and index of a mode at tick k."""
     write_estimate(bank, mode, output.estimates[k], output.covariances[k])
     output.modes[k] = mode
 
@@ -106,13 +109,13 @@ def _recalculate(
     anchor: State,
     mode: int,
     filters: Filters,
-    way: int,
+    recalculation: int,
     output: _Output,
 ) -> None:
-    """Estimates of the piece up to the decision, by the decided filter. Tsyganov 2019, lines 17 to 20."""
+    """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines 17 to 20."""
     bank, radii, model = filters
     measurement = np.zeros((2, LANES))
-    if way == AS_PUBLISHED:
+    if recalculation == AS_PUBLISHED:
         set_estimate(bank.hypotheses[mode], 0, anchor)
     else:
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
@@ -131,6 +134,7 @@ def _track_run(
     rule: _Rule,
     output: _Output,
 ) -> None:
+    """Apply ATE to one run. Golubkov 2018, algorithm 1."""
     bank, radii, model = filters
     estimate, covariance = start.copy(), np.empty((2, 3))
     measurement = np.zeros((2, LANES))
@@ -138,7 +142,7 @@ def _track_run(
     output.ratios[:] = np.nan
     active = 0
     k = 0
-    for piece in range(lengths.size):
+    for segment in range(lengths.size):
         if rule.straight_reference:
             active = 0
         x, vx, y, vy = estimate
@@ -146,10 +150,10 @@ def _track_run(
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
-        end = k + lengths[piece]
-        output.ticks[piece] = lengths[piece]
-        output.undecided[piece] = True
-        while k < end and output.undecided[piece]:
+        end = k + lengths[segment]
+        output.ticks[segment] = lengths[segment]
+        output.undecided[segment] = True
+        while k < end and output.undecided[segment]:
             measurement[:, 0] = measurements[k]
             step_published(bank, 0, 1, measurement, model)
             _write_tick(bank, active, k, output)
@@ -160,11 +164,11 @@ def _track_run(
             k += 1
             if winner >= 0:
                 active = winner
-                output.undecided[piece] = False
-                output.ticks[piece] = k - begin
-        if output.undecided[piece] and not rule.keep:
+                output.undecided[segment] = False
+                output.ticks[segment] = k - begin
+        if output.undecided[segment] and not rule.keep:
             active = likeliest(bank.hypotheses, 0)
-        if rule.recalculation != KEEP and not output.undecided[piece]:
+        if rule.recalculation != NO_RECALCULATION and not output.undecided[segment]:
             _recalculate(measurements, (begin, k), anchor, active, filters, rule.recalculation, output)
         for j in range(k, end):
             measurement[:, 0] = measurements[j]
@@ -175,7 +179,7 @@ def _track_run(
                 follow_published(bank, 0, active, measurement, model)
             _write_tick(bank, active, j, output)
         write_estimate(bank, active, estimate, covariance)
-        output.decided[piece] = active
+        output.decided[segment] = active
         k = end
 
 
@@ -195,57 +199,59 @@ def track(
     reference: Literal["active", "straight"] = "active",
     refine_radius: bool = False,
 ) -> Tracks:
-    """Follow recorded coordinates through pieces whose modes are unknown.
+    """Estimate the trajectory of recorded positions with unknown modes and known switch times.
 
     Args:
-        measurements: (T, 2) coordinates [m], or (n, T, 2) of n runs.
-        lengths: (K,) ticks of the pieces; they add up to T.
-        start: (4,) or (n, 4) estimate one tick before the first measurement, [x, vx, y, vy] [m, m/s];
-            None takes `first_estimate`.
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        lengths: (K,) segment lengths [ticks], with sum T.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+            uses `first_estimate`.
         radii: turn radii of the bank [m].
-        tau: tick [s].
+        tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
-        alpha, beta: errors of the first and second kind; beta None takes alpha.
-        undecided: a piece without a decision keeps the old mode, as published, or takes the likeliest.
-        recalculation: of the estimates from the start of the piece to the decision, by the chosen filter
-            (Tsyganov 2019, lines 16 to 21). "as_published" goes back to the piece's first state but not to
-            its covariance: the print initialises no filter, so the data are used twice. "rewind" goes back
-            to both.
-        reference: hypothesis that the others are tested against: the mode decided last, as published, or
-            always "straight".
-        refine_radius: after the decision all turns of the decided side go on, and the likeliest of them is
-            the active one; the published algorithm leaves the radius as decided.
+        alpha: type I error probability of the test.
+        beta: type II error probability of the test; None uses alpha.
+        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode, as
+            published, "likeliest" for the most likely hypothesis.
+        recalculation: whether the chosen filter recomputes the estimates from the switch to the decision
+            (Tsyganov 2019, lines 16 to 21). "as_published" restores the estimate at the switch but not its
+            covariance, because the published algorithm does not reinitialize the filter; it therefore uses
+            the data twice. "rewind" restores both.
+        reference: hypothesis in the denominator of the ratios: "active" for the last decided mode, as
+            published, or always "straight".
+        refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the
+            decided type; the published algorithm does not change the decided radius.
 
     Returns:
         Estimates, modes and decisions; without the first axis for a single run.
 
     Raises:
-        ArgumentError: names the argument, its value and what is allowed.
+        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_positive("tau", tau)
-    values, pieces, starts = check_recording(measurements, lengths, start, tau)
+    values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
     runs, total = values.shape[:2]
     bank_radii = check_radii("radii", radii)
     filters = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
     straight = check_choice("reference", reference, ("active", "straight")) == "straight"
-    way = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
+    method = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
     refine = check_flag("refine_radius", refine_radius)
 
-    rule = _Rule(upper, lower, straight, keep, way, refine)
-    found: dict[str, Any] = {
+    rule = _Rule(upper, lower, straight, keep, method, refine)
+    arrays: dict[str, Any] = {
         "estimates": np.empty((runs, total, 4)),
         "covariances": np.empty((runs, total, 2, 3)),
         "modes": np.empty((runs, total), np.int64),
-        "decided": np.empty((runs, pieces.size), np.int64),
-        "ticks": np.empty((runs, pieces.size), np.int64),
-        "undecided": np.empty((runs, pieces.size), np.bool_),
+        "decided": np.empty((runs, segment_lengths.size), np.int64),
+        "ticks": np.empty((runs, segment_lengths.size), np.int64),
+        "undecided": np.empty((runs, segment_lengths.size), np.bool_),
         "ratios": np.empty((runs, total, filters.bank.hypotheses.size)),
     }
     for run in range(runs):
-        output = _Output(**{name: array[run] for name, array in found.items()})
-        _track_run(values[run], pieces, starts[run], filters, rule, output)
+        output = _Output(**{name: array[run] for name, array in arrays.items()})
+        _track_run(values[run], segment_lengths, starts[run], filters, rule, output)
     single = np.ndim(measurements) == 2
-    return Tracks(**{name: array[0] if single else array for name, array in found.items()})
+    return Tracks(**{name: array[0] if single else array for name, array in arrays.items()})

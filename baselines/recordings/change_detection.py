@@ -1,13 +1,15 @@
-"""Detection of a switch at an unknown moment. Golubkov 2020.
+"""Detection of a switch at an unknown time. Golubkov 2020.
 
-The nominal filter goes straight. At every tick a new filter of each turn starts at the nominal estimate and
-covariance, for the hypothesis that the turn begins with this tick. lambda_k averages the likelihood ratios of
-all starts so far, eq. (6); where it passes A the switch is declared. k lambda_k is the Shiryaev-Roberts
-statistic, so Wald's alpha and beta are names of thresholds here and not error rates.
+The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal
+estimate and covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the
+likelihood ratios of all start times so far, eq. (6); a switch is declared when lambda_k >= A. Because
+k lambda_k is the Shiryaev-Roberts statistic, alpha and beta determine the thresholds here, but they are not
+error probabilities.
 
-Where the print is wrong: under the root of eq. (7) stands |Sigma_0| / |Sigma_1|, not its inverse, and
-Sigma = H P H' + R; `printed_sign=True` shows what the print's root does. Its algorithm is written for p = 1
-(a left turn) and its experiment uses p = 2; here any turn may be tested. All is computed in logarithms.
+Two equations are corrected: the root in eq. (7) is that of |Sigma_0| / |Sigma_1|, the inverse of the
+published ratio, and Sigma = H P H' + R. `published_root=True` uses the published ratio. The published
+algorithm is stated for p = 1 (a left turn) and its experiment uses p = 2; here any turn can be tested. All
+computations are in logarithms.
 """
 
 import math
@@ -39,15 +41,17 @@ UNDETECTED = 0
 
 @dataclass(frozen=True)
 class Detection:
-    """What was detected in n runs of T ticks with M hypotheses; a single run has no first axis.
+    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
 
     Attributes:
-        ticks: (n,) first tick at which a tested hypothesis passes A, from 1 on; 0 where none does.
-        modes: (n,) the hypothesis whose ratio is largest then; -1 where none is.
-        log_ratios: (n, T, M) ln lambda_k of each turn; NaN in the column of the straight line.
-        upper, lower: ln A and ln B.
-        accepted: (n,) first tick at which every tested ratio lies at or below B, the print's decision for
-            no change; 0 where it does not happen. It does not stop the search.
+        ticks: (n,) detection time, the first tick at which a tested hypothesis is declared, counted from 1;
+            0 if there is no detection.
+        modes: (n,) the hypothesis with the largest ratio at this tick; -1 if there is no detection.
+        log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
+        upper: ln A.
+        lower: ln B.
+        accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
+            no change; 0 if this does not occur. It does not stop the detection.
     """
 
     ticks: NDArray[np.int64]
@@ -64,17 +68,17 @@ def _ratios_of_run(
     start: FloatArray,
     nominal: Filters,
     started: PublishedBank,
-    printed_sign: bool,
+    published_root: bool,
     log_ratios: FloatArray,
 ) -> None:
-    """Write ln lambda_k (T, M). nominal: of which the straight filter counts; started: one bank per tick."""
+    """Write ln lambda_k, (T, M), of one run. `nominal` provides the straight filter, `started` T banks."""
     bank, radii, model = nominal
     total = measurements.shape[0]
     hypotheses = bank.hypotheses.size
     x, vx, y, vy = start
     begin_published(bank, 0, (x, vx, y, vy), IDENTITY, radii, model)
-    determinants = np.zeros((total, hypotheses))  # sum of ln |Sigma_1| - ln |Sigma_0|, for the printed root
-    before = np.zeros(total)  # the nominal log-likelihood when filter j starts
+    determinants = np.zeros((total, hypotheses))  # sum of ln |Sigma_1| - ln |Sigma_0|
+    before = np.zeros(total)  # nominal log-likelihood when filter j starts
     log_psi = np.empty((total, hypotheses))
     measurement = np.zeros((2, LANES))
     straight = bank.hypotheses[0]
@@ -88,11 +92,11 @@ def _ratios_of_run(
             running = published_of_block(started, j)
             step_published(running, 0, 1, measurement, model)
             for h in range(1, hypotheses):
-                # logarithm of psi_j, eq. (7): likelihood of a turn since tick j over the straight line's
+                # ln psi_j, eq. (7): log-likelihood ratio of a turn that begins at tick j to the straight line
                 log_psi[j, h] = running.hypotheses[h].log_likelihood[0] - (
                     straight.log_likelihood[0] - before[j]
                 )
-                if printed_sign:
+                if published_root:
                     determinants[j, h] += 2.0 * (
                         running.innovations[h].log_variance[0] - bank.innovations[0].log_variance[0]
                     )
@@ -115,23 +119,27 @@ def detect_switch(
     alpha: float = 0.1,
     beta: float | None = None,
     margin: float = 0.0,
-    printed_sign: bool = False,
+    published_root: bool = False,
 ) -> Detection:
-    """Watch recorded coordinates of an object on a straight line for the beginning of a turn.
+    """Detect the switch from straight motion to a turn in recorded positions.
 
     Args:
-        measurements: (T, 2) coordinates [m], or (n, T, 2) of n runs.
-        start: (4,) or (n, 4) estimate one tick before the first measurement; None takes `ate.first_estimate`.
-        radii: turn radii [m]; hypotheses 1 .. n turn left, n + 1 .. 2 n right.
-        tested: hypotheses that may be declared; None tests them all.
-        tau, process_variance, measurement_variance: as in `ate.track`.
-        alpha, beta: thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha); beta None takes alpha.
-        margin: by how much the largest ln lambda must also beat that of every other tested hypothesis; 0 is
-            the published detection, more identifies the turn as well.
-        printed_sign: the root of eq. (7) as it stands in the print.
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+            uses `first_estimate`.
+        radii: n turn radii [m]; hypotheses 1 .. n are left turns, n + 1 .. 2 n are right turns.
+        tested: hypotheses that may be declared; None tests all turns.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+        alpha, beta: determine the thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha); None for beta
+            uses alpha.
+        margin: minimum difference between the largest ln lambda and that of every other tested hypothesis at
+            the detection; 0 is the published rule, larger values also identify the radius.
+        published_root: True uses the published ratio of determinants in eq. (7).
 
     Raises:
-        ArgumentError: names the argument, its value and what is allowed.
+        ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_positive("tau", tau)
     total = np.shape(measurements)[-2] if np.ndim(measurements) in (2, 3) else 0
@@ -146,20 +154,20 @@ def detect_switch(
     nominal = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     margin = check_positive("margin", margin, allow_zero=True)
-    sign = check_flag("printed_sign", printed_sign)
+    root = check_flag("published_root", published_root)
 
     axes = len(nominal.bank.covariances)
     started = published_arrays(bank_radii.size, axes, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
     for run, recording in enumerate(values):
-        _ratios_of_run(recording, starts[run], nominal, started, sign, log_ratios[run])
+        _ratios_of_run(recording, starts[run], nominal, started, root, log_ratios[run])
     return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
 
 
 def _decide(
     log_ratios: FloatArray, tested: NDArray[Any], upper: float, lower: float, margin: float, single: bool
 ) -> Detection:
-    """Rule (3) on the ratios of the tested hypotheses."""
+    """Apply rule (3) to the ratios of the tested hypotheses."""
     ranked = np.sort(log_ratios[:, :, tested], axis=-1)
     largest = ranked[:, :, -1]
     passed = largest >= upper

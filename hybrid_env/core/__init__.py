@@ -1,12 +1,16 @@
-"""The compiled core: motion, noise, Kalman banks, and the kernel that steps many tracks.
+"""The compiled core: motion, noise, banks of Kalman filters, and the kernel that steps many tracks.
 
-Every formula of the model is a scalar function here, compiled by numba and callable from Python too. Data
-flows through one tick in this order: `kernel` -> `motion` moves the object -> `noise` perturbs it ->
-`published_bank` or `anchor_aware_bank` (chosen in `bank_operations`) predict and correct ->
-`observation_row` writes what the policy reads. `records` holds the data types, `compilation` says how
-functions are compiled, `elementary` has log, exp, sine and cosine that vectorise, `memory` allocates
-aligned arrays.
+Every formula of the model is a scalar function in this folder, compiled by numba and also callable from
+Python. `kernel` runs a tick in this order:
 
-May import: numpy, numba, and files of this folder. Nothing else of the project. A change here is a change
-of compiled code: run `pytest tests/hybrid_env` and `hybridtrack bench single vector`.
+1. `true_object` moves the object with the formulas of `motion` and `noise`, and measures its position.
+2. `published_bank` or `anchor_aware_bank` (selected in `bank_operations`) predicts and corrects every filter
+   with the formulas of `kalman` or `extended_kalman`.
+3. `observation_row` writes the observation.
+
+`records` defines the data types, `compilation` the compiler options, `elementary` vectorizable log, exp, sine
+and cosine, and `memory` allocates aligned arrays.
+
+The folder may import numpy, numba and its own files, nothing else of the project. After a change run
+`pytest tests/hybrid_env` and `hybridtrack bench single vector`.
 """

@@ -1,12 +1,12 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-The published bank computes centre and turn rate from the estimate at the switch and takes them as exact. Here
-they are part of the state: each hypothesis is an extended Kalman filter of seven states, see
-`extended_kalman`. It starts with the covariance J P J', where P is that of the estimate at the switch and J
-the derivative of the seven by the four. The straight line is the turn of rate 0, whose centre and rate have
-no variance.
+The published bank computes the centre and the turn rate from the anchor and treats them as exact. In this
+bank they are part of the state: each hypothesis is an extended Kalman filter with seven states, see
+`extended_kalman`. Its initial covariance is J P J', where P is the covariance of the anchor and J is the
+Jacobian of the seven states with respect to the four states of the anchor. The straight line is a turn of
+rate 0 whose centre and rate have no variance.
 
-A filter that diverges keeps its state and loses likelihood, so that no NaN arises.
+A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
 """
 
 import math
@@ -26,21 +26,21 @@ from hybrid_env.core.extended_kalman import (
 from hybrid_env.core.kalman import log_likelihood
 from hybrid_env.core.memory import aligned_zeros, array_at
 from hybrid_env.core.motion import heading_vector, turn_centre
-from hybrid_env.core.published_bank import INNOVATION, State, Ten, set_estimate, signed_radius
+from hybrid_env.core.published_bank import INNOVATION, State, Triangle4, set_estimate, signed_radius
 from hybrid_env.core.records import lanes_of
 
 AWARE_HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
     *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
     ("turn_rate", np.float64, ()),  # [rad/s]
-    ("covariance", np.float64, (28,)),  # upper triangle of the seven, row by row
+    ("covariance", np.float64, (28,)),  # of the seven states, upper triangle row by row
     ("log_likelihood", np.float64, ()),  # cumulative since the switch
 )
-"""One filter of the bank."""
+"""State of one filter."""
 
-DIVERGED = 1e3  # loss of log-likelihood at a tick at which a filter has diverged
-LARGEST = 1e12  # m or m/s: a filter beyond it has diverged
-ROUNDING = 1e-6  # of a variance, below zero
+DIVERGED = 1e3  # decrease of the log-likelihood per tick of a diverged filter
+LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
+ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
 
 
 class AnchorAwareBank(NamedTuple):
@@ -48,7 +48,8 @@ class AnchorAwareBank(NamedTuple):
 
     Attributes:
         hypotheses: (M,) records `AWARE_HYPOTHESIS`.
-        innovations: (M,) records `published_bank.INNOVATION`. Banks of all blocks share this memory.
+        innovations: (M,) records `published_bank.INNOVATION`, temporary memory shared by the blocks of a
+            thread.
     """
 
     hypotheses: NDArray[Any]
@@ -56,7 +57,7 @@ class AnchorAwareBank(NamedTuple):
 
 
 def aware_arrays(radii_count: int, axes: int, *blocks: int) -> AnchorAwareBank:
-    """A bank of zeros; see `published_bank.published_arrays`. axes: not used, both are in the state."""
+    """Return a bank of zeros; see `published_bank.published_arrays`. `axes` is not used."""
     hypotheses = 2 * radii_count + 1
     return AnchorAwareBank(
         aligned_zeros((*blocks, hypotheses), AWARE_HYPOTHESIS), aligned_zeros((hypotheses,), INNOVATION)
@@ -65,7 +66,7 @@ def aware_arrays(radii_count: int, axes: int, *blocks: int) -> AnchorAwareBank:
 
 @internal
 def aware_banks(setting: Any) -> AnchorAwareBank:
-    """The banks of all blocks, at the addresses in a record `records.PARAMETERS`."""
+    """Return the banks of all blocks from the addresses in a record `records.PARAMETERS`."""
     hypotheses = 2 * setting.radii_count + 1
     return AnchorAwareBank(
         array_at(setting.hypotheses, (setting.blocks_count, hypotheses), AWARE_HYPOTHESIS),
@@ -75,7 +76,7 @@ def aware_banks(setting: Any) -> AnchorAwareBank:
 
 @internal
 def aware_of_block(banks: AnchorAwareBank, block: int) -> AnchorAwareBank:
-    """The bank of one block."""
+    """Return the bank of one block."""
     return AnchorAwareBank(banks.hypotheses[block], banks.innovations)
 
 
@@ -84,21 +85,23 @@ def begin_aware(
     bank: AnchorAwareBank,
     lane: int,
     anchor: State,
-    covariance: Ten,
+    covariance: Triangle4,
     radii: NDArray[np.float64],
     model: Any,
 ) -> None:
-    """Start every hypothesis of a lane at one estimate.
+    """Start every filter of a lane from the anchor.
 
     Args:
+        bank: bank of the block.
+        lane: index of the track in the block.
         anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
-        covariance: of the anchor, upper triangle row by row.
+        covariance: covariance of the anchor, upper triangle row by row.
         radii: (n,) turn radii of the bank [m].
-        model: not used; the published bank has the same arguments.
+        model: not used; both banks have the same arguments.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
-    # an object slower than its uncertainty has no heading to linearise at: at most about a radian
-    slow = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
+    # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
+    inverse_speed = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         radius = signed_radius(h, radii)
@@ -107,7 +110,7 @@ def begin_aware(
         centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
         kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
         kalman.turn_rate[lane] = 0.0 if h == 0 else speed / abs(radius)
-        for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, slow, radius)):
+        for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
             kalman.covariance[k, lane] = value
 
 
@@ -115,7 +118,7 @@ def begin_aware(
 def step_hypothesis(
     kalman: Any, innovation: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any
 ) -> None:
-    """One tick of one hypothesis, including its log-likelihood; arguments as in `step_published`."""
+    """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
@@ -138,28 +141,28 @@ def step_hypothesis(
         new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
         new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
 
-        # x is measured, then y: together their joint density
+        # sequential corrections by x and y; the product of both densities is the joint density
         k = (
             predicted[0], predicted[1], predicted[2], predicted[3], predicted[4], predicted[5], predicted[6],
         )  # fmt: skip
         innovation_x = measurement[0, lane] - new_x
         sigma_x = k[0] + variance_x
         inverse_x = 1.0 / sigma_x
-        halfway = condition(predicted, k, inverse_x)
+        after_x = condition(predicted, k, inverse_x)
         m = (
-            halfway[2], halfway[8], halfway[13], halfway[14], halfway[15], halfway[16], halfway[17],
+            after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17],
         )  # fmt: skip
         gain_x = innovation_x * inverse_x
         innovation_y = measurement[1, lane] - (new_y + k[2] * gain_x)
         sigma_y = m[2] + variance_y
         inverse_y = 1.0 / sigma_y
-        corrected = condition(halfway, m, inverse_y)
+        corrected = condition(after_x, m, inverse_y)
         gain_y = innovation_y * inverse_y
         white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
-        # NaN and what would become it fail these comparisons
-        sound = (
+        # these comparisons are False for NaN and for values that would lead to NaN
+        valid = (
             (sigma_x > 0.5 * variance_x)
             & (sigma_y > 0.5 * variance_y)
             & (sigma_x + sigma_y < LARGEST * LARGEST)
@@ -168,52 +171,52 @@ def step_hypothesis(
             & (corrected[7] > -ROUNDING * predicted[7])
             & (corrected[18] > -ROUNDING * predicted[18])
         )
-        kalman.x[lane] = new_x + k[0] * gain_x + m[0] * gain_y if sound else x
-        kalman.vx[lane] = new_u + k[1] * gain_x + m[1] * gain_y if sound else u
-        kalman.y[lane] = new_y + k[2] * gain_x + m[2] * gain_y if sound else y
-        kalman.vy[lane] = new_v + k[3] * gain_x + m[3] * gain_y if sound else v
-        kalman.centre_x[lane] = centre_x + k[4] * gain_x + m[4] * gain_y if sound else centre_x
-        kalman.centre_y[lane] = centre_y + k[5] * gain_x + m[5] * gain_y if sound else centre_y
-        kalman.turn_rate[lane] = rate + k[6] * gain_x + m[6] * gain_y if sound else rate
-        innovation.white_x[lane] = white_x if sound else 0.0
-        innovation.white_y[lane] = white_y if sound else 0.0
-        innovation.log_variance[lane] = log_variance if sound else 2.0 * math.log(LARGEST)
-        kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if sound else -DIVERGED
-        P[0, lane] = corrected[0] if sound else p[0]
-        P[1, lane] = corrected[1] if sound else p[1]
-        P[2, lane] = corrected[2] if sound else p[2]
-        P[3, lane] = corrected[3] if sound else p[3]
-        P[4, lane] = corrected[4] if sound else p[4]
-        P[5, lane] = corrected[5] if sound else p[5]
-        P[6, lane] = corrected[6] if sound else p[6]
-        P[7, lane] = corrected[7] if sound else p[7]
-        P[8, lane] = corrected[8] if sound else p[8]
-        P[9, lane] = corrected[9] if sound else p[9]
-        P[10, lane] = corrected[10] if sound else p[10]
-        P[11, lane] = corrected[11] if sound else p[11]
-        P[12, lane] = corrected[12] if sound else p[12]
-        P[13, lane] = corrected[13] if sound else p[13]
-        P[14, lane] = corrected[14] if sound else p[14]
-        P[15, lane] = corrected[15] if sound else p[15]
-        P[16, lane] = corrected[16] if sound else p[16]
-        P[17, lane] = corrected[17] if sound else p[17]
-        P[18, lane] = corrected[18] if sound else p[18]
-        P[19, lane] = corrected[19] if sound else p[19]
-        P[20, lane] = corrected[20] if sound else p[20]
-        P[21, lane] = corrected[21] if sound else p[21]
-        P[22, lane] = corrected[22] if sound else p[22]
-        P[23, lane] = corrected[23] if sound else p[23]
-        P[24, lane] = corrected[24] if sound else p[24]
-        P[25, lane] = corrected[25] if sound else p[25]
-        P[26, lane] = corrected[26] if sound else p[26]
-        P[27, lane] = corrected[27] if sound else p[27]
+        kalman.x[lane] = new_x + k[0] * gain_x + m[0] * gain_y if valid else x
+        kalman.vx[lane] = new_u + k[1] * gain_x + m[1] * gain_y if valid else u
+        kalman.y[lane] = new_y + k[2] * gain_x + m[2] * gain_y if valid else y
+        kalman.vy[lane] = new_v + k[3] * gain_x + m[3] * gain_y if valid else v
+        kalman.centre_x[lane] = centre_x + k[4] * gain_x + m[4] * gain_y if valid else centre_x
+        kalman.centre_y[lane] = centre_y + k[5] * gain_x + m[5] * gain_y if valid else centre_y
+        kalman.turn_rate[lane] = rate + k[6] * gain_x + m[6] * gain_y if valid else rate
+        innovation.white_x[lane] = white_x if valid else 0.0
+        innovation.white_y[lane] = white_y if valid else 0.0
+        innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
+        kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
+        P[0, lane] = corrected[0] if valid else p[0]
+        P[1, lane] = corrected[1] if valid else p[1]
+        P[2, lane] = corrected[2] if valid else p[2]
+        P[3, lane] = corrected[3] if valid else p[3]
+        P[4, lane] = corrected[4] if valid else p[4]
+        P[5, lane] = corrected[5] if valid else p[5]
+        P[6, lane] = corrected[6] if valid else p[6]
+        P[7, lane] = corrected[7] if valid else p[7]
+        P[8, lane] = corrected[8] if valid else p[8]
+        P[9, lane] = corrected[9] if valid else p[9]
+        P[10, lane] = corrected[10] if valid else p[10]
+        P[11, lane] = corrected[11] if valid else p[11]
+        P[12, lane] = corrected[12] if valid else p[12]
+        P[13, lane] = corrected[13] if valid else p[13]
+        P[14, lane] = corrected[14] if valid else p[14]
+        P[15, lane] = corrected[15] if valid else p[15]
+        P[16, lane] = corrected[16] if valid else p[16]
+        P[17, lane] = corrected[17] if valid else p[17]
+        P[18, lane] = corrected[18] if valid else p[18]
+        P[19, lane] = corrected[19] if valid else p[19]
+        P[20, lane] = corrected[20] if valid else p[20]
+        P[21, lane] = corrected[21] if valid else p[21]
+        P[22, lane] = corrected[22] if valid else p[22]
+        P[23, lane] = corrected[23] if valid else p[23]
+        P[24, lane] = corrected[24] if valid else p[24]
+        P[25, lane] = corrected[25] if valid else p[25]
+        P[26, lane] = corrected[26] if valid else p[26]
+        P[27, lane] = corrected[27] if valid else p[27]
 
 
 @internal
 def step_aware(
     bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any
 ) -> None:
-    """One tick of every hypothesis, for lanes first .. last - 1; see `published_bank.step_published`."""
+    """Advance every filter of lanes first .. last - 1 by one tick; see `published_bank.step_published`."""
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
@@ -222,7 +225,7 @@ def step_aware(
 def follow_aware(
     bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: NDArray[np.float64], model: Any
 ) -> None:
-    """One tick of the decided hypothesis of a lane; its log-likelihood stays."""
+    """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
     step_hypothesis(kalman, bank.innovations[hypothesis], lane, lane + 1, measurement, model)
@@ -230,8 +233,8 @@ def follow_aware(
 
 
 @internal
-def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Ten:
-    """Covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     P = bank.hypotheses[hypothesis].covariance
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[7, lane], P[8, lane], P[9, lane],

@@ -1,8 +1,8 @@
-"""The operations that the kernel needs of a bank, under one name for both banks.
+"""The operations of a bank that the kernel calls, with a common interface for both banks.
 
-`numba.extending.overload` chooses the implementation by the type of the bank when a kernel is compiled, so a
-compiled kernel holds one bank only. A further bank implements these five functions with the same arguments
-and gets its line in `_implementation`.
+`numba.extending.overload` selects the implementation by the type of the bank when a kernel is compiled, so
+that a compiled kernel contains a single bank. A new bank implements these five functions with the same
+arguments and is added to `_implementation` and to `kernel.BANKS`.
 """
 
 import functools
@@ -24,7 +24,7 @@ from hybrid_env.core.compilation import OPTIONS
 from hybrid_env.core.published_bank import (
     PublishedBank,
     State,
-    Ten,
+    Triangle4,
     begin_published,
     covariance_published,
     follow_published,
@@ -32,39 +32,39 @@ from hybrid_env.core.published_bank import (
     step_published,
 )
 
-# not strict: numba would compare annotations too
+# not strict: numba would also compare annotations
 _overload: Any = functools.partial(overload, jit_options=OPTIONS, strict=False)
 
 
 def bank_of_block(banks: Any, block: int) -> Any:
-    """The bank of one block, from those of all."""
+    """Return the bank of one block from the banks of all blocks."""
     raise NotImplementedError("compiled code only")
 
 
 def begin(
-    bank: Any, lane: int, anchor: State, covariance: Ten, radii: NDArray[np.float64], model: Any
+    bank: Any, lane: int, anchor: State, covariance: Triangle4, radii: NDArray[np.float64], model: Any
 ) -> None:
-    """Start every hypothesis of a lane at one estimate. covariance: upper triangle, row by row."""
+    """Start every filter of a lane from the anchor [x, vx, y, vy]. See `published_bank.begin_published`."""
     raise NotImplementedError("compiled code only")
 
 
 def step(bank: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any) -> None:
-    """One tick of every hypothesis, for lanes first .. last - 1. measurement: (2, LANES) [m]."""
+    """Advance every filter of lanes first .. last - 1 by one tick. measurement: (2, LANES) [m]."""
     raise NotImplementedError("compiled code only")
 
 
 def follow(bank: Any, lane: int, hypothesis: int, measurement: NDArray[np.float64], model: Any) -> None:
-    """One tick of the decided hypothesis of a lane; its log-likelihood stays."""
+    """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     raise NotImplementedError("compiled code only")
 
 
-def covariance(bank: Any, hypothesis: int, lane: int) -> Ten:
-    """Covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+def covariance(bank: Any, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     raise NotImplementedError("compiled code only")
 
 
 def _implementation(bank: Any, published: Any, aware: Any) -> Callable[..., Any]:
-    """The Python function to compile for a bank of a numba type."""
+    """Return the Python function to compile for the numba type of a bank."""
     chosen: Callable[..., Any] = (published if bank.instance_class is PublishedBank else aware).py_func
     return chosen
 

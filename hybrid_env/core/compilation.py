@@ -1,7 +1,7 @@
-"""How functions are compiled: numba's public `njit` with one set of options.
+"""Compilation: numba's `njit` with common options.
 
-NumPy's error model lets a division stand in a loop without the branch that would raise, so that loops over
-lanes become SIMD code. The GIL is released, so that threads can step different tracks at the same time.
+With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code.
+The GIL is released, so that threads can step different tracks in parallel.
 """
 
 import functools
@@ -16,21 +16,21 @@ from numba import njit
 OPTIONS: Any = {"error_model": "numpy", "nogil": True}
 
 formula: Any = njit(**OPTIONS, forceinline=True)
-"""A scalar function that becomes part of the loop it is called in."""
+"""Decorator of a scalar function that is inlined into the calling loop."""
 
 internal: Any = njit(**OPTIONS)
-"""A function that other compiled functions call."""
+"""Decorator of a function called by other compiled functions."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """A function that Python calls. Its machine code is cached on disk with all that it calls."""
+    """Decorator of a function called from Python. Its machine code is cached on disk, including callees."""
     dispatcher = njit(**OPTIONS, cache=True)(function)
     _drop_stale_cache_once(dispatcher.stats.cache_path, Path(function.__code__.co_filename).parent)
     return dispatcher
 
 
 def announce_compilation(dispatcher: Any) -> None:
-    """Say on stderr, in one line, that a function is about to be compiled; silent if it is cached."""
+    """Print one line to stderr if a function is about to be compiled, nothing if it is cached."""
     name = dispatcher.py_func.__qualname__
     cache = dispatcher.stats.cache_path
     if not dispatcher.signatures and not (cache and any(Path(cache).glob(f"*.{name}-*.nbi"))):
@@ -38,19 +38,19 @@ def announce_compilation(dispatcher: Any) -> None:
 
 
 def drop_stale_cache(cache: str | Path | None, sources: list[Path]) -> None:
-    """Remove cached functions if a source is newer than the oldest of them.
+    """Remove the cached functions of a folder if a source is newer than the oldest of them.
 
-    numba checks a cached function against the file that it stands in, not against the files whose functions
-    were compiled into it. After a change of `motion.py` an old `kernel.py` would be used silently.
+    numba compares a cached function with the file that defines it, but not with the files of its callees.
+    After a change of `motion.py` it would use an outdated `kernel.py` without notice.
 
     Args:
-        cache: folder where numba keeps the functions, None where it keeps none.
-        sources: files that may be part of them.
+        cache: cache folder of numba, None if there is no cache.
+        sources: files that may be compiled into the cached functions.
     """
     cached = [] if cache is None else list(Path(cache).glob("*.nb[ic]"))
     if not cached:
         return
-    with suppress(OSError):  # another process may do the same, or the folder may be read-only
+    with suppress(OSError):  # another process may remove the same files, or the folder may be read-only
         newest = max(source.stat().st_mtime for source in sources)
         if newest > min(path.stat().st_mtime for path in cached):
             for path in cached:
@@ -59,5 +59,5 @@ def drop_stale_cache(cache: str | Path | None, sources: list[Path]) -> None:
 
 @functools.cache
 def _drop_stale_cache_once(cache: str, folder: Path) -> None:
-    """Once per folder of sources: the files of the folder, its neighbours, and this one."""
+    """Check each source folder once: its files, those of its sibling folders, and those of the core."""
     drop_stale_cache(cache, [*folder.parent.rglob("*.py"), *Path(__file__).parent.glob("*.py")])

@@ -1,7 +1,7 @@
-"""Logarithm, exponential, sine and cosine without branches, so that a loop over lanes becomes SIMD code.
+"""Logarithm, exponential, sine and cosine without branches, so that a loop over lanes compiles to SIMD code.
 
-The polynomials are those of the freely distributable mathematical library (Sun Microsystems 1993). Results
-are accurate to two units in the last place; the tests compare them with NumPy's.
+The polynomials are those of fdlibm, the freely distributable math library (Sun Microsystems 1993). The
+logarithm and the exponential are accurate to two units in the last place.
 """
 
 import math
@@ -10,30 +10,31 @@ import numpy as np
 
 from hybrid_env.core.compilation import formula
 
-LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # exact products with k
+# ln 2 in two parts; the product of an exponent and the first is exact
+LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 ONE = np.int64(0x3FF0000000000000)  # bits of 1.0
 ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)  # bits of sqrt(1/2)
 MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
-# adding 2^52 + 2^51 leaves an integer in the low bits of a float
+# adding 2^52 + 2^51 rounds a float to an integer in its low bits
 SHIFTER = 6755399441055744.0
 SHIFTER_BITS = np.int64(0x4338000000000000)
 
 
 @formula
 def bits_of(x: float) -> np.int64:
-    """The int64 with the bits of a float64."""
+    """Return the bits of a float64 as an int64."""
     return np.float64(x).view(np.int64)
 
 
 @formula
 def float_of(bits: np.int64) -> float:
-    """The float64 with the bits of an int64."""
+    """Return the float64 with the bits of an int64."""
     return np.int64(bits).view(np.float64)
 
 
 @formula
 def log(x: float) -> float:
-    """Natural logarithm of a normal positive number; about -709 for zero and less."""
+    """Natural logarithm of a positive normal number; about -709 for zero, finite for negative numbers."""
     bits = bits_of(x) + (ONE - ROOT_HALF)
     exponent = bits >> 52  # of x over a mantissa in [sqrt(1/2), sqrt(2)), plus 1023
     mantissa = float_of((bits & MANTISSA) + ROOT_HALF)
@@ -78,11 +79,11 @@ def exp(x: float) -> float:
 
 @formula
 def sine_cosine(x: float) -> tuple[float, float]:
-    """Sine and cosine of an angle [rad]; the absolute error grows with |x| as |x| 1e-16."""
+    """Sine and cosine of an angle [rad]. The absolute error is of the order of 1e-16 (1 + |x|)."""
     shifted = x * (2.0 / math.pi) + SHIFTER
     k = shifted - SHIFTER
     quadrant = bits_of(shifted)
-    # pi/2 in two parts, the first with 20 low bits clear
+    # pi/2 in two parts; the 20 low bits of the first are zero
     r = (x - k * 1.57079632673412561417e00) - k * 6.07710050650619224932e-11
     z = r * r
     sine = r + r * z * (

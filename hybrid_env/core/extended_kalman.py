@@ -1,40 +1,41 @@
-"""The extended Kalman filter of a turn whose centre and turn rate are uncertain, as scalar functions.
+"""The extended Kalman filter of a turn with uncertain centre and turn rate, as scalar functions.
 
-The state is [x, vx, y, vy, centre_x, centre_y, turn_rate] (indices x, u, y, v, cx, cy, r below) and moves as
-in Golubkov 2018, eq. (1). A covariance is the upper triangle of the seven, row by row: 28 numbers.
+The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x, u, y, v, cx, cy, r below. The
+motion is that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
 from hybrid_env.core.compilation import formula
 from hybrid_env.core.elementary import sine_cosine
-from hybrid_env.core.published_bank import Ten
+from hybrid_env.core.published_bank import Triangle4
 
-SERIES = 0.02  # below this angle a quotient of small numbers is taken from its series
+SERIES = 0.02  # [rad]; below this angle quotients of small numbers are computed by series
 
-Seven = tuple[float, float, float, float, float, float, float]
-TwentyEight = tuple[float, ...]
+Vector7 = tuple[float, float, float, float, float, float, float]
+Triangle7 = tuple[float, ...]
+"""Covariance of the seven states, upper triangle row by row: 28 numbers."""
 
 
 @formula
 def anchor_covariance(
-    covariance: Ten, heading_x: float, heading_y: float, slow: float, radius: float
-) -> TwentyEight:
-    """J P J': covariance of the seven at the switch from that of the four.
+    covariance: Triangle4, heading_x: float, heading_y: float, inverse_speed: float, radius: float
+) -> Triangle7:
+    """Return J P J', the covariance of the seven states at the switch, from the covariance P of the anchor.
 
     Args:
         covariance: P of [x, vx, y, vy], upper triangle row by row.
         heading_x, heading_y: unit vector of the heading.
-        slow: 1 / speed, bounded for an object slower than its uncertainty [s/m].
-        radius: of the turn, positive to the left [m]; 0 is straight and has neither centre nor rate.
+        inverse_speed: 1 / speed [s/m], bounded for speeds below their standard deviation.
+        radius: turn radius [m], positive to the left; 0 is straight, without centre and rate.
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = covariance
     turns = 0.0 if radius == 0.0 else 1.0
-    # centre = (x - radius * heading_y, y + radius * heading_x): its derivatives by the velocities
-    a = radius * heading_x * heading_y * slow
-    b = -radius * heading_x * heading_x * slow
-    c = radius * heading_y * heading_y * slow
-    p = 0.0 if radius == 0.0 else heading_x / abs(radius)  # turn rate by the velocities
+    # derivatives of the centre (x - radius * heading_y, y + radius * heading_x) by the velocities
+    a = radius * heading_x * heading_y * inverse_speed
+    b = -radius * heading_x * heading_x * inverse_speed
+    c = radius * heading_y * heading_y * inverse_speed
+    p = 0.0 if radius == 0.0 else heading_x / abs(radius)  # derivatives of the turn rate
     q = 0.0 if radius == 0.0 else heading_y / abs(radius)
-    # rows of J P for centre and rate
+    # rows of J P of the centre and the turn rate
     x_x, x_u, x_y, x_v = (
         turns * xx + a * xu + b * xv, turns * xu + a * uu + b * uv,
         turns * xy + a * uy + b * yv, turns * xv + a * uv + b * vv,
@@ -57,7 +58,7 @@ def anchor_covariance(
 
 @formula
 def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
-    """Cosine, sin(a)/a, a sin(a) and the derivative of sin(a)/a by a, for a = turn rate times tau."""
+    """Return cos(a), sin(a) / a, a sin(a), and the derivative of sin(a) / a, for a = turn rate * tau."""
     sine, cosine = sine_cosine(angle)
     square = angle * angle
     small = abs(angle) < SERIES
@@ -72,29 +73,34 @@ def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
 
 
 @formula
-def turn_coefficients(rate: float, tau: float) -> Seven:
-    """Coefficients of the motion over one tick, and their derivatives by the turn rate.
+def turn_coefficients(rate: float, tau: float) -> Vector7:
+    """Return the coefficients of the motion over one tick, and their derivatives by the turn rate.
+
+    Args:
+        rate: turn rate [rad/s].
+        tau: length of a tick [s].
 
     Returns:
-        C = cos, S = sin / rate, W = rate sin, D = 1 - cos of rate tau; dC, dS, dW.
+        (C, S, W, D, dC, dS, dW), where C = cos a, S = sin a / rate, W = rate sin a and D = 1 - cos a for
+        a = rate * tau; dC, dS and dW are the derivatives of C, S and W.
     """
     C, quotient, product, derivative = turn_derivatives(rate * tau)
     S, W = tau * quotient, product / tau
-    D = product * quotient / (1.0 + C) if C > 0.0 else 1.0 - C  # without the cancellation of 1 - cos
+    D = product * quotient / (1.0 + C) if C > 0.0 else 1.0 - C  # avoids the cancellation of 1 - cos
     return C, S, W, D, -tau * rate * S, tau * tau * derivative, rate * S + rate * tau * C
 
 
 @formula
 def predict_covariance(
-    p: TwentyEight, turn: Seven, by_rate: tuple[float, float, float, float], process_variance: float
-) -> TwentyEight:
-    """F P F' + G Q G', where F is the derivative of the motion.
+    p: Triangle7, turn: Vector7, by_rate: tuple[float, float, float, float], process_variance: float
+) -> Triangle7:
+    """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion.
 
     Args:
         p: covariance before the tick.
         turn: from `turn_coefficients`.
         by_rate: derivatives of x, vx, y and vy by the turn rate.
-        process_variance: Q, added to each velocity [m^2/s^2].
+        process_variance: Q, variance of the noise added to each velocity [m^2/s^2].
     """
     C, S, W, D = turn[0], turn[1], turn[2], turn[3]
     g_x, h_x, g_y, h_y = by_rate
@@ -103,7 +109,7 @@ def predict_covariance(
     p13, p14, p15, p16, p17 = p[13], p[14], p[15], p[16], p[17]
     p18, p19, p20, p21 = p[18], p[19], p[20], p[21]
     p22, p23, p24, p25, p26, p27 = p[22], p[23], p[24], p[25], p[26], p[27]
-    # F P for the rows of x, u, y, v; columns x, u, y, v, cx, cy, r
+    # rows x, u, y, v of F P; columns x, u, y, v, cx, cy, r
     x_x, u_x = C * p0 + S * p1 + D * p4 + g_x * p6, C * p1 - W * p0 + W * p4 + h_x * p6
     x_u, u_u = C * p1 + S * p7 + D * p10 + g_x * p12, C * p7 - W * p1 + W * p10 + h_x * p12
     x_y, u_y = C * p2 + S * p8 + D * p15 + g_x * p17, C * p8 - W * p2 + W * p15 + h_x * p17
@@ -136,13 +142,13 @@ def predict_covariance(
 
 
 @formula
-def condition(p: TwentyEight, k: Seven, inverse: float) -> TwentyEight:
-    """Covariance of the seven after one measured number, P - K H P.
+def condition(p: Triangle7, k: Vector7, inverse: float) -> Triangle7:
+    """Return the corrected covariance P - K H P after the measurement of one coordinate.
 
     Args:
-        p: covariance before.
-        k: covariance of the seven with the measured number.
-        inverse: 1 / variance of the measured number.
+        p: covariance before the measurement.
+        k: covariance of the seven states with the measured coordinate.
+        inverse: 1 / innovation variance of the coordinate [1/m^2].
     """
     a, b, c, d, e, f, g = (
         k[0] * inverse, k[1] * inverse, k[2] * inverse, k[3] * inverse,

@@ -1,7 +1,8 @@
 """The Kalman filter of one axis, as scalar functions. Golubkov 2018, eq. (2) and (4).
 
-Process and measurement noise are diagonal, so the 4x4 filter of the paper is two filters of (position,
-velocity), one per axis. A covariance is (xx, xv, vv) [m^2, m^2/s, m^2/s^2].
+The process and measurement noise covariances are diagonal, so the filter of the paper with four states
+separates into two filters of (position, velocity), one per axis. A covariance is the tuple (xx, xv, vv)
+[m^2, m^2/s, m^2/s^2].
 """
 
 import math
@@ -21,12 +22,12 @@ def predict_covariance(
     sine_position: float,
     process_variance: float,
 ) -> Covariance:
-    """Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
+    """Return the predicted covariance Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
 
     Args:
         covariance: (xx, xv, vv) before the tick.
         cosine, sine_velocity, sine_position: from `motion.motion_coefficients`.
-        process_variance: Q, added to the velocity [m^2/s^2].
+        process_variance: Q, variance of the noise added to the velocity [m^2/s^2].
     """
     xx, xv, vv = covariance
     row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
@@ -42,32 +43,32 @@ def predict_covariance(
 
 @formula
 def kalman_gain(covariance: Covariance, innovation_variance: float) -> tuple[float, float]:
-    """K = P H' / Sigma: gain of the position and of the velocity [1, 1/s]. Golubkov 2018, eq. (2)."""
+    """Return K = P H' / Sigma, the gains of position and velocity [1, 1/s]. Golubkov 2018, eq. (2)."""
     inverse = 1.0 / innovation_variance
     return covariance[0] * inverse, covariance[1] * inverse
 
 
 @formula
 def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, variance: float) -> Covariance:
-    """P - K H P. Golubkov 2018, eq. (2).
+    """Return the corrected covariance P - K H P. Golubkov 2018, eq. (2).
 
     Args:
         covariance: predicted (xx, xv, vv).
         gain_x, gain_v: from `kalman_gain`.
         variance: R [m^2].
     """
-    # K R is the first row of P - K H P, without its cancellation
+    # the first row of P - K H P is K R, which avoids cancellation
     return gain_x * variance, gain_v * variance, covariance[2] - gain_v * covariance[1]
 
 
 @formula
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
-    """The increment ln N(innovation; 0, Sigma).
+    """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick.
 
-    Its differences between hypotheses are Golubkov 2018, eq. (4).
+    Its differences between hypotheses are the log-likelihood ratios of Golubkov 2018, eq. (4).
 
     Args:
-        white_x, white_y: innovation on each axis over its standard deviation.
-        log_variance: mean over the axes of the logarithm of the innovation variance.
+        white_x, white_y: whitened innovation, the innovation divided by its standard deviation.
+        log_variance: logarithm of the innovation variance [m^2], mean of the two axes.
     """
     return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))

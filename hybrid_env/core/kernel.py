@@ -1,7 +1,8 @@
-"""The kernel: truth, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
+"""The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
 
-Tracks lie in blocks (see `records`). What every track does at a tick is a loop over the lanes of a block.
-What few tracks do, a decision or a new segment, is done for one lane. Threads step different blocks.
+Tracks are stored in blocks (see `records`). The operations of every tick are loops over the lanes of a block.
+Decisions and new segments occur in few tracks and are computed for single lanes. Threads step different
+blocks.
 """
 
 import math
@@ -37,16 +38,16 @@ from hybrid_env.core.records import (
 )
 from hybrid_env.core.true_object import begin_motion, move, move_lane
 
-NO_COVARIANCE = (0.0,) * 10  # of an anchor that is the truth
+NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 TRACE_WIDTH, SEGMENT_WIDTH = len(TRACE_COLUMNS), len(SEGMENT_COLUMNS)
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
 DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
-DECIDED, TERMINATED = 1, 2  # events of a step, added up
+DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 
 
 class Arrays(NamedTuple):
-    """The arrays of a world but for its banks, for N tracks in B blocks; see `hybrid_env.world.World`."""
+    """The arrays of a `hybrid_env.world.World` except its banks, for N tracks in B blocks."""
 
     actions: NDArray[np.int64]  # (N,)
     blocks: NDArray[Any]  # (B,) records `BLOCK`
@@ -64,7 +65,7 @@ class Arrays(NamedTuple):
 
 @internal
 def _arrays_of(setting: Any) -> Arrays:
-    """The arrays at the addresses in a record `PARAMETERS`."""
+    """Return the arrays at the addresses in a record `PARAMETERS`."""
     tracks, n = setting.tracks, setting.radii_count
     decisions = array_at(setting.decisions, (len(DECISION), tracks), np.int64)
     return Arrays(
@@ -85,26 +86,26 @@ def _arrays_of(setting: Any) -> Arrays:
 
 @formula
 def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64]) -> None:
-    """The active filter's estimate, as in ATE, its error, and a row of the trace if there is room."""
+    """Record the estimate of the active filter, its squared error, and a row of the trace if stored."""
     x, vx, y, vy = estimate_of(hypotheses, block.active_mode[lane], lane)
     block.estimate[0, lane], block.estimate[1, lane] = x, vx
     block.estimate[2, lane], block.estimate[3, lane] = y, vy
     error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
-    if trace.shape[0] > 0 and block.traced[lane] < trace.shape[0]:
-        row = trace[block.traced[lane]]
+    if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
+        row = trace[block.trace_length[lane]]
         for k in range(4):
             row[k] = block.truth[k, lane]
         row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
         row[6], row[7] = x, y
         row[8] = block.active_mode[lane]
         row[9] = block.segment[lane]
-        block.traced[lane] += 1
+        block.trace_length[lane] += 1
 
 
 @internal
 def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: Any) -> None:
-    """Anchor the object at its true state and the bank at the estimate; the first tick is still to come."""
+    """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
     table = arrays.table
     if setting.random_scheme:
         row = integer_below(block.random_state, lane, table.shape[0])
@@ -138,7 +139,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: An
 
 @internal
 def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
-    """Put the object at its start and draw the first estimate."""
+    """Set the initial state of the object and draw the first estimate."""
     heading = setting.heading
     if math.isnan(heading):
         heading = 2.0 * math.pi * uniform(block.random_state, lane)
@@ -157,7 +158,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
         block.estimate[2 * axis + 1, lane] = (
             block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
         )
-        # the entries of the axis in the upper triangle
+        # the variances of the axis in the upper triangle
         block.kept_covariance[0 if axis == 0 else 7, lane] = position_variance
         block.kept_covariance[4 if axis == 0 else 9, lane] = velocity_variance
     block.segment[lane] = 0
@@ -166,7 +167,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 @internal
 def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
-    """The mode that a decision is for: as declared, or as a segment that ends undecided takes it."""
+    """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
     if forced and setting.keep_undecided:
         return block.active_mode[lane]
@@ -177,7 +178,7 @@ def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) ->
 
 @internal
 def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> None:
-    """Write the decision of track i and run the chosen filter alone to the end of the segment."""
+    """Record the decision of track i and fast-forward the chosen filter to the end of the segment."""
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
@@ -196,7 +197,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     noise = arrays.scratch[0].noise
     while block.tick[lane] < block.length[lane]:
         ticks = min(LANES, block.length[lane] - block.tick[lane])
-        # noise of many ticks at once becomes SIMD code
+        # the noise of several ticks is drawn at once with SIMD code
         draw_noise_ahead(block.random_state, lane, noise, ticks, setting.outliers)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
@@ -212,7 +213,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
 
 @formula
 def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> int:
-    """What track i does before its next tick. Returns the events `DECIDED` and `TERMINATED`, added up."""
+    """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
     if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
         arrays.rewards[i] = -setting.delay_cost
         return 0
@@ -225,10 +226,10 @@ def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any)
 
 
 @formula
-def _forget_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> None:
-    """Clear what the last step of track i left behind: its trace and its decision."""
+def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> None:
+    """Clear the trace and the decision of the last step of track i."""
     if setting.trace_rows > 0:
-        block.traced[lane] = 0
+        block.trace_length[lane] = 0
     if arrays.flags[HAS_DECISION, i]:
         for k in range(len(DECISION)):
             arrays.decisions[k, i] = 0
@@ -238,7 +239,7 @@ def _forget_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) ->
 
 @formula
 def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: Any) -> None:
-    """One tick of the object and of every hypothesis, for lanes first .. last - 1."""
+    """Advance the object and every filter of lanes first .. last - 1 by one tick."""
     move(block, scratch.noise, first, last, setting)
     bank_operations.step(bank, first, last, block.measurement, setting)
     compare_hypotheses(scratch, bank.hypotheses, first, last)
@@ -246,20 +247,20 @@ def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: A
 
 @formula
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any) -> int:
-    """One step of the tracks of a block; see `_advance`."""
+    """Step the tracks of a block; see `advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
     events = 0
-    begun = 0  # one bit per lane
-    together = True  # all lanes take this tick
+    new_segments = 0  # one bit per lane
+    all_running = True  # all lanes advance in this tick
     for lane in range(lanes):
         i = b * LANES + lane
-        scratch.going[lane] = 1
+        scratch.running[lane] = 1
         if reset and arrays.actions[i] == 0:
-            scratch.going[lane] = 0
-            together = False
+            scratch.running[lane] = 0
+            all_running = False
             continue
-        _forget_step(block, lane, i, arrays, setting)
+        _clear_step(block, lane, i, arrays, setting)
         event = 0
         if reset or arrays.terminated[i]:
             _begin_episode(block, scratch, lane, setting)
@@ -270,21 +271,21 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
             event = _act(block, lane, i, bank, arrays, setting)
             events |= event
         if event & TERMINATED:
-            scratch.going[lane] = 0
-            together = False
+            scratch.running[lane] = 0
+            all_running = False
         elif event & DECIDED:
             _begin_segment(block, lane, bank, arrays, setting)
-            begun |= 1 << lane
-    for first in range(1 if together else lanes):
-        if scratch.going[first] == 0:
+            new_segments |= 1 << lane
+    for first in range(1 if all_running else lanes):
+        if scratch.running[first] == 0:
             continue
-        last = lanes if together else first + 1
-        # unsigned: an index that cannot be negative needs no check, so that loops over lanes become SIMD code
+        last = lanes if all_running else first + 1
+        # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), setting)
         for lane in range(first, last):
             i = b * LANES + lane
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i])
-            if begun & (1 << lane):
+            if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
     return events
@@ -292,6 +293,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
 
 @internal
 def _advance(reset: bool, banks: Any, setting: Any) -> int:
+    """Check all actions, then step the blocks of this call; see `advance_published`."""
     arrays = _arrays_of(setting)
     if not reset:
         for i in range(setting.tracks):
@@ -306,18 +308,19 @@ def _advance(reset: bool, banks: Any, setting: Any) -> int:
 
 @compiled
 def advance_published(address: int, reset: bool) -> int:
-    """One step of every track, or with `reset` a new episode on every track whose action is not 0.
+    """Step every track, or with `reset` begin a new episode on every track whose action is not 0.
 
-    In a step, a track that has terminated begins its next episode. A track that terminates keeps its row, the
-    one on which the last decision was made.
+    In a step, a terminated track begins its next episode. The observation of a track that terminates is not
+    changed: it is the one on which the last decision was made.
 
     Args:
-        address: of a record `records.PARAMETERS`, whose arrays must live during the call. Only its blocks
-            first_block .. last_block - 1 are stepped, so that threads can share the tracks.
+        address: address of a record `records.PARAMETERS`, whose arrays must exist during the call. Only its
+            blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
+        reset: True begins new episodes, False steps.
 
     Returns:
-        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated; or -1 - i, with nothing
-        done, if the action of track i is outside the space.
+        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
+        is outside the space, -1 - i; then no track is stepped.
     """
     setting = array_at(address, (1,), PARAMETERS)[0]
     return _advance(reset, published_banks(setting), setting)
@@ -325,7 +328,7 @@ def advance_published(address: int, reset: bool) -> int:
 
 @compiled
 def advance_aware(address: int, reset: bool) -> int:
-    """`advance_published` with the anchor-aware bank."""
+    """Like `advance_published`, with the anchor-aware bank."""
     setting = array_at(address, (1,), PARAMETERS)[0]
     return _advance(reset, aware_banks(setting), setting)
 
@@ -335,4 +338,4 @@ BANKS: dict[str, tuple[Any, Any]] = {
     "oracle": (published_arrays, advance_published),
     "anchor_aware": (aware_arrays, advance_aware),
 }
-"""For each name of a bank the function that allocates it, and the kernel that steps it."""
+"""Allocation function and kernel of each bank, by the value of the option `bank`."""

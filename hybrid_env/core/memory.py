@@ -1,4 +1,4 @@
-"""Memory of the kernel's arrays: aligned allocation, large pages, and access by address."""
+"""Memory of the kernel arrays: aligned allocation, huge pages, and access by address."""
 
 import math
 import mmap
@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import internal
 
 CACHE_LINE = 64  # bytes
-LARGE_PAGE = 1 << 21  # bytes
+HUGE_PAGE = 1 << 21  # bytes
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """Zeros that begin on a cache line, so that eight lanes of a field fill exactly one.
+    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line.
 
-    A step walks through the state of all tracks once. With pages of 4 kB the address cache misses every few
-    tracks, which takes longer than the tracks themselves, so large arrays ask for large pages.
+    A step accesses the state of all tracks once. With pages of 4 kB the translation lookaside buffer misses
+    every few tracks, which takes longer than the computation. Large arrays therefore request huge pages.
     """
     kind = np.dtype(dtype)
     size = math.prod(shape) * kind.itemsize
     memory: NDArray[np.uint8]
     line = CACHE_LINE
-    if size >= LARGE_PAGE // 2 and hasattr(mmap, "MADV_HUGEPAGE"):
-        line = LARGE_PAGE
-        # private: a forked process has its own tracks, and only such memory gets large pages
-        pages = mmap.mmap(-1, size + 2 * LARGE_PAGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-        with suppress(OSError):  # a system without them
+    if size >= HUGE_PAGE // 2 and hasattr(mmap, "MADV_HUGEPAGE"):
+        line = HUGE_PAGE
+        # private mapping: a forked process gets a copy, and huge pages require it
+        pages = mmap.mmap(-1, size + 2 * HUGE_PAGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        with suppress(OSError):  # the system has no huge pages
             pages.madvise(mmap.MADV_HUGEPAGE)
         memory = np.frombuffer(pages, np.uint8)
     else:
@@ -48,10 +48,10 @@ def _inttoptr(_typing: Any, address: Any) -> Any:
 
 
 _pointer_to: Any = intrinsic(_inttoptr)
-"""An integer as a pointer, which `numba.carray` asks for."""
+"""Convert an integer to a pointer for `numba.carray`."""
 
 
 @internal
 def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
-    """The C-ordered array of a shape and dtype that begins at an address; for compiled code."""
+    """Return the C-ordered array at an address; for compiled code only."""
     return carray(_pointer_to(address), shape, dtype)

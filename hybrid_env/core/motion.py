@@ -1,9 +1,9 @@
-"""Motion of the object: straight pieces and turns about a fixed centre, one axis at a time.
+"""Motion of the object: straight lines and turns about a fixed centre, one axis at a time.
 
-Golubkov 2018, eq. (1). A turn that begins at the switch state (p_s, v_s) has the turn rate omega = |v_s| / r
-and the centre c = p_s + n r (left) or p_s - n r (right), where n is the left normal of v_s / |v_s|. Centre
-and turn rate stay fixed over the segment. Each axis is therefore a linear oscillator about its centre
-coordinate, and straight motion is the limit omega = 0.
+Golubkov 2018, eq. (1). A turn that begins in the state (p_s, v_s) at the switch has the turn rate
+omega = |v_s| / r and the centre c = p_s + n r (left) or p_s - n r (right), where n is the left normal of
+v_s / |v_s|. The centre and the turn rate are constant over the segment. Each axis is therefore a linear
+oscillator about the coordinate of the centre, and straight motion is the limit omega = 0.
 """
 
 import math
@@ -13,7 +13,7 @@ from hybrid_env.core.compilation import formula, internal
 
 @internal
 def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
-    """The entries of the transition matrix Phi of one axis over one tick. Golubkov 2018, eq. (1).
+    """Return the entries of the transition matrix Phi of one axis over one tick. Golubkov 2018, eq. (1).
 
     Args:
         turn_rate: omega >= 0 [rad/s]; 0 is straight motion.
@@ -22,7 +22,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
     Returns:
         (cos(omega tau), sin(omega tau) / omega [s], omega sin(omega tau) [1/s]).
     """
-    if turn_rate < 1e-150:  # sin(x)/x is 1 here, and the quotient would be 0/0 at the end of the range
+    if turn_rate < 1e-150:  # sin(x) / x = 1 here; the quotient below could underflow to 0/0
         return 1.0, tau, 0.0
     sine = math.sin(turn_rate * tau)
     return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
@@ -32,7 +32,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
 def propagate(
     position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
 ) -> tuple[float, float]:
-    """Advance one axis by one tick without noise. Golubkov 2018, eq. (1), Phi and B.
+    """Advance one axis by one tick without noise. Golubkov 2018, eq. (1), matrices Phi and B.
 
     Args:
         position: coordinate [m].
@@ -49,7 +49,7 @@ def propagate(
 
 @internal
 def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, float]:
-    """Speed [m/s] and unit vector of the heading; the vector is (1, 0) for an object at rest."""
+    """Return the speed [m/s] and the unit vector of the heading, which is (1, 0) for an object at rest."""
     speed = math.hypot(velocity_x, velocity_y)
     if speed > 0.0:
         return speed, velocity_x / speed, velocity_y / speed
@@ -60,8 +60,11 @@ def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, 
 def turn_centre(
     x: float, y: float, heading_x: float, heading_y: float, signed_radius: float
 ) -> tuple[float, float]:
-    """Centre [m] of a turn that starts at (x, y) with a unit heading. Golubkov 2018, eq. (1).
+    """Return the centre [m] of a turn that starts at (x, y) with a unit heading. Golubkov 2018, eq. (1).
 
-    signed_radius: positive turns left, negative turns right [m].
+    Args:
+        x, y: position at the start of the turn [m].
+        heading_x, heading_y: unit vector of the heading.
+        signed_radius: turn radius [m], positive to the left, negative to the right.
     """
     return x - heading_y * signed_radius, y + heading_x * signed_radius

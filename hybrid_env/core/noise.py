@@ -1,9 +1,9 @@
-"""Random numbers of the kernel: a small xoshiro256++ generator a track, and standard normals from it.
+"""Random numbers of the kernel: one xoshiro256++ generator per track, and standard normals from it.
 
-A generator of its own for every track makes track i of a vector environment the very stream of a single
-environment with the same seed, whatever the other tracks do. Blackman & Vigna 2021 (xoshiro256++); Box &
-Muller 1958, whose pairs take the same steps for every draw, so that tracks, or ticks of one track, can be
-drawn side by side.
+Every track has a separate generator, so that a track of a vector environment has the same random stream as a
+single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals). The
+Box-Muller method has no rejection step, so that several tracks, or several ticks of one track, can be drawn
+with SIMD code.
 """
 
 import math
@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import ONE, float_of, log, sine_cosine
 
-OUTLIER = 5.0  # deviation of an outlier over that of other measurements
-
+OUTLIER = 5.0  # ratio of the standard deviations of outliers and other measurements
 
 _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 
 @formula
 def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, _Words]:
-    """Next 64 random bits and the state after them. xoshiro256++."""
+    """Return the next 64 random bits and the next state. xoshiro256++."""
     total = s0 + s3
     bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     shifted = s1 << np.uint64(17)
@@ -37,13 +36,13 @@ def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tupl
 
 @formula
 def _to_uniform(bits: np.uint64) -> float:
-    """Uniform on [0, 1), 52 bits: they become the mantissa of a number in [1, 2)."""
+    """Return a uniform number in [0, 1) with 52 random bits, the mantissa of a number in [1, 2)."""
     return float_of(np.int64((bits >> np.uint64(12)) | np.uint64(ONE))) - 1.0
 
 
 @formula
 def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
-    """Next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
+    """Return the next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
     bits, words = _advance(state[0, lane], state[1, lane], state[2, lane], state[3, lane])
     state[0, lane], state[1, lane], state[2, lane], state[3, lane] = words
     return bits
@@ -51,13 +50,13 @@ def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
 
 @formula
 def uniform(state: NDArray[np.uint64], lane: int) -> float:
-    """Uniform on [0, 1)."""
+    """Return a uniform number in [0, 1)."""
     return _to_uniform(next_uint64(state, lane))
 
 
 @formula
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
-    """Four uniforms into the first rows of a column; the state stays in registers meanwhile."""
+    """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]
     for k in range(4):
         bits, (s0, s1, s2, s3) = _advance(s0, s1, s2, s3)
@@ -67,7 +66,7 @@ def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float
 
 @internal
 def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
-    """Uniform integer in 0 .. bound - 1; the bias of the product method is below bound / 2^52."""
+    """Return a uniform integer in 0 .. bound - 1. The bias of the product method is below bound / 2^52."""
     return np.int64(uniform(state, lane) * bound)
 
 
@@ -75,13 +74,13 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 def draw_noise(
     state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, outliers: float
 ) -> None:
-    """What a tick needs, for each of the lanes first .. last - 1.
+    """Draw the noise of one tick for lanes first .. last - 1.
 
     Args:
-        state: (4, LANES), advanced.
-        noise: (5, LANES), written: four independent draws of N(0, 1), none beyond 8.5, the last two of
-            which are multiplied by `OUTLIER` at times; then a number to work with.
-        outliers: share of the ticks at which they are.
+        state: (4, LANES), advanced in place.
+        noise: (5, LANES), written in place. Rows 0 .. 3 are independent draws of N(0, 1) of magnitude below
+            8.5; in an outlier rows 2 and 3 are multiplied by `OUTLIER`. Row 4 is temporary.
+        outliers: fraction of ticks with outliers.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -95,7 +94,7 @@ def draw_noise(
 def draw_noise_ahead(
     state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
 ) -> None:
-    """The same noise for as many ticks of one lane, up to LANES: those of tick k are in column k."""
+    """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick k."""
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
         if outliers > 0.0:
@@ -105,7 +104,7 @@ def draw_noise_ahead(
 
 @internal
 def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
-    """Make normals of the uniforms in columns first .. last - 1, and outliers of some."""
+    """Transform the uniforms in columns first .. last - 1 to normals, and apply outliers."""
     for pair in range(2):
         k = 2 * pair
         for column in range(first, last):

@@ -1,6 +1,6 @@
-"""The row that a policy reads, as the kernel writes it. `hybrid_env.observation.Layout` reads it by name.
+"""The observation as written by the kernel. `hybrid_env.observation.Layout` reads it by name.
 
-One flat float32 row holds six blocks of M numbers, one number per hypothesis, then ten numbers of the track.
+A row is a float32 array of six blocks of M values, one per hypothesis, followed by ten scalars of the track.
 """
 
 from typing import Any
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import exp, log
 
-LOG_FLOOR = -30.0  # log-likelihood ratios and log-probabilities are clipped here
-LARGEST = 1e6  # innovations over their deviation are clipped here
-NEGLIGIBLE = -100.0  # exp of less changes no clipped log-probability
+LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
+LARGEST = 1e6  # clip of the magnitude of whitened innovations
+NEGLIGIBLE = -100.0  # smaller log-likelihood ratios do not change a clipped log-probability
 
-# scales that bring the usual values to the order of one
+# scales that bring typical values to the order of one
 LOG_SCALE = 0.1
 TICK_SCALE = 0.01
 LENGTH_SCALE = 0.1
@@ -28,7 +28,7 @@ HYPOTHESIS_FEATURES = {
     "previous": 1.0,
     "curvature": 1.0,
 }
-"""Blocks of M numbers in this order, each with the scale that it is multiplied by in the row."""
+"""Names of the blocks of M values, in order, and the scale that multiplies each of them."""
 
 TRACK_FEATURES = {
     "ticks": TICK_SCALE,
@@ -42,7 +42,7 @@ TRACK_FEATURES = {
     "anchor_vv": 1.0,
     "log_noise": 1.0,
 }
-"""Single numbers behind the blocks, each with its scale."""
+"""Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
 TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(
@@ -52,34 +52,35 @@ TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR
 
 @formula
 def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tuple[float, float]:
-    """A vector seen in a heading: its parts along and across, which is positive to the left."""
+    """Return the components of a vector along and across a heading; across is positive to the left."""
     return heading_x * x + heading_y * y, heading_x * y - heading_y * x
 
 
 @formula
 def clipped_innovation(white: float) -> float:
-    """An innovation over its standard deviation, clipped at +-`LARGEST`."""
+    """Return a whitened innovation clipped to +-`LARGEST`."""
     return max(min(white, LARGEST), -LARGEST)
 
 
 @formula
 def log_error_probability(others: float) -> float:
-    """ln(1 - largest posterior) for equal priors, clipped at `LOG_FLOOR`.
+    """Return ln(1 - maximum posterior) for equal priors, at least `LOG_FLOOR`.
 
-    others: sum of the likelihoods of all other hypotheses over that of the likeliest one.
+    Args:
+        others: sum of the likelihoods of all other hypotheses, divided by that of the most likely one.
     """
     return max(log(others / (1.0 + others)), LOG_FLOOR)
 
 
 @formula
 def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_y: float) -> float:
-    """Mean over the axes of a covariance entry over R."""
+    """Return the mean over the axes of (covariance entry / R)."""
     return 0.5 * (value_x / variance_x + value_y / variance_y)
 
 
 @internal
 def row_width(hypotheses: int) -> int:
-    """Numbers of a row."""
+    """Return the number of values of a row."""
     return BLOCKS * hypotheses + SINGLES
 
 
@@ -87,7 +88,7 @@ def row_width(hypotheses: int) -> int:
 def write_segment(
     row: NDArray[np.float32], block: Any, lane: int, radii: NDArray[np.float64], setting: Any
 ) -> None:
-    """Write what stays the same over a segment. row: (6 M + 10,); setting: a record `PARAMETERS`."""
+    """Write the values that are constant over a segment. row: (6 M + 10,); setting: record `PARAMETERS`."""
     n = radii.size
     M = 2 * n + 1
     for h in range(M):
@@ -107,11 +108,11 @@ def write_segment(
 
 @internal
 def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
-    """The largest log-likelihood of lanes first .. last - 1, and the log error probability of its mode."""
+    """Compute the maximum log-likelihood and the log error probability of lanes first .. last - 1."""
     for lane in range(first, last):
         scratch.largest[lane] = hypotheses[0].log_likelihood[lane]
         scratch.log_error[lane] = 0.0
-        scratch.equals[lane] = -1.0  # the likeliest one itself
+        scratch.ties[lane] = -1.0  # the most likely hypothesis is counted below
     for h in range(1, hypotheses.size):
         kalman = hypotheses[h]
         for lane in range(first, last):
@@ -120,21 +121,26 @@ def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last:
         kalman = hypotheses[h]
         for lane in range(first, last):
             ratio = kalman.log_likelihood[lane] - scratch.largest[lane]
-            below = ratio < 0.0  # equals are counted apart: added to 1, small terms would lose their digits
+            # ties are counted separately: a sum with 1 would lose the digits of small terms
+            below = ratio < 0.0
             scratch.log_error[lane] += exp(max(ratio, NEGLIGIBLE)) if below else 0.0
-            scratch.equals[lane] += 0.0 if below else 1.0
+            scratch.ties[lane] += 0.0 if below else 1.0
     for lane in range(first, last):
-        scratch.log_error[lane] = log_error_probability(scratch.log_error[lane] + scratch.equals[lane])
+        scratch.log_error[lane] = log_error_probability(scratch.log_error[lane] + scratch.ties[lane])
 
 
 @internal
 def write_tick(
     row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any
 ) -> None:
-    """Write what changes with every tick, after `compare_hypotheses`.
+    """Write the values that change with every tick. `compare_hypotheses` is called before.
 
     Args:
-        row: (6 M + 10,), in which `write_segment` has written the rest.
+        row: (6 M + 10,); the other values are written by `write_segment`.
+        block: a record `BLOCK`.
+        lane: index of the track in the block.
+        scratch: a record `SCRATCH`.
+        bank: bank of the block.
         setting: a record `PARAMETERS`.
     """
     M = bank.hypotheses.size
@@ -148,7 +154,7 @@ def write_tick(
         row[h] = LOG_SCALE * max(kalman.log_likelihood[lane] - scratch.largest[lane], LOG_FLOOR)
         row[M + h] = along
         row[2 * M + h] = across
-        # below 0 by rounding only
+        # negative only by rounding
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
     along, across = heading_frame(
         (block.measurement[0, lane] - block.anchor[0, lane]) * setting.noise_whitener,

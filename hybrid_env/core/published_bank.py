@@ -1,11 +1,12 @@
 """The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
 
-Golubkov 2018, eq. (2) and (4), in the scalar formulas of `kalman`. The covariances do not depend on the data,
-only on the turn rate. A left and a right turn of one radius therefore share them, and so do the axes where
-the measurement noise is equal on both. What remains per hypothesis is four numbers of state, the two of its
-centre and one log-likelihood.
+Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate
+but not on the data. The left and the right turn of a radius therefore share them, and so do both axes if
+their measurement variances are equal. Each hypothesis has its four state estimates, the centre of its turn
+and its log-likelihood.
 
-Every field holds one number per lane. Hypothesis 0 is straight, 1 .. n turn left, n + 1 .. 2n turn right.
+Hypothesis 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns. Every field has one value per
+lane.
 """
 
 import math
@@ -28,7 +29,7 @@ from hybrid_env.core.records import lanes_of
 
 FloatArray = NDArray[np.float64]
 State = tuple[float, float, float, float]
-Ten = tuple[float, float, float, float, float, float, float, float, float, float]
+Triangle4 = tuple[float, float, float, float, float, float, float, float, float, float]
 """Covariance of [x, vx, y, vy], upper triangle row by row."""
 
 HYPOTHESIS = lanes_of(
@@ -36,36 +37,36 @@ HYPOTHESIS = lanes_of(
     *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
     ("log_likelihood", np.float64, ()),  # cumulative since the switch
 )
-"""One filter of the bank."""
+"""State of one filter."""
 
 COVARIANCE = lanes_of(
     *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),  # of the transition
     *((name, np.float64, ()) for name in ("xx", "xv", "vv")),  # of (position, velocity) [m^2, m^2/s, m^2/s^2]
 )
-"""What the filters of one radius share on one axis."""
+"""Transition and covariance on one axis, shared by the filters of one radius."""
 
 INNOVATION = lanes_of(
-    *((name, np.float64, ()) for name in ("white_x", "white_y")),  # over its standard deviation
-    ("log_variance", np.float64, ()),  # mean of the axes, of m^2
+    *((name, np.float64, ()) for name in ("white_x", "white_y")),  # innovation / standard deviation
+    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2], mean of the axes
 )
-"""The innovation of one filter at the last tick."""
+"""Innovation of one filter at the current tick."""
 
 GAIN = lanes_of(
     *((name, np.float64, ()) for name in ("gain_x", "gain_v")),  # of position and velocity
     ("whitener", np.float64, ()),  # 1 / standard deviation of the innovation [1/m]
-    ("log_variance", np.float64, ()),  # of the innovation
+    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2]
 )
-"""What the filters of one radius share on one axis at the last tick."""
+"""Gain and innovation variance on one axis at the current tick, shared by the filters of one radius."""
 
 
 class PublishedBank(NamedTuple):
-    """The bank of a block of tracks, for M = 2n + 1 hypotheses of n radii and A = 1 or 2 noise axes.
+    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes.
 
     Attributes:
         hypotheses: (M,) records `HYPOTHESIS`.
-        covariances: (A, n + 1) records `COVARIANCE`; column 0 is straight, column c has radius c - 1.
-        innovations: (M,) records `INNOVATION` of the last tick. Banks of all blocks share this memory.
-        gains: (A, n + 1) records `GAIN`, likewise.
+        covariances: (A, n + 1) records `COVARIANCE`; column 0 is straight, column c uses radius c - 1.
+        innovations: (M,) records `INNOVATION`, temporary memory shared by the blocks of a thread.
+        gains: (A, n + 1) records `GAIN`, temporary memory shared by the blocks of a thread.
     """
 
     hypotheses: NDArray[Any]
@@ -75,10 +76,10 @@ class PublishedBank(NamedTuple):
 
 
 class FilterModel(NamedTuple):
-    """The model that a filter assumes. `records.PARAMETERS` has the same fields.
+    """The model assumed by the filters. `records.PARAMETERS` has the same fields.
 
     Attributes:
-        tau: tick [s].
+        tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         variance_x, variance_y: R of each axis [m^2].
     """
@@ -89,13 +90,13 @@ class FilterModel(NamedTuple):
     variance_y: float
 
 
-IDENTITY: Ten = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
-"""P := I of the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
+IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+"""P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
 @internal
 def published_banks(setting: Any) -> PublishedBank:
-    """The banks of all blocks, at the addresses in a record `records.PARAMETERS`."""
+    """Return the banks of all blocks from the addresses in a record `records.PARAMETERS`."""
     n, axes, blocks = setting.radii_count, setting.axes, setting.blocks_count
     return PublishedBank(
         array_at(setting.hypotheses, (blocks, 2 * n + 1), HYPOTHESIS),
@@ -107,12 +108,12 @@ def published_banks(setting: Any) -> PublishedBank:
 
 @internal
 def published_of_block(banks: PublishedBank, block: int) -> PublishedBank:
-    """The bank of one block."""
+    """Return the bank of one block."""
     return PublishedBank(banks.hypotheses[block], banks.covariances[block], banks.innovations, banks.gains)
 
 
 def published_arrays(radii_count: int, axes: int, *blocks: int) -> PublishedBank:
-    """A bank of zeros. A number of blocks adds an axis in front of the arrays that each block owns."""
+    """Return a bank of zeros. `blocks` is prepended to the shape of arrays that are not shared by blocks."""
     hypotheses = 2 * radii_count + 1
     columns = radii_count + 1
     return PublishedBank(
@@ -125,13 +126,13 @@ def published_arrays(radii_count: int, axes: int, *blocks: int) -> PublishedBank
 
 @internal
 def mode_type(mode: int, radii_count: int) -> int:
-    """0 straight, 1 left, 2 right."""
+    """Return the type of a mode: 0 straight, 1 left, 2 right."""
     return 0 if mode == 0 else (1 if mode <= radii_count else 2)
 
 
 @internal
 def signed_radius(hypothesis: int, radii: FloatArray) -> float:
-    """Radius of a hypothesis [m], positive to the left, negative to the right; 0 for the straight one."""
+    """Return the radius of a hypothesis [m], positive to the left, negative to the right, 0 if straight."""
     if hypothesis == 0:
         return 0.0
     return radii[hypothesis - 1] if hypothesis <= radii.size else -radii[hypothesis - radii.size - 1]
@@ -139,19 +140,22 @@ def signed_radius(hypothesis: int, radii: FloatArray) -> float:
 
 @internal
 def radius_column(hypothesis: int, radii_count: int) -> int:
-    """Column of `covariances` and `gains` that a hypothesis uses."""
+    """Return the column of `covariances` and `gains` of a hypothesis."""
     return hypothesis - radii_count if hypothesis > radii_count else hypothesis
 
 
 @internal
 def begin_published(
-    bank: PublishedBank, lane: int, anchor: State, covariance: Ten, radii: FloatArray, model: Any
+    bank: PublishedBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
 ) -> None:
-    """Start every hypothesis of a lane at one estimate; turn rates and centres are computed from it.
+    """Start every filter of a lane from the anchor, which also determines turn rates and centres.
 
     Args:
+        bank: bank of the block.
+        lane: index of the track in the block.
         anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
-        covariance: of the anchor, upper triangle row by row; covariances between the axes are ignored.
+        covariance: covariance of the anchor, upper triangle row by row; covariances between the axes are
+            ignored.
         radii: (n,) turn radii of the bank [m].
         model: a `FilterModel`, or a record with its fields.
     """
@@ -178,13 +182,13 @@ def begin_published(
 
 @internal
 def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
-    """Put a filter at an estimate [x, vx, y, vy]; its covariance and centre stay."""
+    """Set the estimate [x, vx, y, vy] of a filter without its covariance and centre."""
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = estimate
 
 
 @formula
 def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
-    """Covariance and gain of one radius on one axis over one tick. Returns the innovation variance [m^2]."""
+    """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
     covariance = predict_covariance(
         (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
         shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane], process_variance,
@@ -201,7 +205,7 @@ def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float,
 def _step_estimate(
     kalman: Any, shared: Any, gain_x: Any, gain_y: Any, lane: int, measured_x: float, measured_y: float
 ) -> tuple[float, float]:
-    """Predict, compare with the measurement, correct. Golubkov 2018, eq. (2). Returns the innovation [m]."""
+    """Predict and correct the estimate of a filter. Golubkov 2018, eq. (2). Returns the innovation [m]."""
     cosine, sine_velocity, sine_position = (
         shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
     )  # fmt: skip
@@ -221,10 +225,11 @@ def _step_estimate(
 
 @internal
 def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """One tick of every hypothesis, including its log-likelihood. Golubkov 2018, eq. (2) and (4).
+    """Advance every filter and its log-likelihood by one tick. Golubkov 2018, eq. (2) and (4).
 
     Args:
-        first, last: lanes first .. last - 1 take the tick.
+        bank: bank of the block.
+        first, last: range of lanes, first .. last - 1.
         measurement: (2, LANES) [m].
         model: a `FilterModel`, or a record with its fields.
     """
@@ -259,9 +264,9 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
 def follow_published(
     bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any
 ) -> None:
-    """One tick of one hypothesis of one lane, as after a decision: Golubkov 2018, algorithm 1, line 15.
+    """Advance the filter of one hypothesis of a lane by one tick. Golubkov 2018, algorithm 1, line 15.
 
-    Its log-likelihood stays, because it is not compared any more.
+    This is used after a decision. The log-likelihood is not updated.
     """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
@@ -278,7 +283,7 @@ def follow_published(
 
 @internal
 def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
-    """The hypothesis with the largest log-likelihood, the first one of equals."""
+    """Return the hypothesis with the maximum log-likelihood, the first one if several are equal."""
     best = 0
     for h in range(1, hypotheses.size):
         if hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]:
@@ -288,14 +293,14 @@ def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
 
 @internal
 def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> State:
-    """[x, vx, y, vy] of one hypothesis [m, m/s]."""
+    """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
 
 
 @internal
-def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Ten:
-    """Covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
     x, y = bank.covariances[0, column], bank.covariances[axes - 1, column]

@@ -1,7 +1,7 @@
-"""The records of the kernel: the state of tracks, the options as the kernel reads them, the trace.
+"""The records of the kernel: the state of the tracks, the parameters, and the columns of the trace.
 
-Tracks lie side by side in blocks of `LANES`: every field of a block holds one number per track, so that a
-loop over lanes has constant strides and becomes SIMD code.
+Tracks are stored in blocks of `LANES`. Every field of a block holds one number per track, so that a loop over
+lanes has a constant stride and compiles to SIMD code.
 """
 
 from typing import Any
@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 LANES = 8
-"""Tracks per block: eight float64 fill a cache line and the widest vector register."""
+"""Tracks per block. Eight float64 fill a cache line and the widest vector register."""
 
 
 def lanes_of(*fields: tuple[str, type, tuple[int, ...]]) -> np.dtype[Any]:
-    """A record whose fields hold an array of a shape for each lane, lanes innermost."""
+    """Return a record type whose fields have the shape (*shape, LANES)."""
     return np.dtype([(name, kind, (*shape, LANES)) for name, kind, shape in fields])
 
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
     ("measurement", np.float64, (2,)),  # [m]
-    ("anchor", np.float64, (4,)),  # what the bank starts from: the estimate, or the truth of an oracle
+    ("anchor", np.float64, (4,)),  # initial state of the bank: the estimate, or the true state for the oracle
     ("estimate", np.float64, (4,)),  # of the active filter
     ("segment", np.int64, ()),
     ("true_mode", np.int64, ()),
@@ -28,46 +28,46 @@ _TICK = (
 )
 
 TICK = lanes_of(*_TICK)
-"""The front of a block: what `info` says of the present tick."""
+"""The leading fields of a block: the current tick as described by `info`."""
 
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
-"""Its fields, in the order of `info`."""
+"""Fields of `TICK`, in the order of `info`."""
 
 BLOCK = lanes_of(
     *_TICK,
     ("random_state", np.uint64, (4,)),
     ("true_centre", np.float64, (2,)),  # [m]
-    ("true_motion", np.float64, (3,)),  # transition coefficients
+    ("true_motion", np.float64, (3,)),  # from `motion.motion_coefficients`
     ("heading", np.float64, (2,)),  # unit vector of the anchor's velocity
     ("squared_error", np.float64, ()),  # of the estimated position, summed over the segment [m^2]
-    ("length", np.int64, ()),  # of the segment in ticks
-    ("active_mode", np.int64, ()),  # the mode decided last, q_A of ATE
+    ("length", np.int64, ()),  # of the segment [ticks]
+    ("active_mode", np.int64, ()),  # the last decided mode, q_A of ATE
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("speed", np.float64, ()),  # of the anchor [m/s]
-    ("traced", np.int64, ()),  # rows written to the trace in this call
+    ("trace_length", np.int64, ()),  # rows written to the trace in this step
 )
 """State of `LANES` tracks."""
 
 SCRATCH = lanes_of(
-    ("going", np.int64, ()),  # whether the track takes this tick
-    ("noise", np.float64, (5,)),  # of `noise.draw_noise`
-    ("largest", np.float64, ()),  # log-likelihood of the likeliest hypothesis
-    ("equals", np.float64, ()),  # other hypotheses with that log-likelihood
-    ("log_error", np.float64, ()),  # ln(1 - largest posterior), equal priors
+    ("running", np.int64, ()),  # 1 if the track advances in this tick
+    ("noise", np.float64, (5,)),  # from `noise.draw_noise`
+    ("largest", np.float64, ()),  # maximum log-likelihood of the hypotheses
+    ("ties", np.float64, ()),  # number of other hypotheses with the maximum
+    ("log_error", np.float64, ()),  # ln(1 - maximum posterior), equal priors
 )
-"""Numbers of one tick of one block. All blocks share the same memory, which stays in the nearest cache."""
+"""Temporary values of one tick of one block. The blocks of a thread share this memory in the L1 cache."""
 
 DECISION = (
     "decided_mode",
     "decided_true_mode",
     "ticks",
     "decided_length",
-    "decided_squared_error",  # a float64 among the integers
+    "decided_squared_error",  # the bits of a float64
 )
-"""Rows of the array of decisions made in a step: one column per track, zero without a decision."""
+"""Rows of the array of decisions made in a step. One column per track, zero without a decision."""
 
 DECISION_FLAGS = ("has_decision", "correct", "type_correct", "forced")
-"""Rows of the array of Boolean results, likewise; "correct" as rewarded, exact or by type."""
+"""Rows of the Boolean array of decisions; "correct" is by hypothesis or by type, as in the reward."""
 
 ARRAYS = (
     "actions",
@@ -86,7 +86,7 @@ ARRAYS = (
     "decisions",
     "decision_flags",
 )
-"""Arrays of a world that the kernel reads and writes."""
+"""Arrays of a `World` that the kernel reads and writes."""
 
 PARAMETERS = np.dtype(
     [
@@ -95,16 +95,16 @@ PARAMETERS = np.dtype(
         ("variance_x", np.float64),  # R of each axis [m^2]
         ("variance_y", np.float64),
         ("speed", np.float64),
-        ("heading", np.float64),  # [rad]; NaN draws it
-        ("initial_position", np.float64),  # variance of the first estimate over R
-        ("initial_velocity", np.float64),  # variance of the first estimate [m^2/s^2]
+        ("heading", np.float64),  # [rad]; NaN draws it uniformly
+        ("initial_position", np.float64),  # position variance of the first estimate / R
+        ("initial_velocity", np.float64),  # velocity variance of the first estimate [m^2/s^2]
         ("delay_cost", np.float64),
-        ("exact", np.bool_),  # the radius must be right too
+        ("exact", np.bool_),  # True if the radius must be correct, not only the type
         ("action_count", np.int64),
-        ("declare_best", np.bool_),  # action 1 declares the likeliest hypothesis
+        ("declare_best", np.bool_),  # action 1 declares the most likely hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
-        ("oracle", np.bool_),  # the bank is anchored at the truth
+        ("oracle", np.bool_),  # the bank is anchored at the true state
         ("random_scheme", np.bool_),
         ("segments", np.int64),
         ("shortest", np.int64),
@@ -112,29 +112,29 @@ PARAMETERS = np.dtype(
         ("process_deviation", np.float64),  # sqrt(Q) [m/s]
         ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
         ("deviation_y", np.float64),
-        ("outliers", np.float64),  # share of measurements
-        ("log_noise", np.float64),  # ln R, geometric mean of the axes
+        ("outliers", np.float64),  # fraction of measurements
+        ("log_noise", np.float64),  # ln R, mean of the axes
         ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
         ("radii_count", np.int64),
-        ("axes", np.int64),  # distinct noise axes, 1 or 2
+        ("axes", np.int64),  # number of distinct measurement variances, 1 or 2
         ("tracks", np.int64),
         ("blocks_count", np.int64),
-        ("first_block", np.int64),  # the blocks first_block .. last_block - 1 are stepped
+        ("first_block", np.int64),  # blocks first_block .. last_block - 1 are stepped
         ("last_block", np.int64),
         ("trace_rows", np.int64),
         ("table_rows", np.int64),
-        # where the arrays of a world lie, see `World`
+        # addresses of the arrays of a `World`
         *((name, np.uintp) for name in ARRAYS),
     ]
 )
-"""The options of a world as the kernel reads them, and the addresses of its arrays.
+"""The options of a `World` in the form used by the kernel, and the addresses of its arrays.
 
-Passing an array from Python costs 0.1 us per call, more than the tick of a track. The kernel therefore takes
-the address of one such record and finds everything else there. Each thread has a record of its own.
+Passing an array from Python takes 0.1 us per call, longer than the tick of a track. The kernel therefore has
+the address of one such record as its argument. Each thread has a separate record.
 """
 
 SEGMENT_COLUMNS = ("signed_radius", "mode", "length")
-"""Columns of the table of segments: radius [m], positive to the left; mode of the bank; length [ticks]."""
+"""Columns of the segment table: radius [m], positive to the left; mode (hypothesis); length [ticks]."""
 
 TRACE_COLUMNS = (
     "x",
@@ -148,4 +148,4 @@ TRACE_COLUMNS = (
     "active_mode",
     "segment",
 )
-"""Columns of the trace: one row per tick, fast-forwarded ticks included."""
+"""Columns of the trace. It has one row per tick, including fast-forwarded ticks."""

@@ -1,4 +1,4 @@
-"""The true object: it moves by the hybrid model with noise on its velocity, and its position is measured.
+"""The true object: motion with process noise on the velocity, and noisy measurements of the position.
 
 Golubkov 2018, eq. (1).
 """
@@ -18,12 +18,13 @@ SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
 @internal
 def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float) -> None:
-    """The object of a lane begins a segment: its turn is anchored at its true state.
+    """Begin a segment of the object of a lane. Centre and turn rate are computed from its true state.
 
     Args:
         block: a record `records.BLOCK`.
-        segment: row of the table of segments, `records.SEGMENT_COLUMNS`.
-        tau: tick [s].
+        lane: index of the track in the block.
+        segment: a row of the segment table, with columns `records.SEGMENT_COLUMNS`.
+        tau: length of a tick [s].
     """
     x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
     signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
@@ -39,11 +40,15 @@ def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float
 
 @formula
 def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
-    """The object of one lane moves one tick and is measured.
+    """Move the object of one lane by one tick and measure its position.
 
     Args:
-        noise: (5, LANES), of `noise.draw_noise`; the draws of this tick are in one column.
-        setting: has process_deviation, sqrt(Q) [m/s], and deviation_x and deviation_y, sqrt(R) [m].
+        block: a record `records.BLOCK`.
+        lane: index of the track in the block.
+        noise: (5, LANES), from `noise.draw_noise`.
+        column: column of `noise` for this tick.
+        setting: a record with `process_deviation`, sqrt(Q) [m/s], and `deviation_x` and `deviation_y`,
+            sqrt(R) [m].
     """
     truth = block.truth
     cosine, sine_velocity, sine_position = (
@@ -66,11 +71,13 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
 
 @internal
 def move(block: Any, noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
-    """The objects of lanes first .. last - 1 move one tick and are measured.
+    """Move the objects of lanes first .. last - 1 by one tick and measure their positions.
 
     Args:
+        block: a record `records.BLOCK`.
         noise: (5, LANES), overwritten.
-        setting: see `move_lane`; also outliers, the share of measurements with larger noise.
+        first, last: range of lanes.
+        setting: see `move_lane`; also `outliers`, the fraction of ticks with outliers.
     """
     draw_noise(block.random_state, noise, first, last, setting.outliers)
     for lane in range(first, last):

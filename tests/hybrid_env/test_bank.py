@@ -1,17 +1,17 @@
-"""The bank against the literal 4x4 Kalman filters of Golubkov 2018."""
+"""The bank agrees with the Kalman filters of Golubkov 2018 in matrix form."""
 
 import math
 
 import numpy as np
 import pytest
-from literal import LiteralFilter
+from matrix_filters import MatrixKalmanFilter
 
 from hybrid_env import KalmanBank
 from hybrid_env.checks import ArgumentError
 
 
 @pytest.mark.parametrize("isotropic", [True, False])
-def test_the_bank_equals_literal_filters_on_random_tracks(isotropic):
+def test_the_bank_equals_matrix_filters_on_random_tracks(isotropic):
     generator = np.random.default_rng(20180 + isotropic)
     radii = [2.0, 5.0, 9.0]
     modes = [("S", 0.0)] + [("L", r) for r in radii] + [("R", r) for r in radii]
@@ -25,27 +25,27 @@ def test_the_bank_equals_literal_filters_on_random_tracks(isotropic):
         bank.anchor(start, covariance)
         P = np.kron(np.eye(2), [[covariance[0], covariance[1]], [covariance[1], covariance[2]]])
         matrix = np.diag(np.broadcast_to(R, 2))
-        literal = [LiteralFilter(start, P, mode, radius, tau, Q, matrix) for mode, radius in modes]
+        reference = [MatrixKalmanFilter(start, P, mode, radius, tau, Q, matrix) for mode, radius in modes]
         position = start[[0, 2]].copy()
         for _ in range(20):
             position += tau * start[[1, 3]] + generator.normal(0, 0.2, 2)
             z = position + generator.normal(0, np.sqrt(np.broadcast_to(R, 2)))
             log_likelihood = bank.step(z)
-            for one in literal:
+            for one in reference:
                 one.step(z)
         tolerance = {"rtol": 1e-12, "atol": 1e-12}
-        np.testing.assert_allclose(log_likelihood, [one.log_likelihood for one in literal], **tolerance)
-        np.testing.assert_allclose(bank.estimates, [one.x for one in literal], **tolerance)
-        np.testing.assert_allclose(bank.innovations, [one.innovation for one in literal], **tolerance)
+        np.testing.assert_allclose(log_likelihood, [one.log_likelihood for one in reference], **tolerance)
+        np.testing.assert_allclose(bank.estimates, [one.x for one in reference], **tolerance)
+        np.testing.assert_allclose(bank.innovations, [one.innovation for one in reference], **tolerance)
         np.testing.assert_allclose(
-            bank.innovation_variances, [np.diag(one.Sigma) for one in literal], **tolerance
+            bank.innovation_variances, [np.diag(one.Sigma) for one in reference], **tolerance
         )
-        blocks = [[(one.P[k, k], one.P[k, k + 1], one.P[k + 1, k + 1]) for k in (0, 2)] for one in literal]
+        blocks = [[(one.P[k, k], one.P[k, k + 1], one.P[k + 1, k + 1]) for k in (0, 2)] for one in reference]
         np.testing.assert_allclose(bank.covariances, blocks, **tolerance)
 
 
-def test_log_likelihood_is_that_of_the_joint_gaussian_of_all_measurements():
-    # without recursion: z_1 .. z_n of a straight track are jointly normal
+def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_measurements():
+    # no recursion: z_1 .. z_n of a straight track are jointly normal
     tau, Q, R, n = 0.1, 0.01, 0.2, 12
     start = np.array([0.3, 1.0, -0.2, 0.4])
     F, H = np.array([[1, tau], [0, 1.0]]), np.array([1.0, 0.0])
@@ -71,19 +71,19 @@ def test_log_likelihood_is_that_of_the_joint_gaussian_of_all_measurements():
     assert found[0] == pytest.approx(expected, rel=1e-12)
 
 
-def test_an_estimate_that_stands_still_yields_finite_filters():
+def test_an_anchor_at_rest_gives_finite_log_likelihoods():
     bank = KalmanBank([1.0, 5.0])
     bank.anchor([0.0, 0.0, 0.0, 0.0])
     for _ in range(50):
         assert np.isfinite(bank.step([0.1, -0.1])).all()
 
 
-def test_a_step_before_the_anchor_is_refused():
+def test_step_before_anchor_raises():
     with pytest.raises(RuntimeError, match="anchor"):
         KalmanBank().step([0.0, 0.0])
 
 
-BAD = [
+INVALID = [
     ({"radii": []}, "radii=[]"),
     ({"radii": [0.0]}, "radii=[0.0]"),
     ({"radii": [-1.0]}, "radii=[-1.0]"),
@@ -101,8 +101,8 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "message"), BAD)
-def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
+@pytest.mark.parametrize(("arguments", "message"), INVALID)
+def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
     with pytest.raises(ArgumentError) as caught:
         KalmanBank(**arguments)
     assert message in str(caught.value)

@@ -1,4 +1,4 @@
-"""The single environment: reward, fast-forward, observation and info, each against its definition."""
+"""The single environment: reward, fast-forward, observation and info agree with their definitions."""
 
 import copy
 import math
@@ -14,7 +14,7 @@ from hybrid_env.core.records import TRACE_COLUMNS
 
 
 def play(env, policy, seed):
-    """One episode; policy(tick, segment, info) -> action. Returns rewards, infos and observations."""
+    """Run one episode with policy(info) -> action. Returns rewards, infos and observations."""
     observation, info = env.reset(seed=seed)
     rewards, infos, observations = [], [info], [observation]
     terminated = False
@@ -28,7 +28,7 @@ def play(env, policy, seed):
 
 
 @pytest.mark.parametrize("tick", [1, 7, 50])
-def test_a_segment_decided_at_its_kth_tick_earns_one_or_minus_one_less_k_times_the_delay_cost(tick):
+def test_return_of_a_segment_decided_at_tick_k_is_plus_or_minus_one_minus_k_times_the_delay_cost(tick):
     env = HybridTrackEnv()
     rewards, infos, _ = play(env, lambda info: 2 if info["tick"] == tick else 0, seed=4)
     decided = [info for info in infos if "decided_mode" in info]
@@ -38,12 +38,12 @@ def test_a_segment_decided_at_its_kth_tick_earns_one_or_minus_one_less_k_times_t
         assert info["decided_mode"] == 1
         assert info["correct"] == (info["decided_true_mode"] == 1)
         assert info["forced"] is False
-    earned = sum((1.0 if info["correct"] else -1.0) - tick * 0.02 for info in decided)
-    assert sum(rewards) == pytest.approx(earned)
+    expected = sum((1.0 if info["correct"] else -1.0) - tick * 0.02 for info in decided)
+    assert sum(rewards) == pytest.approx(expected)
     assert len(rewards) == 6 * tick
 
 
-def test_waiting_on_the_last_tick_forces_the_likeliest_hypothesis_in_that_step():
+def test_waiting_on_the_last_tick_forces_a_decision_for_the_most_likely_hypothesis_in_that_step():
     env = HybridTrackEnv(scheme="L30r5 S40")
     rewards, infos, _ = play(env, lambda info: 0, seed=1)
     assert len(rewards) == 70
@@ -55,18 +55,18 @@ def test_waiting_on_the_last_tick_forces_the_likeliest_hypothesis_in_that_step()
         assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
 
 
-def test_undecided_keep_keeps_the_mode_decided_last():
+def test_undecided_keep_keeps_the_last_decided_mode():
     env = HybridTrackEnv(scheme="L30r5 S40 R30r5", undecided="keep")
     _, infos, _ = play(env, lambda info: 2 if (info["segment"], info["tick"]) == (1, 3) else 0, seed=1)
     assert [info["decided_mode"] for info in infos if "decided_mode" in info] == [0, 1, 1]
 
 
-def test_declaring_at_once_and_never_earn_what_chance_and_the_clock_say():
-    # at once: right in one of three, 1/3 - 2/3 - .02 = -.353; standard error 2 sqrt(2)/3 / sqrt(n) = .019
+def test_mean_rewards_of_declaring_immediately_and_of_never_declaring_have_their_expected_values():
+    # immediately: correct with probability 1/3, 1/3 - 2/3 - .02 = -.353; standard error 2 sqrt(2)/3 / sqrt(n)
     env = HybridTrackEnv()
     rewards = [sum(play(env, lambda info: 1, seed)[0]) / 6 for seed in range(400)]
     assert np.mean(rewards) == pytest.approx(-0.353, abs=4 * 0.94 / math.sqrt(2400))
-    # never: about 1 - 75 ticks of .02 = -.50, nearly always right; lengths are uniform on 50 .. 100
+    # never: about 1 - 75 * .02 = -.50, almost always correct; lengths are uniform on 50 .. 100
     rewards = [sum(play(env, lambda info: 0, seed)[0]) / 6 for seed in range(100)]
     assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
 
@@ -77,25 +77,25 @@ def test_truth_and_measurements_do_not_depend_on_the_actions(outliers):
     traces = []
     for env, policy in ((first, lambda info: 0), (second, lambda info: 3 if info["tick"] == 9 else 0)):
         env.reset(seed=11)
-        rows, terminated, info = [env.world.traced(0)], False, {"tick": 1}
+        rows, terminated, info = [env.world.read_trace(0)], False, {"tick": 1}
         while not terminated:
             _, _, terminated, _, info = env.step(policy(info))
-            rows.append(env.world.traced(0))
+            rows.append(env.world.read_trace(0))
         traces.append(np.concatenate(rows))
     np.testing.assert_array_equal(traces[0][:, :6], traces[1][:, :6])
     assert (traces[0][:, 6:] != traces[1][:, 6:]).any()
 
 
-def test_the_object_moves_on_its_scheme_and_is_measured_with_the_stated_variance():
+def test_the_object_follows_its_scheme_and_is_measured_with_the_given_variance():
     env = HybridTrackEnv(
         render_mode="rgb_array", scheme="S50 L100r5 R100r5", process_variance=0.0,
         measurement_variance=(0.1, 0.4), heading=0.5, speed=1.5,
     )  # fmt: skip
     env.reset(seed=0)
-    rows, terminated = [env.world.traced(0)], False
+    rows, terminated = [env.world.read_trace(0)], False
     while not terminated:
         _, _, terminated, _, _ = env.step(0)
-        rows.append(env.world.traced(0))
+        rows.append(env.world.read_trace(0))
     trace = dict(zip(TRACE_COLUMNS, np.concatenate(rows).T, strict=True))
     assert len(trace["x"]) == 250
     np.testing.assert_allclose(trace["x"][49], 50 * 0.1 * 1.5 * math.cos(0.5))
@@ -109,17 +109,17 @@ def test_the_object_moves_on_its_scheme_and_is_measured_with_the_stated_variance
         assert errors.var() == pytest.approx(variance, rel=4 * math.sqrt(2 / 250))
 
 
-def test_process_noise_enters_the_velocities_with_its_variance():
+def test_process_noise_on_the_velocities_has_the_given_variance():
     env = HybridTrackEnv(scheme="S5000", process_variance=0.04, render_mode="rgb_array")
     env.reset(seed=3)
     env.step(1)
-    velocity = env.world.traced(0)[:, [TRACE_COLUMNS.index("vx"), TRACE_COLUMNS.index("vy")]]
+    velocity = env.world.read_trace(0)[:, [TRACE_COLUMNS.index("vx"), TRACE_COLUMNS.index("vy")]]
     steps = np.diff(velocity, axis=0)
     assert steps.var() == pytest.approx(0.04, rel=4 * math.sqrt(2 / steps.size))
     assert abs(np.corrcoef(steps.T)[0, 1]) < 4 / math.sqrt(len(steps))
 
 
-def test_the_first_estimate_is_off_by_the_initial_error():
+def test_the_error_of_the_first_estimate_has_the_given_variances():
     env = HybridTrackEnv(initial_error=(0.5, 0.03), heading=0.0, measurement_variance=0.2)
     anchors = np.array([env.reset(seed=seed)[1]["anchor"] for seed in range(2000)])
     errors = anchors - [0.0, 2.0, 0.0, 0.0]
@@ -130,7 +130,7 @@ def test_the_first_estimate_is_off_by_the_initial_error():
 
 
 @pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0, 9.0)}, {"measurement_variance": (0.1, 0.5)}])
-def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
+def test_info_and_observation_equal_those_of_a_separate_bank(options):
     env = HybridTrackEnv(**options)
     radii = env.options.radii
     layout = Layout(env.options.hypotheses)
@@ -151,7 +151,7 @@ def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
         shift = (info["measurement"] - anchor[[0, 2]]) / np.sqrt(np.sqrt(R.prod()))
         posterior = np.exp(log_likelihood - log_likelihood.max())
         posterior /= posterior.sum()
-        doubt = np.log(np.delete(posterior, posterior.argmax()).sum())
+        log_error = np.log(np.delete(posterior, posterior.argmax()).sum())
         curvature = np.concatenate([[0.0], 1 / np.array(radii), -1 / np.array(radii)])
         expected = {
             "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),
@@ -161,7 +161,7 @@ def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
             "previous": np.eye(len(curvature))[previous],
             "curvature": curvature,
             "ticks": info["tick"],
-            "log_error_probability": max(doubt, -30),
+            "log_error_probability": max(log_error, -30),
             "speed": np.hypot(anchor[1], anchor[3]),
             "displacement_along": shift @ heading,
             "displacement_across": shift @ [-heading[1], heading[0]],
@@ -178,7 +178,7 @@ def test_info_and_observation_equal_what_a_bank_of_ones_own_gives(options):
         observation, _, _, _, info = env.step(action)
 
 
-def test_a_declared_filter_runs_alone_to_the_segments_end_and_anchors_the_next():
+def test_the_declared_filter_runs_to_the_end_of_the_segment_and_provides_the_next_anchor():
     env = HybridTrackEnv(scheme="L40r5 S60", render_mode="rgb_array", initial_error=0, reset_covariance=False)
     _, info = env.reset(seed=2)
     bank = KalmanBank()
@@ -188,7 +188,7 @@ def test_a_declared_filter_runs_alone_to_the_segments_end_and_anchors_the_next()
         _, _, _, _, info = env.step(0)
         bank.step(info["measurement"])
     observation, _, _, _, info = env.step(2)
-    trace = dict(zip(TRACE_COLUMNS, env.world.traced(0).T, strict=True))
+    trace = dict(zip(TRACE_COLUMNS, env.world.read_trace(0).T, strict=True))
     assert trace["segment"].tolist() == [0] * 30 + [1]
     for x, y in zip(trace["measured_x"][:30], trace["measured_y"][:30], strict=True):
         bank.step([x, y])
@@ -196,35 +196,35 @@ def test_a_declared_filter_runs_alone_to_the_segments_end_and_anchors_the_next()
     kept = bank.covariances[1, 0] / 0.1
     names = ("anchor_xx", "anchor_xv", "anchor_vv")
     np.testing.assert_allclose([Layout(3).read(observation, name) for name in names], kept, rtol=1e-6)
-    # without the reset the next segment starts with that covariance
+    # with reset_covariance=False the next segment starts with this covariance
     bank.anchor(info["anchor"], bank.covariances[1, 0])
     np.testing.assert_allclose(info["log_likelihood"], bank.step(info["measurement"]), rtol=1e-11)
     assert (info["segment"], info["tick"]) == (1, 1)
 
 
-def test_squared_error_of_a_segment_is_that_of_its_trace():
+def test_squared_error_of_a_segment_equals_that_of_its_trace():
     env = HybridTrackEnv(render_mode="rgb_array")
     _, info = env.reset(seed=5)
-    rows = [env.world.traced(0)]
+    rows = [env.world.read_trace(0)]
     while "decided_mode" not in info:
         _, _, _, _, info = env.step(1 if info["tick"] == 20 else 0)
-        rows.append(env.world.traced(0))
+        rows.append(env.world.read_trace(0))
     trace = np.concatenate(rows)[: info["decided_length"]]
     expected = ((trace[:, [0, 2]] - trace[:, [6, 7]]) ** 2).sum()
     assert info["decided_squared_error"] == pytest.approx(expected)
 
 
-def test_type_correctness_forgives_a_wrong_radius_and_exactness_does_not():
-    for correctness, right in (("type", True), ("exact", False)):
+def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():
+    for correctness, expected in (("type", True), ("exact", False)):
         env = HybridTrackEnv(scheme="L50r2", radii=(2.0, 5.0), correctness=correctness)
         env.reset(seed=0)
         _, reward, terminated, _, info = env.step(3)
         assert terminated
-        assert (info["correct"], info["type_correct"]) == (right, True)
-        assert reward == (0.98 if right else -1.02)
+        assert (info["correct"], info["type_correct"]) == (expected, True)
+        assert reward == (0.98 if expected else -1.02)
 
 
-def test_actions_best_declares_the_likeliest_hypothesis():
+def test_actions_best_declares_the_most_likely_hypothesis():
     env = HybridTrackEnv(actions="best")
     assert env.action_space.n == 2
     _, info = env.reset(seed=3)
@@ -235,14 +235,14 @@ def test_actions_best_declares_the_likeliest_hypothesis():
 
 
 @pytest.mark.parametrize("action", [-1, 4, 0.0, "wait", None, np.array([0, 1]), math.nan])
-def test_an_invalid_action_is_refused_by_name(action):
+def test_an_invalid_action_raises_an_error_with_its_value(action):
     env = HybridTrackEnv()
     env.reset(seed=0)
     with pytest.raises(gym.error.InvalidAction, match=r"^action=.*expected an integer from 0 \(wait\) to 3$"):
         env.step(action)
 
 
-def test_a_step_needs_a_running_episode():
+def test_step_requires_a_running_episode():
     env = HybridTrackEnv(scheme="S1")
     with pytest.raises(gym.error.ResetNeeded):
         env.step(0)
@@ -252,7 +252,7 @@ def test_a_step_needs_a_running_episode():
         env.step(0)
 
 
-def test_every_call_returns_fresh_arrays_of_plain_types():
+def test_every_call_returns_new_arrays_and_builtin_types():
     env = HybridTrackEnv()
     observation, info = env.reset(seed=0)
     kept = {key: np.copy(value) for key, value in info.items()}
@@ -266,7 +266,7 @@ def test_every_call_returns_fresh_arrays_of_plain_types():
     assert type(later["segment"]) is int
 
 
-def test_the_same_seed_repeats_an_episode_and_no_seed_goes_on():
+def test_the_same_seed_repeats_an_episode_and_no_seed_continues_the_random_stream():
     env = HybridTrackEnv()
     first = env.reset(seed=9)[0]
     second = env.reset()[0]
@@ -276,7 +276,7 @@ def test_the_same_seed_repeats_an_episode_and_no_seed_goes_on():
 
 
 @pytest.mark.parametrize("clone", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_goes_on_alone_and_alike(clone):
+def test_a_copy_continues_independently_with_the_same_results(clone):
     env = HybridTrackEnv()
     env.reset(seed=1)
     env.step(0)
@@ -289,7 +289,7 @@ def test_a_copy_goes_on_alone_and_alike(clone):
         assert mine[4]["tick"] == info["tick"]
 
 
-def test_a_pickle_with_other_records_is_refused():
+def test_unpickling_records_of_another_layout_raises():
     env = HybridTrackEnv()
     names = env.world.blocks.dtype.names
     env.world.blocks = env.world.blocks.astype(
@@ -311,10 +311,10 @@ def test_modes_of_a_random_scheme_are_equally_likely():
     assert np.abs(counts - 400).max() < 4 * math.sqrt(2000 * 0.2 * 0.8)
 
 
-def test_outliers_are_as_frequent_and_as_wide_as_asked_and_leave_the_truth_alone():
+def test_outliers_have_the_given_frequency_and_standard_deviation():
     worlds = [
-        HybridTrackVectorEnv(4000, outliers=share, measurement_variance=0.25, process_variance=0.0)
-        for share in (0.0, 0.1)
+        HybridTrackVectorEnv(4000, outliers=fraction, measurement_variance=0.25, process_variance=0.0)
+        for fraction in (0.0, 0.1)
     ]
     errors = []
     for world in worlds:
@@ -328,8 +328,8 @@ def test_outliers_are_as_frequent_and_as_wide_as_asked_and_leave_the_truth_alone
     assert beyond == pytest.approx(0.1 * 0.3173, abs=4 * np.sqrt(0.0317 / 4000))
 
 
-def test_a_forked_process_has_its_own_tracks():
-    env = HybridTrackVectorEnv(4096)  # large enough for large pages
+def test_a_forked_process_does_not_change_the_tracks_of_its_parent():
+    env = HybridTrackVectorEnv(4096)  # large enough for huge pages
     env.reset(seed=0)
     child = os.fork()
     if child == 0:

@@ -1,4 +1,4 @@
-"""An info dictionary that is filled when it is first used is a dictionary in every other respect."""
+"""An info dictionary that is filled on first access behaves like an ordinary dictionary."""
 
 import copy
 import json
@@ -42,7 +42,7 @@ USES = {
 
 
 @pytest.mark.parametrize("use", USES.values(), ids=USES)
-def test_every_use_fills_it_once(use):
+def test_every_access_fills_the_dictionary_once(use):
     calls = []
     info = lazy(calls)
     assert calls == []
@@ -52,7 +52,7 @@ def test_every_use_fills_it_once(use):
     assert calls == [1]
 
 
-def test_what_it_becomes_is_what_an_ordinary_dictionary_would_hold():
+def test_a_converted_dictionary_has_the_expected_entries():
     expected = {"tick": [3, 4], "_tick": [True, True], "decided_mode": 1}
     for convert in (
         dict,
@@ -66,35 +66,35 @@ def test_what_it_becomes_is_what_an_ordinary_dictionary_would_hold():
         assert json.dumps(plain)
 
 
-def test_what_is_written_before_the_first_read_stays():
+def test_an_entry_written_before_the_first_access_is_kept():
     info = lazy([])
     info["episode"] = 7
     assert set(info) == {"tick", "_tick", "episode"}
     assert isinstance(info, dict)
 
 
-def test_info_read_after_later_steps_still_describes_its_own_step():
+def test_info_read_after_later_steps_describes_its_own_step():
     first, second = (HybridTrackVectorEnv(9, radii=(3.0, 5.0)) for _ in range(2))
     first.reset(seed=2)
     second.reset(seed=2)
-    read_late, read_at_once = [], []
+    read_late, read_immediately = [], []
     for action in (0, 0, 1, 0, 2, 0):
         read_late.append(first.step(np.full(9, action))[4])
-        read_at_once.append(dict(second.step(np.full(9, action))[4]))
-    for late, at_once in zip(read_late, read_at_once, strict=True):
-        assert list(late) == list(at_once)
-        for key, value in at_once.items():
+        read_immediately.append(dict(second.step(np.full(9, action))[4]))
+    for late, immediate in zip(read_late, read_immediately, strict=True):
+        assert list(late) == list(immediate)
+        for key, value in immediate.items():
             np.testing.assert_array_equal(late[key], value)
 
 
-def test_unread_info_equals_the_single_environments():
+def test_info_read_later_equals_that_of_single_environments():
     envs, singles = HybridTrackVectorEnv(10), [HybridTrackEnv() for _ in range(10)]
     envs.reset(seed=5)
     for i, single in enumerate(singles):
         single.reset(seed=5 + i)
     wait = np.zeros(10, np.int64)
     kept = [(envs.step(wait)[4], [single.step(0)[4] for single in singles]) for _ in range(30)]
-    for info, expected in kept:  # read only now
+    for info, expected in kept:  # first access
         for i, one in enumerate(expected):
             for key, value in one.items():
                 np.testing.assert_array_equal(info[key][i], value)

@@ -1,4 +1,4 @@
-"""The ids through other people's checkers, vectorisers and processes."""
+"""The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
 
 import gymnasium as gym
 import numpy as np
@@ -13,18 +13,18 @@ IDS = tuple(hybrid_env.ENVIRONMENTS)
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_gymnasiums_checker_has_nothing_to_say(env_id):
+def test_the_gymnasium_checker_passes(env_id):
     gymnasium_check(gym.make(env_id, render_mode="rgb_array").unwrapped)
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_stable_baselines_checker_has_nothing_to_say(env_id):
+def test_the_stable_baselines3_checker_passes(env_id):
     sb3_check(gym.make(env_id))
 
 
 @pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize("mode", ["sync", "async", "vector_entry_point"])
-def test_every_vectorisation_mode_gives_the_same_episodes(env_id, mode):
+def test_every_vectorization_mode_gives_the_same_episodes(env_id, mode):
     env = gym.make_vec(f"hybrid_env:{env_id}", num_envs=2, vectorization_mode=mode)
     expected = gym.make_vec(env_id, num_envs=2)
     try:
@@ -39,7 +39,7 @@ def make_by_module():
     return gym.make("hybrid_env:HybridTrack-v0")
 
 
-def test_forkserver_processes_make_the_environment_by_its_module():
+def test_forkserver_processes_create_the_environment_by_module_and_id():
     env = SubprocVecEnv([make_by_module, make_by_module], start_method="forkserver")
     try:
         env.seed(6)
@@ -51,7 +51,7 @@ def test_forkserver_processes_make_the_environment_by_its_module():
         env.close()
 
 
-def test_keywords_of_make_override_those_of_the_id():
+def test_keywords_of_make_override_the_options_of_the_id():
     env = gym.make("HybridTrackBank-v0", correctness="exact", delay_cost=0.5).unwrapped
     assert env.options.correctness == "exact"
     assert env.options.delay_cost == 0.5

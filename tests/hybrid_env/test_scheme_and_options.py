@@ -1,4 +1,4 @@
-"""Schemes as people write them, and every option's bad values."""
+"""Parsing of schemes, and invalid values of every option."""
 
 import math
 
@@ -21,14 +21,14 @@ from hybrid_env.checks import ArgumentError
 from hybrid_env.scheme import SCHEMES, segment_table
 
 
-def test_a_scheme_is_read_word_by_word():
+def test_a_fixed_scheme_is_parsed():
     scheme = parse_scheme("L50r3 R75r5.5 S50")
     assert scheme == FixedScheme((Segment("L", 50, 3.0), Segment("R", 75, 5.5), Segment("S", 50)))
     assert str(scheme) == "L50r3 R75r5.5 S50"
     assert parse_scheme("S1, L2r.5") == FixedScheme((Segment("S", 1), Segment("L", 2, 0.5)))
 
 
-def test_random_schemes_are_read():
+def test_random_schemes_are_parsed():
     assert parse_scheme("random") == RandomScheme()
     assert parse_scheme("random 4x20-60") == RandomScheme(4, (20, 60))
     assert parse_scheme("random 2x30") == RandomScheme(2, (30, 30))
@@ -38,27 +38,27 @@ def test_random_schemes_are_read():
     ("name", "pieces", "ticks"),
     [("golubkov2018", 6, 360), ("tsyganov2019", 9, 2506), ("golubkov2020", 2, 40)],
 )
-def test_the_papers_schemes_have_their_published_lengths(name, pieces, ticks):
+def test_schemes_of_the_papers_have_their_published_lengths(name, pieces, ticks):
     scheme = parse_scheme(name)
     assert len(scheme.pieces) == pieces
     assert sum(piece.length for piece in scheme.pieces) == ticks
     assert set(SCHEMES) == {"golubkov2018", "tsyganov2019", "golubkov2020"}
 
 
-def test_modes_are_straight_then_left_then_right_and_unknown_radii_take_the_nearest_curvature():
+def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curvature():
     table = segment_table(parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100"), [1.0, 3.0, 10.0])
     assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
     assert segment_table(RandomScheme(), [1.0, 3.0])[:, 1].tolist() == [0, 1, 2, 3, 4]
 
 
-BAD_SCHEMES = [
+INVALID_SCHEMES = [
     "", "   ", "X50", "S", "S0", "S50r3", "L50", "L50r0", "L50r-1", "Lr5", "S50 L50", "L50rx", "S5.5",
     "random 0x5", "random 3x9-5", "random x", "S99999999", "nonsense", None, 5, [], ("S50",), b"S50",
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("scheme", BAD_SCHEMES)
-def test_bad_schemes_are_refused_in_one_line(scheme):
+@pytest.mark.parametrize("scheme", INVALID_SCHEMES)
+def test_an_invalid_scheme_raises_a_one_line_error(scheme):
     with pytest.raises(ArgumentError) as caught:
         WorldOptions(scheme=scheme)
     message = str(caught.value)
@@ -68,7 +68,7 @@ def test_bad_schemes_are_refused_in_one_line(scheme):
 
 
 NAN = float("nan")
-BAD_OPTIONS = [
+INVALID_OPTIONS = [
     ("radii", ()), ("radii", (0.0,)), ("radii", (-5.0,)), ("radii", (NAN,)), ("radii", (5.0, 5.0)),
     ("radii", "x"), ("radii", ((5.0,),)), ("radii", None), ("radii", (math.inf,)),
     ("speed", 0.0), ("speed", -1.0), ("speed", NAN), ("speed", "fast"), ("speed", None), ("speed", True),
@@ -91,8 +91,8 @@ BAD_OPTIONS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "value"), BAD_OPTIONS)
-def test_bad_options_are_refused_in_one_line_that_names_argument_value_and_what_is_allowed(name, value):
+@pytest.mark.parametrize(("name", "value"), INVALID_OPTIONS)
+def test_an_invalid_option_raises_a_one_line_error_with_name_value_and_allowed_values(name, value):
     with pytest.raises(ArgumentError) as caught:
         HybridTrackEnv(**{name: value})
     message = str(caught.value)
@@ -101,21 +101,21 @@ def test_bad_options_are_refused_in_one_line_that_names_argument_value_and_what_
     assert "\n" not in message
 
 
-def test_every_option_has_a_bad_value_in_the_list():
+def test_every_option_has_an_invalid_value_in_the_list():
     from dataclasses import fields
 
-    listed = {name for name, _ in BAD_OPTIONS} | {"scheme"}
+    listed = {name for name, _ in INVALID_OPTIONS} | {"scheme"}
     assert {field.name for field in fields(WorldOptions)} <= listed
 
 
-def test_an_unknown_option_is_answered_with_the_one_that_was_meant():
+def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
     with pytest.raises(
         TypeError, match=r"mesurement_variance=0.1 is unknown: did you mean 'measurement_variance'"
     ):
         HybridTrackVectorEnv(2, mesurement_variance=0.1)
 
 
-def test_exact_correctness_needs_the_schemes_radii_in_the_bank():
+def test_exact_correctness_requires_the_radii_of_the_scheme_in_the_bank():
     with pytest.raises(ArgumentError, match=r"radii=\(5.0,\).*3.0"):
         WorldOptions(scheme="L50r3")
     assert WorldOptions(scheme="L50r3", correctness="type").hypotheses == 3
@@ -124,18 +124,18 @@ def test_exact_correctness_needs_the_schemes_radii_in_the_bank():
 @pytest.mark.parametrize(
     "arguments", [{"num_envs": 0}, {"num_envs": 2.0}, {"autoreset_mode": "soon"}, {"trace_rows": -1}]
 )
-def test_the_vector_environment_refuses_nonsense(arguments):
+def test_the_vector_environment_rejects_invalid_arguments(arguments):
     with pytest.raises(ArgumentError, match=next(iter(arguments))):
         HybridTrackVectorEnv(**({"num_envs": 1} | arguments))
 
 
 @pytest.mark.parametrize("hypotheses", [0, 1, 2, 4])
-def test_a_layout_needs_an_odd_number_of_hypotheses(hypotheses):
+def test_a_layout_requires_an_odd_number_of_hypotheses(hypotheses):
     with pytest.raises(ArgumentError, match="hypotheses="):
         Layout(hypotheses)
 
 
-def test_a_layout_is_found_from_its_width_and_refuses_others():
+def test_a_layout_is_determined_by_its_width_and_invalid_widths_raise():
     assert Layout.of_width(136).hypotheses == 21
     for width in (0, 10, 16, 29):
         with pytest.raises(ArgumentError, match="width="):
@@ -144,7 +144,7 @@ def test_a_layout_is_found_from_its_width_and_refuses_others():
         Layout(3).read(np.zeros(28), "log_odds")
 
 
-def test_ids_are_registered_once_and_again_without_complaint():
+def test_repeated_registration_of_the_ids_does_not_raise():
     import importlib
 
     importlib.reload(hybrid_env)

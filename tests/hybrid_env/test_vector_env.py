@@ -1,4 +1,4 @@
-"""The vector environment against single ones, in each autoreset mode."""
+"""The vector environment agrees with single environments in each autoreset mode."""
 
 import copy
 import pickle
@@ -14,12 +14,12 @@ IDS = ("HybridTrack-v0", "HybridTrackBank-v0")
 
 
 def random_actions(generator, shape, count):
-    """Mostly waiting, so that episodes are long and decisions varied."""
+    """Draw mostly waiting actions, so that episodes are long and decision times vary."""
     return np.where(generator.random(shape) < 0.93, 0, generator.integers(0, count, shape))
 
 
 @pytest.mark.parametrize("env_id", IDS)
-def test_vector_track_equals_single_env_bit_for_bit_through_autoresets(env_id):
+def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id):
     tracks, steps, seed = 5, 2000, 42
     vector = gym.make_vec(env_id, tracks)
     singles = [gym.make(env_id).unwrapped for _ in range(tracks)]
@@ -57,7 +57,7 @@ def test_vector_track_equals_single_env_bit_for_bit_through_autoresets(env_id):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_the_vector_env_equals_gymnasiums_own_vectorisation_of_the_single_one(mode):
+def test_the_vector_environment_equals_a_sync_vector_env_of_single_environments(mode):
     options = {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}
     ours = HybridTrackVectorEnv(3, autoreset_mode=mode, **options)
     theirs = SyncVectorEnv([lambda: HybridTrackEnv(**options)] * 3, autoreset_mode=mode)
@@ -90,7 +90,7 @@ def compare_infos(mine, other):
             np.testing.assert_array_equal(np.asarray(mine[key])[mask], np.asarray(value)[mask], err_msg=key)
 
 
-def test_disabled_autoreset_resets_the_masked_tracks_only():
+def test_disabled_autoreset_resets_only_the_masked_tracks():
     env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", scheme="S4 S4")
     env.reset(seed=0)
     for _ in range(7):
@@ -108,15 +108,15 @@ def test_disabled_autoreset_resets_the_masked_tracks_only():
             env.reset(options={"reset_mask": bad})
 
 
-def test_returned_arrays_are_fresh():
+def test_returned_arrays_are_not_changed_by_later_steps():
     env = HybridTrackVectorEnv(4)
     rows, info = env.reset(seed=0)
     kept = rows.copy(), {key: value.copy() for key, value in info.items()}
     _, rewards, _, _, _ = env.step(np.ones(4, int))
-    earned = rewards.copy()
+    expected_rewards = rewards.copy()
     env.step(np.zeros(4, int))
     np.testing.assert_array_equal(rows, kept[0])
-    np.testing.assert_array_equal(rewards, earned)
+    np.testing.assert_array_equal(rewards, expected_rewards)
     for key, value in info.items():
         np.testing.assert_array_equal(value, kept[1][key])
 
@@ -124,20 +124,20 @@ def test_returned_arrays_are_fresh():
 @pytest.mark.parametrize(
     "actions", [np.zeros(2, int), np.zeros(3), np.array([0, 4, 0]), np.array([0, -1, 0]), 0, [0, 0, "0"]]
 )
-def test_invalid_actions_are_refused(actions):
+def test_invalid_actions_raise(actions):
     env = HybridTrackVectorEnv(3)
     env.reset(seed=0)
     with pytest.raises(gym.error.InvalidAction, match="expected"):
         env.step(actions)
 
 
-def test_tracks_that_never_began_cannot_be_left_out_of_the_first_reset():
+def test_the_first_reset_must_include_all_tracks():
     env = HybridTrackVectorEnv(3, autoreset_mode="Disabled")
-    with pytest.raises(gym.error.ResetNeeded, match="never began"):
+    with pytest.raises(gym.error.ResetNeeded, match="requires an earlier reset"):
         env.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
 
 
-def test_actions_of_any_integer_type_and_layout_are_taken():
+def test_actions_of_any_integer_type_and_memory_layout_are_accepted():
     envs = [HybridTrackVectorEnv(4) for _ in range(4)]
     for env in envs:
         env.reset(seed=0)
@@ -150,7 +150,7 @@ def test_actions_of_any_integer_type_and_layout_are_taken():
         np.testing.assert_array_equal(row, rows[0])
 
 
-def test_a_step_needs_a_reset_and_seeds_must_match_the_tracks():
+def test_step_requires_a_reset_and_seeds_must_match_the_number_of_tracks():
     env = HybridTrackVectorEnv(2)
     with pytest.raises(gym.error.ResetNeeded):
         env.step(np.zeros(2, int))
@@ -160,7 +160,7 @@ def test_a_step_needs_a_reset_and_seeds_must_match_the_tracks():
     np.testing.assert_array_equal(rows[0], rows[1])
 
 
-def test_an_environment_that_was_unpickled_from_memory_of_others_steps_in_its_own():
+def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory():
     import pickle
 
     env = HybridTrackVectorEnv(3, trace_rows=4)
@@ -176,18 +176,18 @@ def test_an_environment_that_was_unpickled_from_memory_of_others_steps_in_its_ow
     assert frozen == before
 
 
-def test_a_reset_of_some_leaves_the_traces_of_the_others():
+def test_a_reset_of_some_tracks_keeps_the_traces_of_the_others():
     env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", trace_rows=30)
     env.reset(seed=5)
     env.step(np.ones(3, np.int64))
-    lengths = [len(env.world.traced(k)) for k in range(3)]
+    lengths = [len(env.world.read_trace(k)) for k in range(3)]
     assert min(lengths) > 1
     env.reset(options={"reset_mask": np.array([False, True, False])})
-    assert [len(env.world.traced(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
+    assert [len(env.world.read_trace(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
 
 
 @pytest.mark.parametrize("seed", [1.5, "one", (1, 2), (1, 2, 0.5), (1, 2, -3), object()])
-def test_bad_seeds_are_refused_and_arrays_of_them_taken(seed):
+def test_invalid_seeds_raise_and_arrays_of_seeds_are_accepted(seed):
     env = HybridTrackVectorEnv(3)
     with pytest.raises(ValueError, match="seed="):
         env.reset(seed=seed)
@@ -196,7 +196,7 @@ def test_bad_seeds_are_refused_and_arrays_of_them_taken(seed):
 
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_threads_change_nothing(bank):
+def test_results_do_not_depend_on_threads(bank):
     tracks, generator = 61, np.random.default_rng(4)
     alone, together = (
         HybridTrackVectorEnv(tracks, bank=bank, measurement_variance=(0.1, 0.2), threads=threads)
@@ -214,7 +214,7 @@ def test_threads_change_nothing(bank):
             np.testing.assert_array_equal(value, other_info[key])
 
 
-def test_an_invalid_action_in_one_threads_tracks_steps_none():
+def test_an_invalid_action_in_one_thread_steps_no_track():
     env, same = (HybridTrackVectorEnv(40, threads=2) for _ in range(2))
     rows = env.reset(seed=0)[0]
     same.reset(seed=0)
@@ -226,7 +226,7 @@ def test_an_invalid_action_in_one_threads_tracks_steps_none():
     np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
 
 
-def test_an_environment_with_threads_is_copied_and_pickled():
+def test_an_environment_with_threads_can_be_copied_and_pickled():
     env = HybridTrackVectorEnv(20, threads=2)
     env.reset(seed=0)
     copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]

@@ -19,10 +19,10 @@ def simulate(scheme: str, rows: int, seed: int = 1, **options: Any) -> NDArray[n
     """(T, 4) measured and true positions [m]."""
     env = HybridTrackVectorEnv(1, trace_rows=rows, scheme=scheme, initial_error=0, **options)
     env.reset(seed=seed)
-    traces, terminated = [env.world.traced(0)], False
+    traces, terminated = [env.world.read_trace(0)], False
     while not terminated:
         terminated = bool(env.step(np.zeros(1, np.int64))[2][0])
-        traces.append(env.world.traced(0))
+        traces.append(env.world.read_trace(0))
     columns = [TRACE_COLUMNS.index(name) for name in ("measured_x", "measured_y", "x", "y")]
     return np.concatenate(traces)[:, columns]
 

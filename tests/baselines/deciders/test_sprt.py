@@ -1,4 +1,4 @@
-"""The test itself: thresholds, the rules of several hypotheses, Wald's bounds."""
+"""The SPRT: thresholds, the rule for several hypotheses, Wald's bounds, and the decider."""
 
 import math
 
@@ -12,7 +12,7 @@ from hybrid_env.observation import LOG_SCALE, TICK_SCALE, Layout
 A, B = sprt_thresholds(0.01, 0.02)
 
 
-def test_thresholds_are_walds():
+def test_thresholds_are_those_of_wald():
     assert pytest.approx(math.log(0.98 / 0.01)) == A
     assert pytest.approx(math.log(0.02 / 0.99)) == B
 
@@ -22,11 +22,11 @@ def decide(ratios, reference=0, running=None):
     return sprt_test(np.array(ratios, float), running, reference, A, B), running.tolist()
 
 
-def test_the_largest_of_several_ratios_above_the_bound_wins():
+def test_the_hypothesis_with_the_largest_of_several_ratios_above_the_threshold_is_decided():
     assert decide([0.0, A + 1.0, A + 2.0, A + 1.5])[0] == 2
 
 
-def test_hypotheses_at_the_lower_bound_are_dropped_and_stay_dropped():
+def test_hypotheses_at_the_lower_threshold_are_rejected_and_stay_rejected():
     winner, running = decide([0.0, B - 0.1, 0.5])
     assert winner == -1
     assert running == [True, False, True]
@@ -34,18 +34,19 @@ def test_hypotheses_at_the_lower_bound_are_dropped_and_stay_dropped():
     assert winner == -1
 
 
-def test_the_reference_is_decided_when_no_other_hypothesis_is_left():
+def test_the_reference_is_decided_when_all_other_hypotheses_are_rejected():
     assert decide([B - 1.0, B - 2.0, 0.0], reference=2)[0] == 2
 
 
-def test_ratios_are_taken_to_the_reference_and_not_to_the_best():
-    assert decide([5.0, 9.0, 0.0], reference=1)[0] == 1  # both others lie below B of hypothesis 1
+def test_ratios_refer_to_the_reference_and_not_to_the_most_likely_hypothesis():
+    assert decide([5.0, 9.0, 0.0], reference=1)[0] == 1  # both other ratios are below B
     assert decide([5.0, 5.0 + A - 0.01, 5.0], reference=0)[0] == -1
 
 
-def test_error_rate_and_time_of_two_gaussian_hypotheses_obey_walds_bounds():
-    # N(d, 1) against N(0, 1), d = .5, truth the reference: errors at most alpha / (1 - beta), and mean
-    # time at least ((1 - a) B + a A) / E[step], a the realised error; bounds of 4 standard errors
+def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bounds():
+    # N(d, 1) against N(0, 1), d = .5, where the reference N(0, 1) is true: the error rate is at most
+    # alpha / (1 - beta), and the mean time at least ((1 - a) B + a A) / E[increment], where a is the
+    # realized error rate; bounds of 4 standard errors
     generator, shift, runs = np.random.default_rng(1), 0.5, 4000
     errors, times = 0, []
     for _ in range(runs):
@@ -61,7 +62,7 @@ def test_error_rate_and_time_of_two_gaussian_hypotheses_obey_walds_bounds():
     assert rate <= bound + 4 * math.sqrt(bound / runs)
     expected = ((1 - rate) * B + rate * A) / (-shift * shift / 2)
     assert np.mean(times) >= expected - 4 * np.std(times) / math.sqrt(runs)
-    assert np.mean(times) <= 1.25 * expected  # overshoot of one step, of about 4 nats to go
+    assert np.mean(times) <= 1.25 * expected  # overshoot of one increment, relative to a threshold of about 4
 
 
 def row(ratios, tick, previous):
@@ -73,7 +74,7 @@ def row(ratios, tick, previous):
     return observation
 
 
-def test_the_decider_forgets_dropped_hypotheses_at_a_switch():
+def test_the_decider_restores_rejected_hypotheses_at_a_switch():
     decider = SPRTDecider(0.01, 0.02)
     actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
     assert actions.tolist() == [0]
@@ -84,24 +85,24 @@ def test_the_decider_forgets_dropped_hypotheses_at_a_switch():
     np.testing.assert_array_equal(state[1], kept)
 
 
-def test_a_single_row_is_refused():
-    with pytest.raises(ArgumentError, match="one row a track"):
+def test_an_observation_without_a_batch_axis_raises():
+    with pytest.raises(ArgumentError, match="one row per track"):
         SPRTDecider().predict(row([0.0, 0.0, 0.0], 1, 0)[0])
 
 
-def test_fixed_time_declares_the_likeliest_when_it_is_due():
+def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():
     decider = FixedTimeDecider(10)
     assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
     assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]
 
 
 @pytest.mark.parametrize("arguments", [(0.0,), (1.0,), (-0.1,), (0.5, 0.5), ("x",), (0.1, None, 3)])
-def test_nonsense_is_refused(arguments):
+def test_invalid_arguments_raise(arguments):
     with pytest.raises((ArgumentError, TypeError)):
         SPRTDecider(*arguments)
 
 
 @pytest.mark.parametrize("ticks", [0, -3, 2.5, True, "soon"])
-def test_fixed_time_refuses_nonsense(ticks):
+def test_fixed_time_rejects_invalid_ticks(ticks):
     with pytest.raises(ArgumentError, match=r"ticks=.*expected an integer >= 1"):
         FixedTimeDecider(ticks)

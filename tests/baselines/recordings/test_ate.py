@@ -1,4 +1,4 @@
-"""ATE on recordings against ATE in the environment, and against independent figures."""
+"""ATE on recordings agrees with ATE in the environment and with an independent implementation."""
 
 import numpy as np
 import pytest
@@ -14,24 +14,24 @@ ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y"
 
 
 def record_episodes(tracks: int, alpha: float = 1e-3, **options):
-    """Let the decider play one episode a track and keep what it saw and did."""
+    """Run one episode per track with the decider. Returns first anchors, traces and decisions."""
     env = HybridTrackVectorEnv(tracks, trace_rows=201, **options)
     decider = SPRTDecider(alpha)
     observation, info = env.reset(seed=77)
     starts = info["anchor"].copy()
-    traces = [[env.world.traced(i)] for i in range(tracks)]
+    traces = [[env.world.read_trace(i)] for i in range(tracks)]
     decisions = [[] for _ in range(tracks)]
-    state, going_on = None, np.ones(tracks, bool)
-    while going_on.any():
+    state, running = None, np.ones(tracks, bool)
+    while running.any():
         actions, state = decider.predict(observation, state)
         observation, _, terminated, _, info = env.step(actions)
-        for i in np.flatnonzero(going_on):
-            traces[i].append(env.world.traced(i))
-            if info.get("_ticks", going_on & False)[i]:
+        for i in np.flatnonzero(running):
+            traces[i].append(env.world.read_trace(i))
+            if info.get("_ticks", running & False)[i]:
                 decisions[i].append(
                     [info[key][i] for key in ("decided_mode", "ticks", "forced", "decided_length")]
                 )
-        going_on &= ~terminated
+        running &= ~terminated
     return starts, [np.concatenate(rows) for rows in traces], [np.array(rows) for rows in decisions]
 
 
@@ -44,12 +44,12 @@ BANK = {"radii": tuple(range(1, 11))}
         (1000, 1e-3, {}),
         (200, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
         (200, 1e-3, {"measurement_variance": (0.1, 0.4)}),
-        (200, 1e-10, BANK),  # ratios far beyond the clip of the observation
+        (200, 1e-10, BANK),  # ratios far outside the clipping range of the observation
         (200, 1e-3, BANK | {"measurement_variance": 0.01}),
         (200, 0.1, {"radii": (1.0, 5.0, 25.0), "measurement_variance": 0.001}),
     ],
 )
-def test_ate_on_recordings_takes_every_decision_of_the_decider_in_the_environment(count, alpha, options):
+def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_environment(count, alpha, options):
     starts, traces, decisions = record_episodes(count, alpha, **options)
     for start, trace, made in zip(starts, traces, decisions, strict=True):
         found = track(
@@ -66,14 +66,14 @@ def test_ate_on_recordings_takes_every_decision_of_the_decider_in_the_environmen
     ("alpha", "accuracy", "ticks"),
     [(0.1, 0.846, 20.4), (0.01, 0.935, 24.5), (0.001, 0.958, 26.9), (1e-6, 0.986, 31.5)],
 )
-def test_ate_has_the_accuracy_and_time_of_an_independent_implementation(alpha, accuracy, ticks):
-    # 9,000 segments: standard errors .004 and .1 tick at the most, well inside the allowed .012 and .6
+def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation(alpha, accuracy, ticks):
+    # 9,000 segments: standard errors of at most .004 and .1 tick; tolerances .012 and .6
     decisions = evaluate(SPRTDecider(alpha), episodes=1500, seed=123)
     assert decisions.correct.mean() == pytest.approx(accuracy, abs=0.012)
     assert decisions.ticks.mean() == pytest.approx(ticks, abs=0.6)
 
 
-def test_a_batch_of_runs_equals_the_runs_one_by_one():
+def test_a_batch_of_runs_equals_separate_runs():
     _, traces, _ = record_episodes(3, scheme="S40 L60r5 R50r5")
     batch = np.stack([trace[:, MEASURED] for trace in traces])
     together = track(batch, [40, 60, 50])
@@ -83,13 +83,13 @@ def test_a_batch_of_runs_equals_the_runs_one_by_one():
         np.testing.assert_array_equal(together.modes[i], alone.modes)
 
 
-def test_first_estimate_is_exact_on_a_noiseless_line():
+def test_first_estimate_is_exact_on_a_straight_line_without_noise():
     times = 0.1 * np.arange(1, 31)
     line = np.stack([1.0 + 2.0 * times, -3.0 + 0.5 * times], axis=1)
     np.testing.assert_allclose(first_estimate(line, 0.1), [1.0, 2.0, -3.0, 0.5], atol=1e-12)
 
 
-BAD = [
+INVALID = [
     ({"measurements": [[0.0, np.nan]] * 4}, "measurements[0, 1]=nan"),
     ({"measurements": np.zeros((4, 3))}, "measurements has shape (4, 3)"),
     ({"measurements": np.zeros((0, 2))}, "measurements has shape (0, 2)"),
@@ -109,11 +109,11 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "message"), BAD)
-def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
-    good = {"measurements": np.zeros((4, 2)), "lengths": [4]}
+@pytest.mark.parametrize(("arguments", "message"), INVALID)
+def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
+    valid = {"measurements": np.zeros((4, 2)), "lengths": [4]}
     with pytest.raises(ArgumentError) as caught:
-        track(**(good | arguments))
+        track(**(valid | arguments))
     assert message in str(caught.value)
     assert "expected" in str(caught.value)
     assert "\n" not in str(caught.value)

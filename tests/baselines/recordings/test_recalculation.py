@@ -1,8 +1,8 @@
-"""ATE with recalculation, refinement, and the filter of known modes, against literal 4x4 filters."""
+"""Recalculation, refinement of the radius, and the filter with known modes agree with matrix filters."""
 
 import numpy as np
 import pytest
-from literal import LiteralFilter
+from matrix_filters import MatrixKalmanFilter
 
 from baselines import track
 from baselines.filters.known_modes import filter_known_modes
@@ -13,41 +13,41 @@ START = np.array([0.0, 0.0, 0.0, 2.0])
 MODES = [("S", 0.0), ("L", 5.0), ("R", 5.0)]
 
 
-def literal(start, P, mode, radius, R=0.1, Q=0.001):
-    return LiteralFilter(start, P, mode, radius, 0.1, Q, R * np.eye(2))
+def matrix_filter(start, P, mode, radius, R=0.1, Q=0.001):
+    return MatrixKalmanFilter(start, P, mode, radius, 0.1, Q, R * np.eye(2))
 
 
 def blocks(P):
     return [(P[k, k], P[k, k + 1], P[k + 1, k + 1]) for k in (0, 2)]
 
 
-@pytest.mark.parametrize("way", ["as_published", "rewind"])
-def test_recalculated_estimates_are_those_of_the_chosen_filter_from_the_start_of_the_piece(way):
+@pytest.mark.parametrize("recalculation", ["as_published", "rewind"])
+def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(recalculation):
     recording = simulate("S60 L60r5 R60r5", runs=3, seed=4)
-    found = track(recording.measurements, recording.lengths, START, recalculation=way)
+    found = track(recording.measurements, recording.lengths, START, recalculation=recalculation)
     assert not found.undecided.all(1).any()
     for run in range(3):
         anchor = START
-        for piece in range(3):
-            first = 60 * piece
-            mode = found.decided[run, piece]
+        for segment in range(3):
+            first = 60 * segment
+            mode = found.decided[run, segment]
             P = np.eye(4)
-            if way == "as_published" and not found.undecided[run, piece]:
-                spent = literal(anchor, P, *MODES[mode])
-                for z in recording.measurements[run, first : first + found.ticks[run, piece]]:
-                    spent.step(z)
-                P = spent.P  # the covariance stays where the decision left it
-            one = literal(anchor, P, *MODES[mode])
+            if recalculation == "as_published" and not found.undecided[run, segment]:
+                first_pass = matrix_filter(anchor, P, *MODES[mode])
+                for z in recording.measurements[run, first : first + found.ticks[run, segment]]:
+                    first_pass.step(z)
+                P = first_pass.P  # the covariance is not restored
+            one = matrix_filter(anchor, P, *MODES[mode])
             for k in range(first, first + 60):
                 one.step(recording.measurements[run, k])
-                if not found.undecided[run, piece]:
+                if not found.undecided[run, segment]:
                     np.testing.assert_allclose(found.estimates[run, k], one.x, atol=1e-11)
                     np.testing.assert_allclose(found.covariances[run, k], blocks(one.P), atol=1e-12)
                     assert found.modes[run, k] == mode
             anchor = found.estimates[run, first + 59]
 
 
-def test_without_recalculation_the_old_mode_gives_the_output_up_to_the_decision():
+def test_without_recalculation_the_estimates_up_to_the_decision_are_those_of_the_previous_mode():
     recording = simulate("S60 L60r5", runs=1, seed=4)
     found = track(recording.measurements[0], recording.lengths, START)
     tick = found.ticks[1]
@@ -58,15 +58,15 @@ def test_without_recalculation_the_old_mode_gives_the_output_up_to_the_decision(
     assert (found.ratios[np.arange(60, 60 + tick), found.modes[60 : 60 + tick]] == 0).all()
 
 
-def test_tested_against_straight_a_wrong_old_mode_is_no_reference():
+def test_with_the_straight_reference_the_ratios_do_not_depend_on_the_previous_mode():
     recording = simulate("L60r5 L60r5", runs=20, seed=1)
     found = track(recording.measurements, recording.lengths, START, reference="straight")
-    second = found.ratios[:, 60]  # the first tick of the second piece
+    second = found.ratios[:, 60]  # the first tick of the second segment
     np.testing.assert_array_equal(second[:, 0], 0.0)
     assert (second[:, 1] != 0.0).all()
 
 
-def test_refinement_follows_the_likeliest_radius_of_the_decided_side():
+def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
     plain = track(recording.measurements, [100], START, radii=radii, measurement_variance=0.01)
@@ -80,7 +80,7 @@ def test_refinement_follows_the_likeliest_radius_of_the_decided_side():
 
 
 @pytest.mark.parametrize("carry", [True, False])
-def test_the_filter_of_known_modes_equals_literal_ones(carry):
+def test_the_filter_with_known_modes_equals_matrix_filters(carry):
     recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
     found = filter_known_modes(
         recording.measurements, recording.lengths, recording.signed_radii, START,
@@ -90,7 +90,7 @@ def test_the_filter_of_known_modes_equals_literal_ones(carry):
         state, P, k = START, np.eye(4), 0
         for length, radius in zip(recording.lengths, recording.signed_radii, strict=True):
             mode = "S" if radius == 0 else "L" if radius > 0 else "R"
-            one = LiteralFilter(state, P, mode, abs(radius), 0.1, 0.001, np.diag([0.1, 0.3]))
+            one = MatrixKalmanFilter(state, P, mode, abs(radius), 0.1, 0.001, np.diag([0.1, 0.3]))
             for _ in range(length):
                 one.step(recording.measurements[run, k])
                 np.testing.assert_allclose(found.estimates[run, k], one.x, atol=1e-11)
@@ -99,7 +99,7 @@ def test_the_filter_of_known_modes_equals_literal_ones(carry):
             state, P = one.x, one.P if carry else np.eye(4)
 
 
-BAD = [
+INVALID = [
     ({"measurements": [[0.0, np.nan]] * 4}, "measurements[0, 1]=nan"),
     ({"lengths": [3]}, "lengths=[3]"),
     ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
@@ -111,11 +111,11 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "message"), BAD)
-def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, message):
-    good = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
+@pytest.mark.parametrize(("arguments", "message"), INVALID)
+def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
+    valid = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
     with pytest.raises(ArgumentError) as caught:
-        filter_known_modes(**(good | arguments))
+        filter_known_modes(**(valid | arguments))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -123,6 +123,6 @@ def test_bad_arguments_are_refused_in_one_line_that_names_them(arguments, messag
 @pytest.mark.parametrize(
     ("name", "value"), [("recalculation", "twice"), ("reference", "left"), ("refine_radius", "yes")]
 )
-def test_bad_ways_are_refused(name, value):
+def test_an_invalid_option_of_ate_raises(name, value):
     with pytest.raises(ArgumentError, match=f"{name}={value!r}.*expected"):
         track(np.zeros((4, 2)), [4], **{name: value})

@@ -1,11 +1,11 @@
-"""The anchor-aware bank against a filter of seven states in matrices, and far outside its usual range."""
+"""The anchor-aware bank agrees with matrix filters of seven states, and is finite for extreme options."""
 
 import itertools
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from literal import LiteralAware
+from matrix_filters import MatrixExtendedKalmanFilter
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
 from hybrid_env.core.anchor_aware_bank import aware_arrays, begin_aware, covariance_aware, step_aware
@@ -15,7 +15,7 @@ from hybrid_env.core.records import LANES
 TRIANGLE = np.triu_indices(4)
 
 
-def test_the_bank_equals_literal_extended_filters_in_every_lane():
+def test_the_bank_equals_matrix_filters_in_every_lane():
     generator = np.random.default_rng(7)
     radii = np.array([2.0, 9.0, 200.0])
     signed = [0.0, *radii, *-radii]
@@ -24,24 +24,24 @@ def test_the_bank_equals_literal_extended_filters_in_every_lane():
         tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -2)
         R = 10.0 ** generator.uniform(-2, 0, 2)
         model = FilterModel(tau, Q, R[0], R[1])
-        literal = []
+        reference = []
         anchors = generator.normal(0, [3, 2, 3, 2], (LANES, 4))
-        anchors[:, [1, 3]] += np.sign(anchors[:, [1, 3]])  # not nearly at rest, where derivatives are steep
+        anchors[:, [1, 3]] += np.sign(anchors[:, [1, 3]])  # away from rest, where derivatives diverge
         for lane, anchor in enumerate(anchors):
             root = 0.1 * generator.normal(0, 1, (4, 4))
             P = root @ root.T
             begin_aware(bank, lane, tuple(anchor), tuple(P[TRIANGLE]), radii, model)
-            literal.append([LiteralAware(anchor, P, radius, tau, Q, R) for radius in signed])
+            reference.append([MatrixExtendedKalmanFilter(anchor, P, radius, tau, Q, R) for radius in signed])
         position = anchors[:, [0, 2]].copy()
         for _ in range(15):
             position += tau * anchors[:, [1, 3]]
             z = position + generator.normal(0, np.sqrt(R), (LANES, 2))
             step_aware(bank, 0, LANES, z.T.copy(), model)
             for lane in range(LANES):
-                for one in literal[lane]:
+                for one in reference[lane]:
                     one.step(z[lane])
         for lane in range(LANES):
-            for h, one in enumerate(literal[lane]):
+            for h, one in enumerate(reference[lane]):
                 record = bank.hypotheses[h]
                 found = [record[name][lane] for name in ("x", "vx", "y", "vy")]
                 np.testing.assert_allclose(found, one.s[:4], rtol=1e-6, atol=1e-7)
@@ -53,25 +53,27 @@ def test_the_bank_equals_literal_extended_filters_in_every_lane():
                 )
 
 
-def test_the_environment_keeps_the_chosen_filters_covariance_over_the_switch():
+def test_the_environment_carries_over_the_covariance_of_the_chosen_filter_at_the_switch():
     R = (0.1, 0.2)
     env = HybridTrackEnv(
         bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array"
     )
     _, info = env.reset(seed=4)
     P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
-    literal = [LiteralAware(info["anchor"], P, radius, 0.1, 0.001, R) for radius in (0.0, 5.0, -5.0)]
+    reference = [
+        MatrixExtendedKalmanFilter(info["anchor"], P, radius, 0.1, 0.001, R) for radius in (0.0, 5.0, -5.0)
+    ]
     for k in range(12):
-        for one in literal:
+        for one in reference:
             one.step(info["measurement"])
         np.testing.assert_allclose(
-            info["log_likelihood"], [one.log_likelihood for one in literal], rtol=1e-6, atol=1e-6
+            info["log_likelihood"], [one.log_likelihood for one in reference], rtol=1e-6, atol=1e-6
         )
         if k < 11:
             _, _, _, _, info = env.step(0)
-    row, _, _, _, info = env.step(2)  # left, which is right
-    chosen = literal[1]
-    for z in env.world.traced(0)[:-1, 4:6]:
+    row, _, _, _, info = env.step(2)  # left, the true mode
+    chosen = reference[1]
+    for z in env.world.read_trace(0)[:-1, 4:6]:
         chosen.step(z)
     np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
     mean = [
@@ -80,23 +82,26 @@ def test_the_environment_keeps_the_chosen_filters_covariance_over_the_switch():
     layout = Layout(3)
     found = [layout.read(row, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")]
     np.testing.assert_allclose(found, mean, rtol=1e-5)
-    after = [LiteralAware(info["anchor"], chosen.P[:4, :4], radius, 0.1, 0.001, R) for radius in (0.0, 5.0)]
+    after = [
+        MatrixExtendedKalmanFilter(info["anchor"], chosen.P[:4, :4], radius, 0.1, 0.001, R)
+        for radius in (0.0, 5.0)
+    ]
     for one in after:
         one.step(info["measurement"])
     np.testing.assert_allclose(info["log_likelihood"][:2], [one.log_likelihood for one in after], rtol=1e-5)
 
 
-def test_an_oracle_bank_is_anchored_at_the_truth_and_sure_of_it():
+def test_the_oracle_bank_is_anchored_at_the_true_state():
     env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
     _, info = env.reset(seed=4)
     np.testing.assert_allclose(info["anchor"], [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)], atol=1e-15)
-    _, _, _, _, info = env.step(3)  # wrong, which does not spoil the next anchor
+    _, _, _, _, info = env.step(3)  # a wrong decision does not change the next anchor
     assert not info["correct"]
     assert np.hypot(*(info["anchor"] - info["truth"])[[0, 2]]) < 0.3
 
 
 @pytest.mark.parametrize("tracks", [5, 16])
-def test_vector_tracks_equal_single_ones_bit_for_bit(tracks):
+def test_vector_tracks_equal_single_environments_bit_for_bit(tracks):
     options = {"bank": "anchor_aware", "scheme": "random 3x5-15"}
     vector = gym.make_vec("HybridTrack-v0", tracks, **options)
     singles = [gym.make("HybridTrack-v0", **options).unwrapped for _ in range(tracks)]
@@ -114,7 +119,7 @@ def test_vector_tracks_equal_single_ones_bit_for_bit(tracks):
         restart = terminated
 
 
-# the study runs 10^7 steps
+# the study has 10^7 steps
 EXTREMES = list(itertools.product((1e-4, 0.1, 1e2), (0.01, 2.0, 100.0), (0.1, 5.0, 1e4)))
 
 
@@ -122,7 +127,7 @@ EXTREMES = list(itertools.product((1e-4, 0.1, 1e2), (0.01, 2.0, 100.0), (0.1, 5.
 @pytest.mark.parametrize(
     "steps", [pytest.param(40, id="quick"), pytest.param(400, id="study", marks=pytest.mark.study)]
 )
-def test_no_nan_over_noise_speed_and_radius(bank, steps):
+def test_observations_and_rewards_are_finite_for_extreme_noise_speed_and_radius(bank, steps):
     tracks = 1024
     for R, speed, radius in EXTREMES:
         env = HybridTrackVectorEnv(
@@ -145,7 +150,7 @@ def test_no_nan_over_noise_speed_and_radius(bank, steps):
         assert env.single_observation_space.contains(rows[0])
 
 
-def test_a_diverged_filter_loses_and_stays_finite():
+def test_a_diverged_filter_loses_likelihood_and_stays_finite():
     bank = aware_arrays(1, 1)
     model = FilterModel(0.1, 0.001, 0.1, 0.1)
     covariance = tuple(0.1 * np.eye(4)[TRIANGLE])
@@ -163,14 +168,14 @@ def test_a_diverged_filter_loses_and_stays_finite():
 
 
 @pytest.mark.parametrize("R", [0.01, 0.1, 3.0])
-def test_a_sure_anchor_gives_rows_inside_the_space(R):
-    # the variance of the first innovation is R itself there
+def test_an_exact_anchor_gives_observations_in_the_space(R):
+    # the variance of the first innovation equals R
     for options in ({"bank": "oracle"}, {"initial_error": 0, "reset_covariance": False}):
         env = HybridTrackVectorEnv(8, measurement_variance=R, **options)
         rows, _ = env.reset(seed=0)
         assert all(env.single_observation_space.contains(row) for row in rows)
 
 
-def test_an_oracle_cannot_reset_its_covariance():
+def test_the_oracle_bank_rejects_reset_covariance():
     with pytest.raises(ValueError, match="reset_covariance=True"):
         HybridTrackEnv(bank="oracle", reset_covariance=True)

@@ -1,4 +1,4 @@
-"""Compiled functions: the cache on disk is dropped when a source changes, and a compilation is announced."""
+"""Compiled functions: an outdated cache is removed, and a compilation is announced."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from hybrid_env.core.compilation import drop_stale_cache
 
 
 @pytest.mark.parametrize(("changed", "kept"), [("package/kernel.py", 0), ("other/motion.py", 0), (None, 2)])
-def test_a_newer_source_drops_the_cache(tmp_path, changed, kept):
+def test_a_newer_source_removes_the_cache(tmp_path, changed, kept):
     sources = [tmp_path / "package/kernel.py", tmp_path / "other/motion.py"]
     cached = [tmp_path / "package/__pycache__/a.nbi", tmp_path / "package/__pycache__/a.1.nbc"]
     for path in (*sources, *cached):
@@ -23,12 +23,12 @@ def test_a_newer_source_drops_the_cache(tmp_path, changed, kept):
     assert sum(path.exists() for path in cached) == kept
 
 
-def test_a_package_without_a_cache_is_left_alone(tmp_path):
+def test_a_missing_cache_does_not_raise(tmp_path):
     drop_stale_cache(tmp_path / "nowhere", [tmp_path])
     drop_stale_cache(None, [])
 
 
-def test_the_first_process_announces_a_compilation_and_later_ones_load_it_in_silence(tmp_path):
+def test_only_the_first_process_announces_a_compilation(tmp_path):
     program = "import hybrid_env; env = hybrid_env.HybridTrackEnv(); env.reset(seed=0); env.step(0)"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     for announced in (1, 0):

@@ -1,6 +1,6 @@
-"""Rows and rewards stay bit for bit what they are: digests of 2,000 steps of nine tracks.
+"""Observations and rewards are bit for bit reproducible: digests of 2,000 steps of nine tracks.
 
-A change of the kernel that is meant to change numbers changes these digests, and says so.
+A change of the kernel that intentionally changes numbers must update these digests.
 """
 
 import hashlib
@@ -62,7 +62,7 @@ DIGESTS = [
 
 
 def digest_of(steps, **options):
-    """SHA-256 of the rows and rewards of random waiting and declaring."""
+    """Return the SHA-256 digest of the observations and rewards of random actions."""
     env = HybridTrackVectorEnv(9, **options)
     generator = np.random.default_rng(7)
     rows, _ = env.reset(seed=11)
@@ -77,5 +77,5 @@ def digest_of(steps, **options):
 
 
 @pytest.mark.parametrize(("options", "digest"), DIGESTS)
-def test_rows_and_rewards_are_bit_for_bit_what_they_were(options, digest):
+def test_observations_and_rewards_have_the_recorded_digest(options, digest):
     assert digest_of(2000, **options) == digest

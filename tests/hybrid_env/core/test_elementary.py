@@ -1,4 +1,4 @@
-"""Elementary functions against NumPy's."""
+"""Elementary functions agree with those of NumPy."""
 
 import math
 
@@ -9,26 +9,26 @@ from hybrid_env.core.elementary import exp, log, sine_cosine
 
 
 def units(found, expected):
-    """Largest error in units of the last place."""
+    """Return the maximum error in units in the last place."""
     return np.max(np.abs(found - expected) / np.spacing(np.abs(expected)))
 
 
-def test_the_logarithm_is_good_to_the_last_places():
+def test_the_logarithm_is_accurate_to_two_units_in_the_last_place():
     generator = np.random.default_rng(1)
     x = np.concatenate(
         [generator.lognormal(0, 30, 200_000), generator.uniform(0.5, 2, 200_000), [1.0, 2.0**-1000, 1e300]]
     )
     assert units(njit(lambda x: np.array([log(v) for v in x]))(x), np.log(x)) <= 2
-    assert log(0.0) < -700  # a number, so that it can be clipped
+    assert log(0.0) < -700  # finite, so that it can be clipped
     assert math.isfinite(log(-1.0))
 
 
-def test_the_exponential_is_good_to_the_last_places():
+def test_the_exponential_is_accurate_to_two_units_in_the_last_place():
     x = np.concatenate([np.random.default_rng(2).uniform(-700, 700, 200_000), np.linspace(-1, 1, 100_001)])
     assert units(njit(lambda x: np.array([exp(v) for v in x]))(x), np.exp(x)) <= 2
 
 
-def test_sine_and_cosine_are_good_over_many_turns():
+def test_sine_and_cosine_are_accurate_for_large_angles():
     x = np.concatenate([np.random.default_rng(3).uniform(-1000, 1000, 200_000), np.linspace(-7, 7, 100_001)])
     found = np.array(njit(lambda x: [sine_cosine(v) for v in x])(x))
     for k, function in enumerate((np.sin, np.cos)):

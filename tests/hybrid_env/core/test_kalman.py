@@ -1,4 +1,4 @@
-"""The scalar formulas of one axis against matrices, called from Python."""
+"""The scalar formulas of one axis agree with the matrix equations."""
 
 import math
 
@@ -30,7 +30,7 @@ def test_one_tick_of_the_covariance_equals_the_matrix_equations(rate):
     )
 
 
-def test_the_log_likelihood_is_that_of_a_normal_innovation():
+def test_the_log_likelihood_equals_that_of_a_normal_innovation():
     deviation = np.array([0.3, 2.0])
     innovation = np.array([-0.2, 3.0])
     expected = stats.norm.logpdf(innovation, scale=deviation).sum()

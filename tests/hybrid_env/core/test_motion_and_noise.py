@@ -1,4 +1,4 @@
-"""Motion against circles, random numbers against their published stream and their distributions."""
+"""Turns are circles, and random numbers have the published stream and the specified distributions."""
 
 import math
 
@@ -29,17 +29,17 @@ def test_a_turn_stays_on_its_circle_and_keeps_its_speed(radius):
         assert math.hypot(state[1], state[3]) == pytest.approx(2.0, abs=1e-11)
 
 
-def test_a_left_turn_bends_to_the_left_of_the_heading():
+def test_the_centre_of_a_left_turn_is_to_the_left_of_the_heading():
     assert turn_centre(0.0, 0.0, 1.0, 0.0, 3.0) == (0.0, 3.0)
     assert turn_centre(0.0, 0.0, 1.0, 0.0, -3.0) == (0.0, -3.0)
 
 
 @pytest.mark.parametrize("rate", [0.0, 1e-200, 1e-12])
-def test_a_turn_of_vanishing_rate_is_straight(rate):
+def test_a_turn_of_negligible_rate_is_straight(rate):
     np.testing.assert_allclose(motion_coefficients(rate, 0.1), (1.0, 0.1, 0.0), atol=1e-20)
 
 
-def test_an_object_that_stands_still_has_a_heading():
+def test_an_object_at_rest_has_a_heading():
     assert heading_vector(0.0, 0.0) == (0.0, 1.0, 0.0)
 
 
@@ -71,7 +71,7 @@ def seeded(seed):
 
 
 def test_the_generator_gives_the_published_stream():
-    # first outputs of xoshiro256++ from the state (1, 2, 3, 4), as its reference implementation gives them
+    # first outputs of the reference implementation of xoshiro256++ from the state (1, 2, 3, 4)
     state = np.zeros((4, LANES), np.uint64)
     state[:, 2] = [1, 2, 3, 4]
     expected = [
@@ -86,11 +86,11 @@ def test_the_generator_gives_the_published_stream():
     assert not state[:, [0, 1, *range(3, LANES)]].any()
 
 
-def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
+def test_normals_pass_tests_of_distribution_moments_tails_and_correlation():
     drawn = normals(seeded(5), 12_500)
     sample = drawn.ravel()
     assert stats.kstest(sample, "norm").pvalue > 1e-3
-    # standard errors of the moments of N(0, 1): 1, sqrt(2), sqrt(15), sqrt(96) over sqrt(n); 4 of them
+    # moments of N(0, 1) have standard errors 1, sqrt(2), sqrt(15), sqrt(96) over sqrt(n); tolerance 4
     for power, moment, deviation in (
         (1, 0, 1),
         (2, 1, math.sqrt(2)),
@@ -101,7 +101,7 @@ def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
     beyond = np.abs(sample[np.abs(sample) > 3.0])
     assert stats.binomtest(beyond.size, sample.size, 2 * stats.norm.sf(3.0)).pvalue > 1e-3
     assert stats.kstest(beyond, lambda x: 1 - stats.norm.sf(x) / stats.norm.sf(3.0)).pvalue > 1e-3
-    # the four draws of a tick, the lanes, and draws that follow each other
+    # correlations between the four draws of a tick, lanes, and successive ticks
     variables = np.concatenate(
         [drawn.reshape(len(drawn), -1)[:-1], drawn.reshape(len(drawn), -1)[1:]], axis=1
     )
@@ -110,7 +110,7 @@ def test_normals_pass_kolmogorov_smirnov_moments_and_tails():
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.3])
-def test_a_lane_draws_the_same_whichever_lanes_go_with_it_and_however_far_ahead(outliers):
+def test_the_draws_of_a_lane_do_not_depend_on_other_lanes_or_the_number_of_ticks_drawn_at_once(outliers):
     together, alone, ahead = seeded(9), seeded(9), seeded(9)
     wide, narrow, long = np.zeros((5, LANES)), np.zeros((5, LANES)), np.zeros((5, LANES))
 

@@ -1,4 +1,4 @@
-"""The scalar formulas of the row, called from Python."""
+"""The scalar formulas of the observation."""
 
 import math
 
@@ -14,7 +14,7 @@ from hybrid_env.core.observation_row import (
 )
 
 
-def test_a_vector_to_the_left_of_the_heading_is_positive_across():
+def test_a_vector_to_the_left_of_the_heading_has_a_positive_component_across():
     assert heading_frame(0.0, 2.0, 1.0, 0.0) == (0.0, 2.0)
     assert heading_frame(-2.0, 0.0, 0.0, 1.0) == (0.0, 2.0)
     along, across = heading_frame(3.0, 4.0, 0.6, 0.8)
@@ -22,15 +22,15 @@ def test_a_vector_to_the_left_of_the_heading_is_positive_across():
     assert across == pytest.approx(0.0)
 
 
-def test_the_error_probability_of_the_likeliest_hypothesis_is_that_of_the_others():
-    for others in (1e-6, 0.5, 2.0):  # the likeliest has likelihood 1
+def test_the_log_error_probability_is_that_of_all_other_hypotheses():
+    for others in (1e-6, 0.5, 2.0):  # the most likely hypothesis has likelihood 1
         assert log_error_probability(others) == pytest.approx(math.log(others / (1.0 + others)), rel=1e-12)
     assert log_error_probability(0.0) == LOG_FLOOR
 
 
-def test_innovations_are_clipped_on_both_sides():
+def test_innovations_are_clipped_at_both_bounds():
     assert [clipped_innovation(white) for white in (1e9, -1e9, 0.5)] == [LARGEST, -LARGEST, 0.5]
 
 
-def test_covariances_are_averaged_over_the_axes_in_units_of_the_noise():
+def test_covariances_are_divided_by_the_noise_variance_and_averaged_over_the_axes():
     assert mean_over_noise(0.2, 0.9, 0.1, 0.3) == pytest.approx(2.5)

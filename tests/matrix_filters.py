@@ -1,12 +1,12 @@
-"""The oracle: filters written out in 4x4 matrices, as the papers print them."""
+"""Reference filters for the tests, in matrix form as in the papers."""
 
 import math
 
 import numpy as np
 
 
-class LiteralFilter:
-    """One filter in 4x4 matrices: Golubkov 2018, eq. (1), (2), with Sigma = H P H' + R."""
+class MatrixKalmanFilter:
+    """Kalman filter with four states. Golubkov 2018, eq. (1) and (2), with Sigma = H P H' + R."""
 
     def __init__(self, state, P, mode, radius, tau, Q, R):
         xs, vx, ys, vy = state
@@ -46,7 +46,7 @@ class LiteralFilter:
 
 
 def move(state, tau):
-    """One tick of [x, vx, y, vy, centre_x, centre_y, turn_rate] without noise: Golubkov 2018, eq. (1)."""
+    """Move [x, vx, y, vy, centre_x, centre_y, turn_rate] by one tick. Golubkov 2018, eq. (1), no noise."""
     x, vx, y, vy, cx, cy, w = state
     c, s = math.cos(w * tau), math.sin(w * tau)
     ratio = s / w if w else tau
@@ -56,8 +56,8 @@ def move(state, tau):
     )  # fmt: skip
 
 
-def seven(anchor, signed_radius):
-    """[x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
+def turn_state(anchor, signed_radius):
+    """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
     x, vx, y, vy = anchor
     v = math.hypot(vx, vy)
     return np.array(
@@ -65,8 +65,8 @@ def seven(anchor, signed_radius):
     )
 
 
-def derivative(function, state):
-    """Jacobian by central differences."""
+def jacobian(function, state):
+    """Return the Jacobian by central differences."""
     columns = []
     for k in range(len(state)):
         h = 1e-5 * max(1.0, abs(state[k]))
@@ -75,8 +75,8 @@ def derivative(function, state):
     return np.array(columns).T
 
 
-class LiteralAware:
-    """Extended Kalman filter of seven states in matrices, its derivatives by differences."""
+class MatrixExtendedKalmanFilter:
+    """Extended Kalman filter with seven states. Jacobians are computed by central differences."""
 
     def __init__(self, anchor, P, signed_radius, tau, Q, R):
         self.tau, self.R = tau, R
@@ -86,13 +86,13 @@ class LiteralAware:
             self.s = np.array([*anchor, 0.0, 0.0, 0.0])
             J = np.eye(7)[:, :4]
         else:
-            self.s = seven(anchor, signed_radius)
-            J = derivative(lambda state: seven(state, signed_radius), np.array(anchor))
+            self.s = turn_state(anchor, signed_radius)
+            J = jacobian(lambda state: turn_state(state, signed_radius), np.array(anchor))
         self.P = J @ P @ J.T
 
     def step(self, z):
-        F = derivative(lambda state: move(state, self.tau), self.s)
-        if self.s[6] == 0.0:  # the straight line has no turn rate to vary
+        F = jacobian(lambda state: move(state, self.tau), self.s)
+        if self.s[6] == 0.0:  # the turn rate of the straight line is exactly zero
             F[:4, 6] = 0.0
         s = move(self.s, self.tau)
         P = F @ self.P @ F.T + self.Q
