@@ -19,7 +19,7 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.core.kernel import BANKS
-from hybrid_env.core.records import PARAMETERS
+from hybrid_env.core.records import PARAMETERS, SEGMENT_COLUMNS
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 
 
@@ -65,7 +65,7 @@ class WorldOptions:
     measurement_variance: float | tuple[float, float] = 0.1
     outliers: float = 0.0
     initial_error: float | tuple[float, float] = (0.3, 0.02)
-    bank: Literal["published", "anchor_aware", "oracle"] = "published"
+    bank: str = "published"
     reset_covariance: bool | None = None
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
@@ -95,7 +95,8 @@ class WorldOptions:
         check_choice("actions", self.actions, ("all", "best"))
         check_choice("undecided", self.undecided, ("likeliest", "keep"))
         if self.correctness == "exact":
-            missing = {abs(float(row[0])) for row in self.table if row[0]} - set(self.radii)
+            signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
+            missing = {abs(float(radius)) for radius in signed_radii if radius} - set(self.radii)
             if missing:
                 allowed = f"radii that include {sorted(missing)} of the scheme, or correctness='type'"
                 raise reject("radii", self.radii, allowed)

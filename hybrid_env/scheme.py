@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import check_integer, check_radii, reject
+from hybrid_env.core.records import SEGMENT_COLUMNS
 
 MAX_LENGTH = 1_000_000  # ticks per segment, and segments per scheme
 GRAMMAR = (
@@ -165,8 +166,10 @@ def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):
-        rows = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
+        segments = [{"signed_radius": piece.signed_radius, "length": piece.length} for piece in scheme.pieces]
     else:
-        turns = bank if scheme.radii is None else np.asarray(scheme.radii)
-        rows = [(signed, 0) for signed in (0.0, *turns, *-turns)]
-    return np.array([(signed, nearest_mode(signed, bank), length) for signed, length in rows])
+        own = bank if scheme.radii is None else np.asarray(scheme.radii)
+        segments = [{"signed_radius": signed, "length": 0} for signed in (0.0, *own, *-own)]
+    for segment in segments:
+        segment["mode"] = nearest_mode(segment["signed_radius"], bank)
+    return np.array([[float(segment[name]) for name in SEGMENT_COLUMNS] for segment in segments])

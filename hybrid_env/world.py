@@ -12,11 +12,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.core import kernel
-from hybrid_env.core.anchor_aware_bank import AnchorAwareBank
 from hybrid_env.core.compilation import announce_compilation
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
-from hybrid_env.core.published_bank import PublishedBank
 from hybrid_env.core.records import (
     BLOCK,
     DECISION,
@@ -52,9 +50,8 @@ class World:
         self.layout = Layout(options.hypotheses)
         blocks = -(-tracks // LANES)
         self.threads = min(threads, blocks)
-        self.bank: PublishedBank | AnchorAwareBank
         allocate = kernel.BANKS[options.bank][0]
-        self.bank = allocate(len(options.radii), options.variances.size, blocks)
+        self.bank: Any = allocate(len(options.radii), options.variances.size, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
@@ -68,6 +65,7 @@ class World:
         self._table = options.table
         self._bind()
         announce_compilation(self._advance)
+        self._advance.compile(kernel.SIGNATURE)
 
     def _bind(self) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""

@@ -62,8 +62,8 @@ class WorldArguments:
     """What has to be correct: the exact hypothesis, or its type (straight, left or right)."""
     undecided: Annotated[Literal["likeliest", "keep"] | None, _default("undecided")] = None
     """Decision for a segment that ends undecided: the likeliest hypothesis, or the previous mode."""
-    bank: Annotated[Literal["published", "anchor_aware", "oracle"] | None, _default("bank")] = None
-    """Filter bank: as published, with the uncertainty of the anchor, or (a bound) with the true anchor."""
+    bank: Annotated[str | None, _default("bank")] = None
+    """Filter bank: published, anchor_aware (with the uncertainty of the anchor), oracle (true anchor)."""
     reset_covariance: Annotated[bool | None, _default("reset_covariance")] = None
     """Reset the covariance to P := I at the start of every segment, as published."""
 

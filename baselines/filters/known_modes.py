@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
 from hybrid_env.checks import check_array, check_flag, check_positive, reject
-from hybrid_env.core.compilation import compiled
+from hybrid_env.core.compilation import announce_compilation, compiled
 from hybrid_env.core.published_bank import begin_published, follow_published
 from hybrid_env.core.records import LANES
 
@@ -126,6 +126,7 @@ def filter_known_modes(
     carry = check_flag("carry_covariance", carry_covariance)
     runs, total = values.shape[:2]
     estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
+    announce_compilation(_filter_run)
     for run in range(runs):
         begin = _Start(starts[run], first, carry)
         _filter_run(

@@ -2,7 +2,7 @@
 
 `numba.extending.overload` selects the implementation by the type of the bank when a kernel is compiled, so
 that a compiled kernel contains a single bank. A new bank implements these five functions with the same
-arguments and is added to `_implementation` and to `kernel.BANKS`.
+arguments and is listed in `OPERATIONS` and in `kernel.BANKS`.
 """
 
 import functools
@@ -14,6 +14,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from hybrid_env.core.anchor_aware_bank import (
+    AnchorAwareBank,
     aware_of_block,
     begin_aware,
     covariance_aware,
@@ -63,32 +64,45 @@ def covariance(bank: Any, hypothesis: int, lane: int) -> Triangle4:
     raise NotImplementedError("compiled code only")
 
 
-def _implementation(bank: Any, published: Any, aware: Any) -> Callable[..., Any]:
-    """Return the Python function to compile for the numba type of a bank."""
-    chosen: Callable[..., Any] = (published if bank.instance_class is PublishedBank else aware).py_func
-    return chosen
+OPERATIONS: dict[type, dict[Callable[..., Any], Callable[..., Any]]] = {
+    PublishedBank: {
+        bank_of_block: published_of_block,
+        begin: begin_published,
+        step: step_published,
+        follow: follow_published,
+        covariance: covariance_published,
+    },
+    AnchorAwareBank: {
+        bank_of_block: aware_of_block,
+        begin: begin_aware,
+        step: step_aware,
+        follow: follow_aware,
+        covariance: covariance_aware,
+    },
+}
+"""The function that is compiled for each operation of each bank."""
 
 
 @_overload(bank_of_block)
 def _bank_of_block(banks, block):  # type: ignore[no-untyped-def]
-    return _implementation(banks, published_of_block, aware_of_block)
+    return OPERATIONS[banks.instance_class][bank_of_block]
 
 
 @_overload(begin)
 def _begin(bank, lane, anchor, covariance, radii, model):  # type: ignore[no-untyped-def]
-    return _implementation(bank, begin_published, begin_aware)
+    return OPERATIONS[bank.instance_class][begin]
 
 
 @_overload(step)
 def _step(bank, first, last, measurement, model):  # type: ignore[no-untyped-def]
-    return _implementation(bank, step_published, step_aware)
+    return OPERATIONS[bank.instance_class][step]
 
 
 @_overload(follow)
 def _follow(bank, lane, hypothesis, measurement, model):  # type: ignore[no-untyped-def]
-    return _implementation(bank, follow_published, follow_aware)
+    return OPERATIONS[bank.instance_class][follow]
 
 
 @_overload(covariance)
 def _covariance(bank, hypothesis, lane):  # type: ignore[no-untyped-def]
-    return _implementation(bank, covariance_published, covariance_aware)
+    return OPERATIONS[bank.instance_class][covariance]

@@ -12,29 +12,32 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.extending import register_jitable
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True}
 
-formula: Any = njit(**OPTIONS, forceinline=True)
-"""Decorator of a scalar function that is inlined into the calling loop."""
+formula: Any = njit(**OPTIONS, inline="always")
+"""Decorator of a scalar formula or a part of a loop, which numba inlines before it infers types."""
 
-internal: Any = njit(**OPTIONS)
-"""Decorator of a function called by other compiled functions."""
+internal: Any = register_jitable(**OPTIONS)
+"""Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Decorator of a function called from Python. Its machine code is cached on disk, including callees."""
     dispatcher = njit(**OPTIONS, cache=True)(function)
-    _drop_stale_cache_once(dispatcher.stats.cache_path, Path(function.__code__.co_filename).parent)
+    if dispatcher is not function:  # as with NUMBA_DISABLE_JIT
+        _drop_stale_cache_once(dispatcher.stats.cache_path, function.__module__.partition(".")[0])
     return dispatcher
 
 
 def announce_compilation(dispatcher: Any) -> None:
-    """Print one line to stderr if a function is about to be compiled, nothing if it is cached."""
-    name = dispatcher.py_func.__qualname__
-    cache = dispatcher.stats.cache_path
-    if not dispatcher.signatures and not (cache and any(Path(cache).glob(f"*.{name}-*.nbi"))):
-        print("HybridTrack: compiling once, about 8 s", file=sys.stderr)
+    """Print one line to stderr if the next call of a function compiles it, nothing if it is cached."""
+    if getattr(dispatcher, "signatures", True):
+        return
+    cache, name = dispatcher.stats.cache_path, dispatcher.py_func.__qualname__
+    if cache is None or not any(Path(cache).glob(f"*.{name}-*.nbi")):
+        print("HybridTrack: compiling once, about 10 s", file=sys.stderr)
 
 
 def drop_stale_cache(cache: str | Path | None, sources: list[Path]) -> None:
@@ -58,6 +61,8 @@ def drop_stale_cache(cache: str | Path | None, sources: list[Path]) -> None:
 
 
 @functools.cache
-def _drop_stale_cache_once(cache: str, folder: Path) -> None:
-    """Check each source folder once: its files, those of its sibling folders, and those of the core."""
-    drop_stale_cache(cache, [*folder.parent.rglob("*.py"), *Path(__file__).parent.glob("*.py")])
+def _drop_stale_cache_once(cache: str, package: str) -> None:
+    """Check a cache folder once, against the sources of its package and of the core."""
+    folders = getattr(sys.modules.get(package), "__path__", [])
+    sources = [source for folder in folders for source in Path(folder).rglob("*.py")]
+    drop_stale_cache(cache, [*sources, *Path(__file__).parent.glob("*.py")])

@@ -63,7 +63,7 @@ class Arrays(NamedTuple):
     flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
 
 
-@internal
+@formula
 def _arrays_of(setting: Any) -> Arrays:
     """Return the arrays at the addresses in a record `PARAMETERS`."""
     tracks, n = setting.tracks, setting.radii_count
@@ -165,7 +165,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
 
-@internal
+@formula
 def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -291,7 +291,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
     return events
 
 
-@internal
+@formula
 def _advance(reset: bool, banks: Any, setting: Any) -> int:
     """Check all actions, then step the blocks of this call; see `advance_published`."""
     arrays = _arrays_of(setting)
@@ -332,6 +332,9 @@ def advance_aware(address: int, reset: bool) -> int:
     setting = array_at(address, (1,), PARAMETERS)[0]
     return _advance(reset, aware_banks(setting), setting)
 
+
+SIGNATURE = "int64(int64, boolean)"
+"""Signature of the kernels."""
 
 BANKS: dict[str, tuple[Any, Any]] = {
     "published": (published_arrays, advance_published),

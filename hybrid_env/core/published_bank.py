@@ -94,7 +94,7 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-@internal
+@formula
 def published_banks(setting: Any) -> PublishedBank:
     """Return the banks of all blocks from the addresses in a record `records.PARAMETERS`."""
     n, axes, blocks = setting.radii_count, setting.axes, setting.blocks_count

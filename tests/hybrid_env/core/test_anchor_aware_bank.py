@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
+from numba import njit
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
 from hybrid_env.core.anchor_aware_bank import aware_arrays, begin_aware, covariance_aware, step_aware
@@ -13,6 +14,7 @@ from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES
 
 TRIANGLE = np.triu_indices(4)
+begin, step, covariance = njit(begin_aware), njit(step_aware), njit(covariance_aware)
 
 
 def test_the_bank_equals_matrix_filters_in_every_lane():
@@ -30,13 +32,13 @@ def test_the_bank_equals_matrix_filters_in_every_lane():
         for lane, anchor in enumerate(anchors):
             root = 0.1 * generator.normal(0, 1, (4, 4))
             P = root @ root.T
-            begin_aware(bank, lane, tuple(anchor), tuple(P[TRIANGLE]), radii, model)
+            begin(bank, lane, tuple(anchor), tuple(P[TRIANGLE]), radii, model)
             reference.append([MatrixExtendedKalmanFilter(anchor, P, radius, tau, Q, R) for radius in signed])
         position = anchors[:, [0, 2]].copy()
         for _ in range(15):
             position += tau * anchors[:, [1, 3]]
             z = position + generator.normal(0, np.sqrt(R), (LANES, 2))
-            step_aware(bank, 0, LANES, z.T.copy(), model)
+            step(bank, 0, LANES, z.T.copy(), model)
             for lane in range(LANES):
                 for one in reference[lane]:
                     one.step(z[lane])
@@ -49,7 +51,7 @@ def test_the_bank_equals_matrix_filters_in_every_lane():
                     np.testing.assert_allclose(record["turn_rate"][lane], one.s[6], rtol=1e-6)
                 np.testing.assert_allclose(record["log_likelihood"][lane], one.log_likelihood, rtol=1e-6)
                 np.testing.assert_allclose(
-                    covariance_aware(bank, h, lane), one.P[:4, :4][TRIANGLE], rtol=1e-5, atol=1e-9
+                    covariance(bank, h, lane), one.P[:4, :4][TRIANGLE], rtol=1e-5, atol=1e-9
                 )
 
 
@@ -154,13 +156,13 @@ def test_a_diverged_filter_loses_likelihood_and_stays_finite():
     bank = aware_arrays(1, 1)
     model = FilterModel(0.1, 0.001, 0.1, 0.1)
     covariance = tuple(0.1 * np.eye(4)[TRIANGLE])
-    begin_aware(bank, 0, (0.0, 1.0, 0.0, 0.0), covariance, np.array([5.0]), model)
+    begin(bank, 0, (0.0, 1.0, 0.0, 0.0), covariance, np.array([5.0]), model)
     bank.hypotheses[1]["covariance"][0, 0] = np.nan
     bank.hypotheses[2]["covariance"][0, 0] = -1.0
     z = np.zeros((2, LANES))
     z[0] = 0.1
     for _ in range(5):
-        step_aware(bank, 0, LANES, z, model)
+        step(bank, 0, LANES, z, model)
     found = bank.hypotheses["log_likelihood"][:, 0]
     assert np.isfinite(found).all()
     assert found[0] > max(found[1:]) + 1000

@@ -66,6 +66,9 @@ def normals(state, count):
     return drawn[:, :4]
 
 
+draw, draw_ahead = njit(draw_noise), njit(draw_noise_ahead)
+
+
 def seeded(seed):
     return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
 
@@ -117,11 +120,11 @@ def test_the_draws_of_a_lane_do_not_depend_on_other_lanes_or_the_number_of_ticks
     largest = 0.0
     for _ in range(200):
         for ticks in range(1, LANES + 1):
-            draw_noise_ahead(ahead, 3, long, ticks, outliers)
+            draw_ahead(ahead, 3, long, ticks, outliers)
             for tick in range(ticks):
-                draw_noise(together, wide, 0, LANES, outliers)
+                draw(together, wide, 0, LANES, outliers)
                 for lane in range(LANES):
-                    draw_noise(alone, narrow, lane, lane + 1, outliers)
+                    draw(alone, narrow, lane, lane + 1, outliers)
                 np.testing.assert_array_equal(wide[:4], narrow[:4])
                 np.testing.assert_array_equal(wide[:4, 3], long[:4, tick])
                 largest = max(largest, np.abs(wide[:4]).max())
