@@ -1,12 +1,12 @@
 """Learned deciders, their training, and the studies that compare them with the classical rules.
 
-The rooms, from the bottom up; a room imports only rooms below it, and a study never another study:
+The subpackages, lowest first. Each imports only those listed before it, and a study never another study:
 
 1. `interface`: what every command shares: flags of the world, progress display, output files, colours.
 2. `learned`: networks and policies as deciders, their files, and the shipped weights.
 3. `evaluation`: deciders by name, measured on fixed episodes; operating curves; shifted worlds.
 4. `training`: recipes, runs and run folders, the Stable-Baselines3 VecEnv.
-5. one room for each study, with its command, plan, report and figures: `comparison`, `limits`,
+5. one subpackage per study, with its command, plan, report and figures: `comparison`, `limits`,
    `reproduction`, `benchmark`, `recordings`, `playing`.
 6. `cli`: the console script, which knows every command.
 """

@@ -1,0 +1,54 @@
+"""The layout: which package imports which, and how long a file may be."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("hybrid_env", "baselines", "agents")
+AGENTS = ("interface", "learned", "evaluation", "training")
+STUDIES = ("comparison", "limits", "reproduction", "benchmark", "recordings", "playing")
+SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def imported_modules(path):
+    """Full names of the project's modules that a file imports, also inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module} | {f"{node.module}.{name.name}" for name in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+    return {name for name in found if name.partition(".")[0] in PACKAGES}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_imports_only_what_its_package_may(path):
+    package, *inner = path.relative_to(ROOT).parts
+    subpackage = inner[0] if len(inner) > 1 else None
+    for name in imported_modules(path):
+        other, _, rest = name.partition(".")
+        assert PACKAGES.index(other) <= PACKAGES.index(package), f"{path} imports {name}"
+        if package == "hybrid_env" and subpackage == "core":
+            assert rest == "" or rest.startswith("core"), f"{path} imports {name}"
+        if package == "agents" and other == "agents" and subpackage:
+            part = rest.partition(".")[0]
+            if part in AGENTS and subpackage in AGENTS:
+                assert AGENTS.index(part) <= AGENTS.index(subpackage), f"{path} imports {name}"
+            if part in STUDIES:
+                assert part == subpackage, f"{path} imports {name}"
+
+
+def test_no_file_is_longer_than_350_lines():
+    long = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {path: lines for path, lines in long.items() if lines > 350} == {}
+
+
+def test_only_the_public_interface_of_numba_is_used():
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [name.name for name in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                assert not name.startswith(("numba.core", "numba.np", "llvmlite")), f"{path} imports {name}"
