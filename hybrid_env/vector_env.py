@@ -118,7 +118,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
                 self.world.seed(i, seeding.np_random(seeds[i])[0])
         self.world.reset(mask)
         self._started = True
-        return self.world.observations.copy(), self._tick_info(mask)
+        return self.world.take_rows(), self._tick_info(mask)
 
     def step(
         self, actions: NDArray[np.int64]
@@ -163,7 +163,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         if events:
             final = self._decision_info() | final
         info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
-        return world.observations.copy(), rewards, terminated, self._truncated.copy(), info
+        return world.take_rows(), rewards, terminated, self._truncated.copy(), info
 
     def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the info of the current tick, zero for tracks outside a mask, (N,)."""

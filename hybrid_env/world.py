@@ -98,12 +98,19 @@ class World:
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
         self._log_likelihood = self.bank.hypotheses["log_likelihood"]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
+        ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
         self._run: Callable[[bool], int]
+        self.take_rows: Callable[
+            [], NDArray[np.float32]
+        ]  # after a step or reset, once: (N, width), a new array
         if self._pool is None:
             self._run = functools.partial(self._advance, addresses[0])
+            self.take_rows = self.observations.copy
         else:
-            self._run = functools.partial(self._run_threads, self._pool, addresses)
+            shares = list(zip(addresses, ranges, strict=True))
+            self._run = functools.partial(self._run_threads, self._pool, shares)
+            self.take_rows = self._rows_of_threads
 
     def __getstate__(self) -> dict[str, Any]:
         bound = (
@@ -112,6 +119,8 @@ class World:
             "_ticks",
             "_log_likelihood",
             "_run",
+            "_rows",
+            "take_rows",
             "_advance",
             "_pool",
         )
@@ -128,11 +137,20 @@ class World:
             raise ValueError("this environment was pickled by another version of hybrid_env")
         self._bind()
 
-    def _run_threads(self, pool: ThreadPoolExecutor, addresses: list[int], reset: bool) -> int:
-        """Call the kernel in every thread; the calling thread steps the first range of blocks."""
-        jobs = [pool.submit(self._advance, address, reset) for address in addresses[1:]]
-        events = [self._advance(addresses[0], reset), *(job.result() for job in jobs)]
+    def _run_threads(self, pool: ThreadPoolExecutor, shares: list[tuple[int, slice]], reset: bool) -> int:
+        """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
+        self._rows = np.empty_like(self.observations)
+        jobs = [pool.submit(self._run_share, *share, reset) for share in shares[1:]]
+        events = [self._run_share(*shares[0], reset), *(job.result() for job in jobs)]
         return min(events) if min(events) < 0 else functools.reduce(operator.or_, events)
+
+    def _run_share(self, address: int, tracks: slice, reset: bool) -> int:
+        events: int = self._advance(address, reset)
+        self._rows[tracks] = self.observations[tracks]
+        return events
+
+    def _rows_of_threads(self) -> NDArray[np.float32]:
+        return self._rows
 
     def field(self, name: str) -> NDArray[Any]:
         """Return a copy of a field of `BLOCK`, (N, ...)."""
