@@ -20,12 +20,16 @@ class LazyInfo(dict[str, Any]):
     masks takes as long as a step of eight tracks. The state is copied in the step, so the values are those of
     the step that returned the dictionary, whenever they are read.
 
+    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the
+    first use: pass it `dict(info)`. All masks of an info are one array.
+
     Args:
         make: returns arrays of N tracks by key; called at most once. Each key gets a mask `_key` of N True.
         made: further entries, already created.
     """
 
     __slots__ = ("_made", "_make")
+    fromkeys = staticmethod(dict.fromkeys)  # type: ignore[assignment]
 
     def __init__(self, make: Callable[[], dict[str, NDArray[Any]]], made: dict[str, Any]):
         self._make: Callable[[], dict[str, NDArray[Any]]] | None = make

@@ -165,6 +165,10 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
         return world.take_rows(), rewards, terminated, self._truncated.copy(), info
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads, if there are any."""
+        self.world.close()
+
     def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """Return the info of the current tick, zero for tracks outside a mask, (N,)."""
         values = self.world.copy_tick()()

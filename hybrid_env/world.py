@@ -2,6 +2,7 @@
 
 import functools
 import operator
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -64,12 +65,14 @@ class World:
         self._radii = np.array(options.radii)
         self._table = options.table
         self._bind()
-        announce_compilation(self._advance)
-        self._advance.compile(kernel.SIGNATURE)
 
     def _bind(self) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
         self._advance = kernel.BANKS[self.options.bank][1]
+        if not hasattr(self._advance, "compile"):
+            raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")
+        announce_compilation(self._advance)
+        self._advance.compile(kernel.SIGNATURE)
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
             "trace": self.trace, "observations": self.observations, "rewards": self.rewards,
@@ -99,17 +102,18 @@ class World:
         self._log_likelihood = self.bank.hypotheses["log_likelihood"]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
-        self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
         self._run: Callable[[bool], int]
         self.take_rows: Callable[
             [], NDArray[np.float32]
         ]  # after a step or reset, once: (N, width), a new array
-        if self._pool is None:
+        if self.threads == 1:
             self._run = functools.partial(self._advance, addresses[0])
             self.take_rows = self.observations.copy
         else:
             shares = list(zip(addresses, ranges, strict=True))
-            self._run = functools.partial(self._run_threads, self._pool, shares)
+            self._run = functools.partial(self._run_threads, shares)
             self.take_rows = self._rows_of_threads
 
     def __getstate__(self) -> dict[str, Any]:
@@ -123,6 +127,7 @@ class World:
             "take_rows",
             "_advance",
             "_pool",
+            "_pool_process",
         )
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
@@ -137,17 +142,27 @@ class World:
             raise ValueError("this environment was pickled by another version of hybrid_env")
         self._bind()
 
-    def _run_threads(self, pool: ThreadPoolExecutor, shares: list[tuple[int, slice]], reset: bool) -> int:
+    def _run_threads(self, shares: list[tuple[int, slice]], reset: bool) -> int:
         """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
+        if self._pool is None or self._pool_process != os.getpid():  # a forked process has no threads
+            self._pool, self._pool_process = ThreadPoolExecutor(self.threads - 1), os.getpid()
+        pool = self._pool
         self._rows = np.empty_like(self.observations)
         jobs = [pool.submit(self._run_share, *share, reset) for share in shares[1:]]
         events = [self._run_share(*shares[0], reset), *(job.result() for job in jobs)]
-        return min(events) if min(events) < 0 else functools.reduce(operator.or_, events)
+        # every thread checks all actions, so that all report the same invalid one
+        return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
 
     def _run_share(self, address: int, tracks: slice, reset: bool) -> int:
         events: int = self._advance(address, reset)
         self._rows[tracks] = self.observations[tracks]
         return events
+
+    def close(self) -> None:
+        """End the threads; the next step starts them again."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
     def _rows_of_threads(self) -> NDArray[np.float32]:
         return self._rows

@@ -16,7 +16,8 @@ def imported_modules(path):
     """Full names of the project's modules that a file imports, also inside functions."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} has a relative import"
             found |= {node.module} | {f"{node.module}.{name.name}" for name in node.names}
         elif isinstance(node, ast.Import):
             found |= {name.name for name in node.names}
@@ -48,7 +49,9 @@ def test_no_file_is_longer_than_350_lines():
 def test_only_the_public_interface_of_numba_is_used():
     for path in SOURCES:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names = []
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or "", *(f"{node.module}.{name.name}" for name in node.names)]
             names += [name.name for name in node.names] if isinstance(node, ast.Import) else []
             for name in names:
                 assert not name.startswith(("numba.core", "numba.np", "llvmlite")), f"{path} imports {name}"

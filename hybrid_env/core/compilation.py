@@ -16,7 +16,7 @@ from numba.extending import register_jitable
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True}
 
-formula: Any = njit(**OPTIONS, inline="always")
+inlined: Any = njit(**OPTIONS, inline="always")
 """Decorator of a scalar formula or a part of a loop, which numba inlines before it infers types."""
 
 internal: Any = register_jitable(**OPTIONS)

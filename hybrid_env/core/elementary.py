@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.compilation import inlined
 
 # ln 2 in two parts; the product of an exponent and the first is exact
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -20,19 +20,19 @@ SHIFTER = 6755399441055744.0
 SHIFTER_BITS = np.int64(0x4338000000000000)
 
 
-@formula
+@inlined
 def bits_of(x: float) -> np.int64:
     """Return the bits of a float64 as an int64."""
     return np.float64(x).view(np.int64)
 
 
-@formula
+@inlined
 def float_of(bits: np.int64) -> float:
     """Return the float64 with the bits of an int64."""
     return np.int64(bits).view(np.float64)
 
 
-@formula
+@inlined
 def log(x: float) -> float:
     """Natural logarithm of a positive normal number; about -709 for zero, finite for negative numbers."""
     bits = bits_of(x) + (ONE - ROOT_HALF)
@@ -52,7 +52,7 @@ def log(x: float) -> float:
     return k * LOG_TWO_HIGH - ((square - (s * (square + even + odd) + k * LOG_TWO_LOW)) - f)
 
 
-@formula
+@inlined
 def exp(x: float) -> float:
     """Exponential of a number between -700 and 700."""
     shifted = x * (1.0 / math.log(2.0)) + SHIFTER
@@ -77,7 +77,7 @@ def exp(x: float) -> float:
     return mantissa * power
 
 
-@formula
+@inlined
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle [rad]. The absolute error is of the order of 1e-16 (1 + |x|)."""
     shifted = x * (2.0 / math.pi) + SHIFTER

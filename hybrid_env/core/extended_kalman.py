@@ -4,7 +4,7 @@ The state is [x, vx, y, vy, centre_x, centre_y, turn_rate], with the suffixes x,
 motion is that of Golubkov 2018, eq. (1). A covariance is its upper triangle row by row, 28 numbers.
 """
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
 from hybrid_env.core.published_bank import Triangle4
 
@@ -15,7 +15,7 @@ Triangle7 = tuple[float, ...]
 """Covariance of the seven states, upper triangle row by row: 28 numbers."""
 
 
-@formula
+@inlined
 def anchor_covariance(
     covariance: Triangle4, heading_x: float, heading_y: float, inverse_speed: float, radius: float
 ) -> Triangle7:
@@ -56,7 +56,7 @@ def anchor_covariance(
     )  # fmt: skip
 
 
-@formula
+@inlined
 def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
     """Return cos(a), sin(a) / a, a sin(a), and the derivative of sin(a) / a, for a = turn rate * tau."""
     sine, cosine = sine_cosine(angle)
@@ -72,7 +72,7 @@ def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
     return cosine, quotient, angle * sine, derivative
 
 
-@formula
+@inlined
 def turn_coefficients(rate: float, tau: float) -> Vector7:
     """Return the coefficients of the motion over one tick, and their derivatives by the turn rate.
 
@@ -90,7 +90,7 @@ def turn_coefficients(rate: float, tau: float) -> Vector7:
     return C, S, W, D, -tau * rate * S, tau * tau * derivative, rate * S + rate * tau * C
 
 
-@formula
+@inlined
 def predict_covariance(
     p: Triangle7, turn: Vector7, by_rate: tuple[float, float, float, float], process_variance: float
 ) -> Triangle7:
@@ -141,7 +141,7 @@ def predict_covariance(
     )  # fmt: skip
 
 
-@formula
+@inlined
 def condition(p: Triangle7, k: Vector7, inverse: float) -> Triangle7:
     """Return the corrected covariance P - K H P after the measurement of one coordinate.
 

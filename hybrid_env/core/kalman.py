@@ -7,14 +7,14 @@ separates into two filters of (position, velocity), one per axis. A covariance i
 
 import math
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.compilation import inlined
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 Covariance = tuple[float, float, float]
 
 
-@formula
+@inlined
 def predict_covariance(
     covariance: Covariance,
     cosine: float,
@@ -41,14 +41,14 @@ def predict_covariance(
     )
 
 
-@formula
+@inlined
 def kalman_gain(covariance: Covariance, innovation_variance: float) -> tuple[float, float]:
     """Return K = P H' / Sigma, the gains of position and velocity [1, 1/s]. Golubkov 2018, eq. (2)."""
     inverse = 1.0 / innovation_variance
     return covariance[0] * inverse, covariance[1] * inverse
 
 
-@formula
+@inlined
 def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, variance: float) -> Covariance:
     """Return the corrected covariance P - K H P. Golubkov 2018, eq. (2).
 
@@ -61,7 +61,7 @@ def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, var
     return gain_x * variance, gain_v * variance, covariance[2] - gain_v * covariance[1]
 
 
-@formula
+@inlined
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
     """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick.
 

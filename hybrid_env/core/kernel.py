@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core import bank_operations
 from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
-from hybrid_env.core.compilation import compiled, formula, internal
+from hybrid_env.core.compilation import compiled, inlined, internal
 from hybrid_env.core.memory import array_at
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
@@ -63,7 +63,7 @@ class Arrays(NamedTuple):
     flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
 
 
-@formula
+@inlined
 def _arrays_of(setting: Any) -> Arrays:
     """Return the arrays at the addresses in a record `PARAMETERS`."""
     tracks, n = setting.tracks, setting.radii_count
@@ -84,7 +84,7 @@ def _arrays_of(setting: Any) -> Arrays:
     )
 
 
-@formula
+@inlined
 def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64]) -> None:
     """Record the estimate of the active filter, its squared error, and a row of the trace if stored."""
     x, vx, y, vy = estimate_of(hypotheses, block.active_mode[lane], lane)
@@ -165,7 +165,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
 
-@formula
+@inlined
 def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -211,7 +211,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     arrays.squared_errors[i] = block.squared_error[lane]
 
 
-@formula
+@inlined
 def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> int:
     """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
     if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
@@ -225,7 +225,7 @@ def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any)
     return DECIDED
 
 
-@formula
+@inlined
 def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> None:
     """Clear the trace and the decision of the last step of track i."""
     if setting.trace_rows > 0:
@@ -237,7 +237,7 @@ def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> 
             arrays.flags[k, i] = False
 
 
-@formula
+@inlined
 def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: Any) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
     move(block, scratch.noise, first, last, setting)
@@ -245,7 +245,7 @@ def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: A
     compare_hypotheses(scratch, bank.hypotheses, first, last)
 
 
-@formula
+@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any) -> int:
     """Step the tracks of a block; see `advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -291,7 +291,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
     return events
 
 
-@formula
+@inlined
 def _advance(reset: bool, banks: Any, setting: Any) -> int:
     """Check all actions, then step the blocks of this call; see `advance_published`."""
     arrays = _arrays_of(setting)

@@ -10,7 +10,7 @@ from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.compilation import inlined
 
 CACHE_LINE = 64  # bytes
 HUGE_PAGE = 1 << 21  # bytes
@@ -51,7 +51,7 @@ _pointer_to: Any = intrinsic(_inttoptr)
 """Convert an integer to a pointer for `numba.carray`."""
 
 
-@formula
+@inlined
 def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
     """Return the C-ordered array at an address; for compiled code only."""
     return carray(_pointer_to(address), shape, dtype)

@@ -8,7 +8,7 @@ oscillator about the coordinate of the centre, and straight motion is the limit 
 
 import math
 
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import inlined, internal
 
 
 @internal
@@ -28,7 +28,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
     return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
 
 
-@formula
+@inlined
 def propagate(
     position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
 ) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import ONE, float_of, log, sine_cosine
 
 OUTLIER = 5.0  # ratio of the standard deviations of outliers and other measurements
@@ -19,7 +19,7 @@ OUTLIER = 5.0  # ratio of the standard deviations of outliers and other measurem
 _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 
-@formula
+@inlined
 def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tuple[np.uint64, _Words]:
     """Return the next 64 random bits and the next state. xoshiro256++."""
     total = s0 + s3
@@ -34,13 +34,13 @@ def _advance(s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64) -> tupl
     return bits, (s0, s1, s2, s3)
 
 
-@formula
+@inlined
 def _to_uniform(bits: np.uint64) -> float:
     """Return a uniform number in [0, 1) with 52 random bits, the mantissa of a number in [1, 2)."""
     return float_of(np.int64((bits >> np.uint64(12)) | np.uint64(ONE))) - 1.0
 
 
-@formula
+@inlined
 def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
     """Return the next 64 random bits. state: (4, LANES), not all zero in the lane, advanced in place."""
     bits, words = _advance(state[0, lane], state[1, lane], state[2, lane], state[3, lane])
@@ -48,13 +48,13 @@ def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
     return bits
 
 
-@formula
+@inlined
 def uniform(state: NDArray[np.uint64], lane: int) -> float:
     """Return a uniform number in [0, 1)."""
     return _to_uniform(next_uint64(state, lane))
 
 
-@formula
+@inlined
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int) -> None:
     """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
     s0, s1, s2, s3 = state[0, lane], state[1, lane], state[2, lane], state[3, lane]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 
 LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
@@ -50,19 +50,19 @@ TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR
 )
 
 
-@formula
+@inlined
 def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tuple[float, float]:
     """Return the components of a vector along and across a heading; across is positive to the left."""
     return heading_x * x + heading_y * y, heading_x * y - heading_y * x
 
 
-@formula
+@inlined
 def clipped_innovation(white: float) -> float:
     """Return a whitened innovation clipped to +-`LARGEST`."""
     return max(min(white, LARGEST), -LARGEST)
 
 
-@formula
+@inlined
 def log_error_probability(others: float) -> float:
     """Return ln(1 - maximum posterior) for equal priors, at least `LOG_FLOOR`.
 
@@ -72,7 +72,7 @@ def log_error_probability(others: float) -> float:
     return max(log(others / (1.0 + others)), LOG_FLOOR)
 
 
-@formula
+@inlined
 def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_y: float) -> float:
     """Return the mean over the axes of (covariance entry / R)."""
     return 0.5 * (value_x / variance_x + value_y / variance_y)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.kalman import (
     correct_covariance,
@@ -94,7 +94,7 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-@formula
+@inlined
 def published_banks(setting: Any) -> PublishedBank:
     """Return the banks of all blocks from the addresses in a record `records.PARAMETERS`."""
     n, axes, blocks = setting.radii_count, setting.axes, setting.blocks_count
@@ -186,7 +186,7 @@ def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = estimate
 
 
-@formula
+@inlined
 def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
     """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
     covariance = predict_covariance(
@@ -201,7 +201,7 @@ def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float,
     return innovation_variance
 
 
-@formula
+@inlined
 def _step_estimate(
     kalman: Any, shared: Any, gain_x: Any, gain_y: Any, lane: int, measured_x: float, measured_y: float
 ) -> tuple[float, float]:

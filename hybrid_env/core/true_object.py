@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import draw_noise
 from hybrid_env.core.records import SEGMENT_COLUMNS
@@ -38,7 +38,7 @@ def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float
     block.true_centre[0, lane], block.true_centre[1, lane] = centre_x, centre_y
 
 
-@formula
+@inlined
 def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
     """Move the object of one lane by one tick and measure its position.
 

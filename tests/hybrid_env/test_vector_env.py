@@ -1,7 +1,9 @@
 """The vector environment agrees with single environments in each autoreset mode."""
 
 import copy
+import os
 import pickle
+import signal
 
 import gymnasium as gym
 import numpy as np
@@ -108,14 +110,16 @@ def test_disabled_autoreset_resets_only_the_masked_tracks():
             env.reset(options={"reset_mask": bad})
 
 
-def test_returned_arrays_are_not_changed_by_later_steps():
-    env = HybridTrackVectorEnv(4)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_returned_arrays_are_not_changed_by_later_steps(threads):
+    env = HybridTrackVectorEnv(16, threads=threads)
     rows, info = env.reset(seed=0)
     kept = rows.copy(), {key: value.copy() for key, value in info.items()}
-    _, rewards, _, _, _ = env.step(np.ones(4, int))
-    expected_rewards = rewards.copy()
-    env.step(np.zeros(4, int))
+    later_rows, rewards, _, _, _ = env.step(np.ones(16, int))
+    expected_rewards, expected_rows = rewards.copy(), later_rows.copy()
+    env.step(np.zeros(16, int))
     np.testing.assert_array_equal(rows, kept[0])
+    np.testing.assert_array_equal(later_rows, expected_rows)
     np.testing.assert_array_equal(rewards, expected_rewards)
     for key, value in info.items():
         np.testing.assert_array_equal(value, kept[1][key])
@@ -196,12 +200,16 @@ def test_invalid_seeds_raise_and_arrays_of_seeds_are_accepted(seed):
 
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_results_do_not_depend_on_threads(bank):
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_results_do_not_depend_on_threads(bank, mode):
     tracks, generator = 61, np.random.default_rng(4)
-    alone, together = (
-        HybridTrackVectorEnv(tracks, bank=bank, measurement_variance=(0.1, 0.2), threads=threads)
-        for threads in (1, 3)
-    )
+    options = {
+        "bank": bank,
+        "measurement_variance": (0.1, 0.2),
+        "scheme": "random 3x5-20",
+        "autoreset_mode": mode,
+    }
+    alone, together = (HybridTrackVectorEnv(tracks, threads=threads, **options) for threads in (1, 3))
     np.testing.assert_array_equal(alone.reset(seed=1)[0], together.reset(seed=1)[0])
     for _ in range(300):
         actions = np.where(generator.random(tracks) < 0.1, generator.integers(0, 4, tracks), 0)
@@ -211,7 +219,30 @@ def test_results_do_not_depend_on_threads(bank):
             np.testing.assert_array_equal(one, other)
         assert list(info) == list(other_info)
         for key, value in info.items():
-            np.testing.assert_array_equal(value, other_info[key])
+            if key == "final_info":
+                assert list(value) == list(other_info[key])
+            elif key == "final_obs":
+                for one, other in zip(value, other_info[key], strict=True):
+                    np.testing.assert_array_equal(one, other)
+            else:
+                np.testing.assert_array_equal(value, other_info[key])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_process_starts_its_own_threads():
+    env = HybridTrackVectorEnv(40, threads=2)
+    env.reset(seed=0)
+    wait = np.zeros(40, np.int64)
+    env.step(wait)
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)  # a hanging child ends with a signal
+        env.step(wait)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+    env.close()
+    env.world.step()  # starts the threads again
 
 
 def test_an_invalid_action_in_one_thread_steps_no_track():

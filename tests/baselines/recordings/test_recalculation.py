@@ -75,8 +75,11 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     )
     np.testing.assert_array_equal(plain.ticks, refined.ticks)
     assert (refined.decided == 4).mean() > (plain.decided == 4).mean()
-    sides = (plain.decided == 0, refined.decided == 0)
-    np.testing.assert_array_equal(*sides)
+    plain_types, refined_types = (  # 0 straight, 1 left, 2 right
+        np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2))
+        for found in (plain, refined)
+    )
+    np.testing.assert_array_equal(plain_types, refined_types)
 
 
 @pytest.mark.parametrize("carry", [True, False])
