@@ -121,7 +121,10 @@ def _recalculate(
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
     for k in range(ticks[0], ticks[1]):
         measurement[:, 0] = measurements[k]
-        follow_published(bank, 0, mode, measurement, model)
+        if recalculation == AS_PUBLISHED:
+            follow_published(bank, 0, mode, measurement, model)
+        else:  # all filters, because the radius may be refined among them later
+            step_published(bank, 0, 1, measurement, model)
         _write_tick(bank, mode, k, output)
 
 

@@ -82,6 +82,19 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     np.testing.assert_array_equal(plain_types, refined_types)
 
 
+def test_a_rewind_changes_no_refined_decision():
+    radii = tuple(range(1, 11))
+    recording = simulate("L100r4", runs=20, seed=2, measurement_variance=0.1)
+    plain, rewound = (
+        track(
+            recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation
+        )
+        for recalculation in ("none", "rewind")
+    )
+    np.testing.assert_array_equal(plain.decided, rewound.decided)
+    np.testing.assert_array_equal(plain.estimates[:, -1], rewound.estimates[:, -1])
+
+
 @pytest.mark.parametrize("carry", [True, False])
 def test_the_filter_with_known_modes_equals_matrix_filters(carry):
     recording = simulate("L40r3 S30 R50r6", runs=2, seed=3, measurement_variance=(0.1, 0.3))
