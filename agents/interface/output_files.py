@@ -2,12 +2,19 @@
 
 import json
 import os
+import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from hybrid_env.checks import reject
+from safetensors import SafetensorError
+
+from hybrid_env.checks import ArgumentError, reject
+
+PART_PREFIX = ".hybridtrack-"
+STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
 
 
 def output_folder(name: str, path: Path) -> Path:
@@ -22,37 +29,59 @@ def output_folder(name: str, path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise reject(name, str(path), f"a writable folder ({error.strerror})") from None
+    except (OSError, ValueError) as error:
+        raise reject(name, str(path), f"a writable folder ({_reason(error)})") from None
     return path
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Context manager that yields the path of a temporary file for writing.
+    """Context manager that yields the path of an empty temporary file for writing.
 
-    The file replaces `path` if the block succeeds, and is removed otherwise.
+    The file replaces `path` if the block succeeds, and is removed otherwise. Temporary files of killed
+    processes in the same folder are removed.
 
     Raises:
-        ArgumentError: the file cannot be written.
+        ArgumentError: the file cannot be written, or `path` is a folder or a device.
     """
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    part = path.parent / f"{PART_PREFIX}{secrets.token_hex(8)}.part{path.suffix[:8]}"
     try:
+        if path.exists() and not path.is_file():
+            raise reject("file", str(path), "a file that can be written, not a folder or device")
+        _remove_stale_parts(path.parent)
+        part.touch(exist_ok=False)  # exclusive, so that no link that someone else has put there is followed
         yield part
         os.replace(part, path)
-    except OSError as error:
-        raise reject("file", str(path), f"a file that can be written ({error.strerror or error})") from None
+    except (BrokenPipeError, ArgumentError):
+        raise
+    except (OSError, SafetensorError) as error:
+        raise reject("file", str(path), f"a file that can be written ({_reason(error)})") from None
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def _remove_stale_parts(folder: Path) -> None:
+    for part in folder.glob(f"{PART_PREFIX}*.part*"):
+        with suppress(OSError):
+            if part.lstat().st_mtime < time.time() - STALE_AFTER:
+                part.unlink()
+
+
+def _reason(error: Exception) -> str:
+    """Short text of an error, without the path."""
+    return (getattr(error, "strerror", None) or str(error))[:80]
 
 
 def write_json(path: Path, value: Any) -> None:
     """Write indented JSON.
 
     Raises:
-        ArgumentError: the file cannot be written.
-        ValueError: the value contains NaN or infinities.
+        ArgumentError: the file cannot be written, or the value contains NaN or infinities.
     """
+    try:
+        text = json.dumps(value, indent=2, allow_nan=False)
+    except ValueError:
+        raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
     with atomic_file(path) as part:
-        part.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text(text + "\n", encoding="utf-8")
