@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, reject
-from hybrid_env.core.compilation import announce_compilation, compiled
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import BLOCK, LANES
 from hybrid_env.core.true_object import begin_motion, move
@@ -110,7 +110,8 @@ def simulate(
     deviations = np.sqrt(axis_variances(measurement_variance))
     process_deviation = math.sqrt(check_positive("process_variance", process_variance, allow_zero=True))
     noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
-    announce_compilation(_simulate)
-    _simulate(blocks, lengths, table, check_positive("tau", tau), noise, truth, measurements)
+    arguments = blocks, lengths, table, check_positive("tau", tau), noise, truth, measurements
+    prepare(_simulate, *arguments)
+    _simulate(*arguments)
     signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])
     return Simulation(truth[:runs], measurements[:runs], lengths, signed_radii)

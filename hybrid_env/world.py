@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.core import kernel
-from hybrid_env.core.compilation import announce_compilation
+from hybrid_env.core.compilation import prepare
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import (
@@ -69,10 +69,7 @@ class World:
     def _bind(self) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
         self._advance = kernel.BANKS[self.options.bank][1]
-        if not hasattr(self._advance, "compile"):
-            raise RuntimeError("NUMBA_DISABLE_JIT is set: only the scalar formulas run without compilation")
-        announce_compilation(self._advance)
-        self._advance.compile(kernel.SIGNATURE)
+        prepare(self._advance, 0, False)
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
             "trace": self.trace, "observations": self.observations, "rewards": self.rewards,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
 from hybrid_env.checks import check_array, check_flag, check_positive, reject
-from hybrid_env.core.compilation import announce_compilation, compiled
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import begin_published, follow_published
 from hybrid_env.core.records import LANES
 
@@ -126,12 +126,13 @@ def filter_known_modes(
     carry = check_flag("carry_covariance", carry_covariance)
     runs, total = values.shape[:2]
     estimates, covariances = np.empty((runs, total, 4)), np.empty((runs, total, 2, 3))
-    announce_compilation(_filter_run)
     for run in range(runs):
         begin = _Start(starts[run], first, carry)
-        _filter_run(
-            values[run], _Segments(segment_lengths, radii), begin, filters, estimates[run], covariances[run]
-        )
+        segments = _Segments(segment_lengths, radii)
+        arguments = values[run], segments, begin, filters, estimates[run], covariances[run]
+        if run == 0:
+            prepare(_filter_run, *arguments)
+        _filter_run(*arguments)
     if np.ndim(measurements) == 2:
         return Estimates(estimates[0], covariances[0])
     return Estimates(estimates, covariances)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.deciders.sprt import sprt_test, sprt_thresholds
 from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
 from hybrid_env.checks import check_choice, check_flag, check_positive, check_radii
-from hybrid_env.core.compilation import announce_compilation, compiled, internal
+from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.published_bank import (
     IDENTITY,
     PublishedBank,
@@ -253,9 +253,11 @@ def track(
         "undecided": np.empty((runs, segment_lengths.size), np.bool_),
         "ratios": np.empty((runs, total, filters.bank.hypotheses.size)),
     }
-    announce_compilation(_track_run)
     for run in range(runs):
         output = _Output(**{name: array[run] for name, array in arrays.items()})
-        _track_run(values[run], segment_lengths, starts[run], filters, rule, output)
+        arguments = values[run], segment_lengths, starts[run], filters, rule, output
+        if run == 0:
+            prepare(_track_run, *arguments)
+        _track_run(*arguments)
     single = np.ndim(measurements) == 2
     return Tracks(**{name: array[0] if single else array for name, array in arrays.items()})

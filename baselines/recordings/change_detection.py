@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.filters.recording import Filters, check_recording, make_filters
 from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, reject
-from hybrid_env.core.compilation import announce_compilation, compiled
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import (
     IDENTITY,
     PublishedBank,
@@ -159,9 +159,11 @@ def detect_switch(
     axes = len(nominal.bank.covariances)
     started = published_arrays(bank_radii.size, axes, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
-    announce_compilation(_ratios_of_run)
     for run, recording in enumerate(values):
-        _ratios_of_run(recording, starts[run], nominal, started, root, log_ratios[run])
+        arguments = recording, starts[run], nominal, started, root, log_ratios[run]
+        if run == 0:
+            prepare(_ratios_of_run, *arguments)
+        _ratios_of_run(*arguments)
     return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
 
 

@@ -21,7 +21,7 @@ from hybrid_env.core.anchor_aware_bank import (
     follow_aware,
     step_aware,
 )
-from hybrid_env.core.compilation import OPTIONS
+from hybrid_env.core.compilation import CALLEE_OPTIONS
 from hybrid_env.core.published_bank import (
     PublishedBank,
     State,
@@ -34,7 +34,7 @@ from hybrid_env.core.published_bank import (
 )
 
 # not strict: numba would also compare annotations
-_overload: Any = functools.partial(overload, jit_options=OPTIONS, strict=False)
+_overload: Any = functools.partial(overload, jit_options=CALLEE_OPTIONS, strict=False)
 
 
 def bank_of_block(banks: Any, block: int) -> Any:

@@ -333,9 +333,6 @@ def advance_aware(address: int, reset: bool) -> int:
     return _advance(reset, aware_banks(setting), setting)
 
 
-SIGNATURE = "int64(int64, boolean)"
-"""Signature of the kernels."""
-
 BANKS: dict[str, tuple[Any, Any]] = {
     "published": (published_arrays, advance_published),
     "oracle": (published_arrays, advance_published),

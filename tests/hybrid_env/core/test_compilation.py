@@ -1,4 +1,4 @@
-"""Compiled functions: an outdated cache is removed, and a compilation is announced."""
+"""The cache of compiled functions: announced, outdated, damaged, missing and not writable."""
 
 import os
 import subprocess
@@ -6,7 +6,12 @@ import sys
 
 import pytest
 
-from hybrid_env.core.compilation import drop_stale_cache
+from hybrid_env.core.compilation import compiled, drop_stale_cache, prepare
+
+
+@compiled
+def halve(x):
+    return 0.5 * x
 
 
 @pytest.mark.parametrize(("changed", "kept"), [("package/kernel.py", 0), ("other/motion.py", 0), (None, 2)])
@@ -28,12 +33,104 @@ def test_a_missing_cache_does_not_raise(tmp_path):
     drop_stale_cache(None, [])
 
 
+PROGRAM = """
+import numpy as np
+from hybrid_env.core.compilation import compiled, prepare
+
+@compiled
+def element(x, i):
+    return x[i] + 1.0
+
+prepare(element, np.ones(3), 1)
+print(element(np.ones(3), 1))
+"""
+
+
+def run(arguments, **environment):
+    return subprocess.run(
+        [sys.executable, *arguments],
+        env=os.environ | environment,
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+
+
+@pytest.fixture
+def program(tmp_path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    return path
+
+
 def test_only_the_first_process_announces_a_compilation(tmp_path):
-    program = "import hybrid_env; env = hybrid_env.HybridTrackEnv(); env.reset(seed=0); env.step(0)"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    code = "import hybrid_env; env = hybrid_env.HybridTrackEnv(); env.reset(seed=0); env.step(0)"
     for announced in (1, 0):
-        run = subprocess.run(
-            [sys.executable, "-c", program], env=environment, text=True, capture_output=True, check=True
-        )
-        assert run.stderr.count("compiling once") == announced
-        assert len(run.stderr.splitlines()) == announced
+        result = run(["-c", code], NUMBA_CACHE_DIR=str(tmp_path))
+        assert result.stderr.count("compiling once") == announced
+        assert len(result.stderr.splitlines()) == announced
+
+
+def _truncate(path):
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def _flip(path):  # without the checksum, damaged machine code would be executed
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+
+
+def _replace_by_text(path):
+    path.write_text("not a cache\n")
+    for checksums in path.parent.glob("*.checksums"):
+        checksums.unlink()
+
+
+@pytest.mark.parametrize(
+    ("suffix", "damage"),
+    [("nbi", _truncate), ("nbc", _truncate), ("nbc", _flip), ("nbc", _replace_by_text)],
+)
+def test_a_damaged_cache_is_replaced(tmp_path, program, suffix, damage):
+    cache = tmp_path / "cache"
+    run([program], NUMBA_CACHE_DIR=str(cache))
+    (path,) = cache.rglob(f"program.element-*.{suffix}")
+    damage(path)
+    for compiled_again in (True, False):
+        result = run([program], NUMBA_CACHE_DIR=str(cache))
+        assert result.stdout == "2.0\n"
+        assert result.stderr.count("compiling once") == compiled_again
+
+
+@pytest.mark.parametrize("folder", ["/dev/null/cache", "/proc/cache"])
+def test_a_cache_that_cannot_be_written_is_not_used(program, folder):
+    environment = {"NUMBA_CACHE_DIR": folder, "XDG_CACHE_HOME": folder, "HOME": folder}
+    program.parent.joinpath("__pycache__").write_text("a file where numba would make a folder")
+    assert run([program], **environment).stdout == "2.0\n"
+
+
+def test_a_full_disk_does_not_stop_a_compilation(monkeypatch):
+    saved = []
+
+    def full(*_):
+        saved.append(1)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    prepare(halve, 1.0 + 0.0j)
+    assert saved
+    assert halve(3.0 + 1.0j) == 1.5 + 0.5j
+
+
+def test_an_error_of_the_compiler_is_raised():
+    with pytest.raises(Exception, match="Failed in nopython"):
+        prepare(halve, "text")
+
+
+def test_checked_indices_raise(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM.replace("print(element(np.ones(3), 1))", "element(np.ones(3), 5)"))
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        run([program], NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR="")
+    assert "IndexError" in caught.value.stderr
+    assert not list(tmp_path.rglob("*.nb[ic]"))
