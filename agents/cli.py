@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -32,11 +33,15 @@ Command = (
 )
 
 
+MAX_MESSAGE = 280  # characters; the middle of a longer message is left out
+
+
 def one_line(message: str) -> str:
     """A message without line breaks, and without the frame and help hints of tyro's messages."""
     body = [line for line in message.splitlines() if not line.startswith(("╭", "╰"))]
     words = " ".join(re.sub("[\u2500-\u257f]", " ", " ".join(body)).split())
-    return re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
+    text = re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
+    return text if len(text) <= MAX_MESSAGE else f"{text[:180]} ... {text[185 - MAX_MESSAGE :]}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,8 +51,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: command-line arguments; None takes those of the process.
 
     Returns:
-        The exit status: 0, 2 for an invalid argument, or 130 after an interrupt by the user.
+        The exit status: 0, 1 if the reader of the output has closed it, 2 for an invalid argument or a file
+        that cannot be read or written, or 130 after an interrupt by the user.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may contain any bytes
+    try:
+        status = _run(arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
+    except (ArgumentError, gym.error.Error) as error:
+        _report(str(error))
+        return 2
+    except BrokenPipeError:
+        _discard_output()
+        return 1
+    except OSError as error:
+        _discard_output()
+        _report(str(error))
+        return 2
+    except MemoryError as error:
+        _report(f"not enough memory: {error}")
+        return 2
+    except KeyboardInterrupt:
+        _report("interrupted")
+        return 130
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):
@@ -58,17 +91,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )  # fmt: skip
     except SystemExit as stop:
         if stop.code:
-            print("hybridtrack: " + one_line(errors.getvalue()), file=sys.stderr)
+            _report(errors.getvalue())
         return int(stop.code or 0)
-    try:
-        command.run()
-    except (ArgumentError, gym.error.Error) as error:
-        print("hybridtrack: " + one_line(str(error)), file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("hybridtrack: interrupted", file=sys.stderr)
-        return 130
+    command.run()
     return 0
+
+
+def _report(message: str) -> None:
+    with contextlib.suppress(OSError):
+        print("hybridtrack: " + one_line(message), file=sys.stderr)
+
+
+def _discard_output() -> None:
+    """Discard output that could not be written; Python would otherwise report it again at exit."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

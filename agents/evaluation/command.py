@@ -71,7 +71,7 @@ class Evaluate(WorldArguments):
         families = [decider_family(name, world) for name in self.deciders]
         for family, name in zip(families, self.deciders, strict=True):
             check_family(family, name, world)
-        console = Console()
+        console = Console(emoji=False)
         with progress_display(console) as progress:
             total = len(families) * (1 + len(shifted_worlds(world)))
             task = progress.add_task("Evaluating", total=total, completed=-1, note="")
@@ -96,6 +96,7 @@ class Evaluate(WorldArguments):
         self, name: str, env_id: str, options: dict[str, Any], decider: "Decider"
     ) -> dict[str, Any]:
         from rich.console import Console
+        from rich.markup import escape
         from rich.table import Table
 
         from agents.evaluation.evaluate import evaluate
@@ -104,7 +105,7 @@ class Evaluate(WorldArguments):
         from hybrid_env.rendering.modes import mode_name
 
         world = make_vector_env(env_id, 1, **options).options
-        console = Console()
+        console = Console(emoji=False)
         with progress_display(console) as progress:
             task = progress.add_task("Evaluating", total=1.0, note=name)
             decisions = evaluate(
@@ -113,7 +114,8 @@ class Evaluate(WorldArguments):
             )  # fmt: skip
         summary = decisions.summary()
 
-        table = Table(title=f"{name} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments")
+        title = f"{name} on {env_id.rpartition(':')[2]}: {summary['segments']:,} segments"
+        table = Table(title=escape(title))
         for header in ("metric", "mean", "95 % confidence interval"):
             table.add_column(header, justify="left" if header == "metric" else "right")
         titles = {

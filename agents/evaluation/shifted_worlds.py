@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
@@ -125,7 +126,7 @@ def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     )
     table.add_column("environment")
     for name in deciders:
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(Text(name), justify="right", no_wrap=True)
     for world in dict.fromkeys(result.world for result in results):
         row = {result.decider: result for result in results if result.world == world}
         table.add_row(world, *(_cell(row[name]) for name in deciders))

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from PIL import Image
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -61,7 +62,7 @@ class Play(WorldArguments):
         decider = load_decider(self.decider, env.options)
         evidence = decider_evidence(decider)
         renderer = Renderer(env.options, show, evidence.panel)
-        console = Console()
+        console = Console(emoji=False)
         try:
             with progress_display(console) as progress:
                 histories = self._play(env, decider, evidence, console, progress)
@@ -148,7 +149,7 @@ class Play(WorldArguments):
 def episode_table(history: EpisodeHistory, title: str) -> Table:
     """Return a table with one row for each decision of an episode."""
     radii = history.options.radii
-    table = Table(title=title, title_justify="left")
+    table = Table(title=escape(title), title_justify="left")
     for name in ("segment", "true mode", "decided mode", "decision"):
         table.add_column(name)
     table.add_column("ticks", justify="right")

@@ -127,7 +127,7 @@ class Track:
             ArgumentError: an argument or a line of the file is invalid.
         """
         self._check()
-        console = Console()
+        console = Console(emoji=False)
         with console.status("Reading"):
             recording = read_recording(self.file)
         lengths = self._lengths(len(recording.measurements))
