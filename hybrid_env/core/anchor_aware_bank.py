@@ -25,7 +25,7 @@ from hybrid_env.core.extended_kalman import (
 )
 from hybrid_env.core.kalman import log_likelihood
 from hybrid_env.core.memory import aligned_zeros, array_at
-from hybrid_env.core.motion import heading_vector, turn_centre
+from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 from hybrid_env.core.published_bank import INNOVATION, State, Triangle4, set_estimate, signed_radius
 from hybrid_env.core.records import lanes_of
 
@@ -97,7 +97,7 @@ def begin_aware(
         anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
         covariance: covariance of the anchor, upper triangle row by row.
         radii: (n,) turn radii of the bank [m].
-        model: not used; both banks have the same arguments.
+        model: a `FilterModel`, or a record with its fields.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
@@ -109,7 +109,7 @@ def begin_aware(
         kalman.log_likelihood[lane] = 0.0
         centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
         kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
-        kalman.turn_rate[lane] = 0.0 if h == 0 else speed / abs(radius)
+        kalman.turn_rate[lane] = 0.0 if h == 0 else bank_turn_rate(speed, abs(radius), model.tau)
         for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
             kalman.covariance[k, lane] = value
 

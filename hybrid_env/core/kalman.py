@@ -57,8 +57,10 @@ def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, var
         gain_x, gain_v: from `kalman_gain`.
         variance: R [m^2].
     """
-    # the first row of P - K H P is K R, which avoids cancellation
-    return gain_x * variance, gain_v * variance, covariance[2] - gain_v * covariance[1]
+    # The first row of P - K H P is K R, which avoids cancellation. The last entry is bounded below so that
+    # rounding does not make P indefinite if the predicted variances are very large compared with R.
+    vv = max(covariance[2] - gain_v * covariance[1], gain_v * gain_v * variance)
+    return gain_x * variance, gain_v * variance, vv
 
 
 @inlined

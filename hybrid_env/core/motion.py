@@ -10,6 +10,8 @@ import math
 
 from hybrid_env.core.compilation import inlined, internal
 
+LARGEST_ANGLE = 1000.0  # [rad], turned per tick in the model of a bank
+
 
 @internal
 def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
@@ -45,6 +47,16 @@ def propagate(
     """
     offset = position - centre
     return centre + cosine * offset + sine_velocity * velocity, cosine * velocity - sine_position * offset
+
+
+@internal
+def bank_turn_rate(speed: float, radius: float, tau: float) -> float:
+    """Return the turn rate that a bank assumes, speed / radius, at most `LARGEST_ANGLE` per tick [rad/s].
+
+    The bound matters after wrong decisions only. Without it, the estimated speed can be multiplied by a large
+    number in every wrongly decided segment, until it overflows.
+    """
+    return min(speed / radius, LARGEST_ANGLE / tau)
 
 
 @internal

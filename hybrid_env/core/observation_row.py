@@ -13,6 +13,7 @@ from hybrid_env.core.elementary import exp, log
 
 LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
 LARGEST = 1e6  # clip of the magnitude of whitened innovations
+LARGEST_ANCHOR = 1e30  # clip of the values of the anchor, so that those of a diverged filter fit in a float32
 NEGLIGIBLE = -100.0  # smaller log-likelihood ratios do not change a clipped log-probability
 
 # scales that bring typical values to the order of one
@@ -74,8 +75,9 @@ def log_error_probability(others: float) -> float:
 
 @inlined
 def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_y: float) -> float:
-    """Return the mean over the axes of (covariance entry / R)."""
-    return 0.5 * (value_x / variance_x + value_y / variance_y)
+    """Return the mean over the axes of (covariance entry / R), clipped to +-`LARGEST_ANCHOR`."""
+    mean = 0.5 * (value_x / variance_x + value_y / variance_y)
+    return max(min(mean, LARGEST_ANCHOR), -LARGEST_ANCHOR)
 
 
 @internal
@@ -99,7 +101,7 @@ def write_segment(
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
     singles = row[BLOCKS * M :]
     kept, variance_x, variance_y = block.kept_covariance, setting.variance_x, setting.variance_y
-    singles[SPEED] = block.speed[lane]
+    singles[SPEED] = min(block.speed[lane], LARGEST_ANCHOR)
     singles[ANCHOR_XX] = max(mean_over_noise(kept[0, lane], kept[7, lane], variance_x, variance_y), 0.0)
     singles[ANCHOR_XV] = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
     singles[ANCHOR_VV] = max(mean_over_noise(kept[4, lane], kept[9, lane], variance_x, variance_y), 0.0)

@@ -24,7 +24,7 @@ from hybrid_env.core.kalman import (
     predict_covariance,
 )
 from hybrid_env.core.memory import aligned_zeros, array_at
-from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.records import lanes_of
 
 FloatArray = NDArray[np.float64]
@@ -162,7 +162,7 @@ def begin_published(
     x, vx, y, vy = anchor
     speed, heading_x, heading_y = heading_vector(vx, vy)
     for column in range(radii.size + 1):
-        turn_rate = 0.0 if column == 0 else speed / radii[column - 1]
+        turn_rate = 0.0 if column == 0 else bank_turn_rate(speed, radii[column - 1], model.tau)
         cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, model.tau)
         for axis in range(bank.covariances.shape[0]):
             shared = bank.covariances[axis, column]

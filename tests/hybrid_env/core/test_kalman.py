@@ -37,3 +37,19 @@ def test_the_log_likelihood_equals_that_of_a_normal_innovation():
     white = innovation / deviation
     found = log_likelihood(white[0], white[1], float(np.log(deviation**2).mean()))
     assert math.isclose(found, expected, rel_tol=1e-14)
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-6, 0.3])
+@pytest.mark.parametrize("tau", [0.1, 1e4, 1e9])
+def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau, rate):
+    # the corrected velocity variance is smaller than the rounding error of the predicted one
+    coefficients = motion_coefficients(rate / tau, tau)
+    for R in (1e-18, 1e-6, 1.0):
+        covariance = (1.0, 0.0, 1.0)
+        for _ in range(1000):
+            predicted = predict_covariance(covariance, *coefficients, 0.0)
+            Sigma = predicted[0] + R
+            assert Sigma >= R * (1 - 1e-9)
+            covariance = correct_covariance(predicted, *kalman_gain(predicted, Sigma), R)
+            assert covariance[0] >= 0.0
+            assert covariance[2] >= 0.0

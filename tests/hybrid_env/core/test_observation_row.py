@@ -6,6 +6,7 @@ import pytest
 
 from hybrid_env.core.observation_row import (
     LARGEST,
+    LARGEST_ANCHOR,
     LOG_FLOOR,
     clipped_innovation,
     heading_frame,
@@ -34,3 +35,4 @@ def test_innovations_are_clipped_at_both_bounds():
 
 def test_covariances_are_divided_by_the_noise_variance_and_averaged_over_the_axes():
     assert mean_over_noise(0.2, 0.9, 0.1, 0.3) == pytest.approx(2.5)
+    assert mean_over_noise(1e24, -3e24, 1e-18, 1e-18) == -LARGEST_ANCHOR
