@@ -3,6 +3,7 @@
 Importing this package registers the environments. `gym.make("hybrid_env:HybridTrack-v0")` imports it.
 """
 
+from hybrid_env.checks import ArgumentError
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.observation import Layout
 from hybrid_env.online_bank import KalmanBank
@@ -14,6 +15,7 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 __all__ = [
     "ENVIRONMENTS",
     "SCHEMES",
+    "ArgumentError",
     "FixedScheme",
     "HybridTrackEnv",
     "HybridTrackVectorEnv",

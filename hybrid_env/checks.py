@@ -1,31 +1,72 @@
 """Argument checks. Every error is one line with the argument, its value and the allowed values."""
 
 import math
+import reprlib
 from collections.abc import Iterable
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+LONGEST_VALUE = 120  # characters of a value in a message
+LONGEST_MESSAGE = 300  # characters
+
+_short = reprlib.Repr()  # does not print all of a nested or a large value
+_short.maxstring = _short.maxother = _short.maxlong = LONGEST_VALUE
+_short.maxlevel = 3
 
 
 class ArgumentError(ValueError):
     """An argument has a value that is not allowed. The message is a single line."""
 
+    def __init__(self, message: str):
+        super().__init__(_shorten(" ".join(message.split()), LONGEST_MESSAGE))
+
+
+class ReadOnlyAttributes:
+    """A class with attributes that are set once, because compiled code relies on them.
+
+    Attributes:
+        read_only: names of these attributes.
+    """
+
+    read_only: ClassVar[frozenset[str]] = frozenset()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.read_only and name in self.__dict__:
+            raise AttributeError(f"{type(self).__name__}.{name} is read-only")
+        super().__setattr__(name, value)
+
+
+def _shorten(text: str, longest: int) -> str:
+    """Replace the middle of a long text by dots."""
+    if len(text) <= longest:
+        return text
+    part = (longest - 3) // 2
+    return f"{text[:part]}...{text[-part:]}"
+
 
 def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """Return the error for a value that is not allowed. The caller raises it."""
-    shown = repr(value.item() if isinstance(value, np.generic) else value)
-    if len(shown) > 120:
-        shown = f"{shown[:58]}...{shown[-58:]}"
-    return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
+    try:
+        shown = _short.repr(value.item() if isinstance(value, np.generic) else value)
+    except Exception:  # of the value's own __repr__, or an integer with too many digits
+        shown = f"<{type(value).__name__}>"
+    return ArgumentError(f"{name}={_shorten(shown, LONGEST_VALUE)} is not allowed: expected {allowed}")
 
 
 def check_number(name: str, value: Any, allowed: str = "a finite number") -> float:
-    """Return a finite float. Raises `ArgumentError` for bools, strings, NaN and infinities."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not math.isfinite(value):
+    """Return a finite float. Raises `ArgumentError` for bools, strings, NaN, infinities and durations."""
+    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Real):
         raise reject(name, value, allowed)
-    return float(value)
+    try:
+        number = float(value)
+    except (OverflowError, ValueError):  # an integer may be too large
+        raise reject(name, value, allowed) from None
+    if not math.isfinite(number):
+        raise reject(name, value, allowed)
+    return number
 
 
 def check_positive(name: str, value: Any, allow_zero: bool = False) -> float:
@@ -46,11 +87,15 @@ def check_between(name: str, value: Any, low: float, high: float) -> float:
     return number
 
 
-def check_integer(name: str, value: Any, minimum: int = 1) -> int:
-    """Return an integer >= `minimum`."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < minimum:
-        raise reject(name, value, f"an integer >= {minimum}")
-    return int(value)
+def check_integer(name: str, value: Any, minimum: int = 1, maximum: int | None = None) -> int:
+    """Return an integer >= `minimum`, and <= `maximum` unless that is None."""
+    allowed = f"an integer >= {minimum}" if maximum is None else f"an integer from {minimum} to {maximum}"
+    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Integral):
+        raise reject(name, value, allowed)
+    number = int(value)
+    if number < minimum or (maximum is not None and number > maximum):
+        raise reject(name, value, allowed)
+    return number
 
 
 def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
@@ -61,11 +106,32 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
     return value
 
 
+def check_reset_options(options: Any) -> None:
+    """Raise `ArgumentError` if the options of `reset` are neither a dict nor None."""
+    if options is not None and not isinstance(options, dict):
+        raise reject("options", options, "a dict or None")
+
+
 def check_flag(name: str, value: Any) -> bool:
     """Return a bool. Raises `ArgumentError` for other truthy or falsy values."""
     if not isinstance(value, (bool, np.bool_)):
         raise reject(name, value, "True or False")
     return bool(value)
+
+
+def _real_array(value: ArrayLike) -> NDArray[np.float64] | None:
+    """Return a copy as a float64 array, None if not every element is a real number."""
+    if np.ma.is_masked(value):  # the mask would be lost
+        return None
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O" and not all(
+            isinstance(item, Real) and not isinstance(item, (bool, np.bool_)) for item in array.flat
+        ):
+            return None
+        return np.array(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
+    except (TypeError, ValueError, OverflowError, MemoryError):
+        return None
 
 
 def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
@@ -76,10 +142,9 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> N
         + ("," * (len(shape) == 1))
         + ")"
     )
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise reject(name, value, f"an array of finite numbers of shape {expected}") from None
+    array = _real_array(value)
+    if array is None:
+        raise reject(name, value, f"an array of finite numbers of shape {expected}, none masked")
     if array.ndim != len(shape) or any(
         length == 0 or (size is not None and length != size)
         for length, size in zip(array.shape, shape, strict=True)
@@ -94,30 +159,47 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> N
     return array
 
 
+def dimensions(value: ArrayLike) -> int:
+    """Return the number of dimensions of an array, -1 if the value is not an array."""
+    try:
+        return np.ndim(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        return -1
+
+
 def check_radii(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return (n,) distinct turn radii > 0 [m]."""
-    allowed = "one or more distinct finite radii > 0"
-    try:
-        radii = np.atleast_1d(np.array(value, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise reject(name, value, allowed) from None
+    radii = _real_array(value)
+    if radii is not None:
+        radii = np.atleast_1d(radii)
     if (
-        radii.ndim != 1
+        radii is None
+        or radii.ndim != 1
         or radii.size == 0
         or not np.isfinite(radii).all()
         or (radii <= 0).any()
         or np.unique(radii).size != radii.size
     ):
-        raise reject(name, value, allowed)
+        raise reject(name, value, "one or more distinct finite radii > 0")
     return radii
+
+
+def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the array, which can no longer be changed in place."""
+    array.setflags(write=False)
+    return array
 
 
 def axis_variances(measurement_variance: float | ArrayLike) -> NDArray[np.float64]:
     """Return the measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
-    values = np.atleast_1d(np.asarray(measurement_variance))
-    if values.size == 1:
-        return np.array([check_positive("measurement_variance", values.item())])
-    pair = check_array("measurement_variance", measurement_variance, (2,))
-    for value in pair:
-        check_positive("measurement_variance", value)
-    return pair[:1].copy() if pair[0] == pair[1] else pair
+    values = _real_array(measurement_variance)
+    if (
+        values is None
+        or values.shape not in ((), (1,), (2,))
+        or not (np.isfinite(values) & (values > 0.0)).all()
+    ):
+        raise reject(
+            "measurement_variance", measurement_variance, "a finite number > 0, or two of them, for x and y"
+        )
+    pair = np.atleast_1d(values)
+    return pair[:1].copy() if pair[0] == pair[-1] else pair

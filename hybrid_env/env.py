@@ -7,15 +7,16 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_choice
+from hybrid_env.checks import ReadOnlyAttributes, check_choice, check_integer, check_reset_options
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.figure import RENDER_FPS, Renderer
 from hybrid_env.rendering.history import EpisodeHistory
+from hybrid_env.seeding import state_of
 from hybrid_env.world import World
 
 
-class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
+class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     """Decide quickly and correctly which mode of motion an object has switched to.
 
     ## Description
@@ -119,6 +120,8 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # type: ignore[misc]
 
+    read_only = frozenset(("options", "world"))
+
     def __init__(self, render_mode: str | None = None, **options: Any):
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
@@ -157,10 +160,15 @@ class HybridTrackEnv(gym.Env[NDArray[np.float32], np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode. Without a seed the random stream continues. `options` is not used."""
-        super().reset(seed=seed)
+        """Begin an episode. Without a seed the random stream continues. `options` is not used.
+
+        Raises:
+            ArgumentError: the seed is not an integer >= 0 or None, or `options` not a dict or None.
+        """
+        check_reset_options(options)
+        super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
-            self.world.seed(0, self.np_random)
+            self.world.seed(0, state_of(self.np_random))
         self.world.reset(self._reset_mask)
         self._started = True
         info = self._info()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.core.observation_row import (
     BLOCKS,
     HYPOTHESIS_FEATURES,
@@ -33,9 +33,9 @@ class Layout:
     """
 
     def __init__(self, hypotheses: int):
-        if hypotheses < 3 or hypotheses % 2 == 0:
+        self.hypotheses = check_integer("hypotheses", hypotheses, minimum=3)
+        if self.hypotheses % 2 == 0:
             raise reject("hypotheses", hypotheses, "an odd number >= 3")
-        self.hypotheses = hypotheses
         self.slices: dict[str, slice] = {}
         self.scales = HYPOTHESIS_FEATURES | TRACK_FEATURES
         start = 0
@@ -69,5 +69,8 @@ class Layout:
         """
         if name not in self.slices:
             raise reject("name", name, "one of " + ", ".join(self.slices))
-        values = np.asarray(observation)[..., self.slices[name]].astype(np.float64) / self.scales[name]
+        rows = np.asarray(observation)
+        if rows.ndim == 0 or rows.shape[-1] != self.width:
+            raise reject("observation shape", rows.shape, f"(..., {self.width})")
+        values = rows[..., self.slices[name]].astype(np.float64) / self.scales[name]
         return values if name in HYPOTHESIS_FEATURES else values[..., 0]

@@ -5,8 +5,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import axis_variances, check_array, check_positive, check_radii
-from hybrid_env.core.compilation import compiled
+from hybrid_env.checks import (
+    ReadOnlyAttributes,
+    axis_variances,
+    check_array,
+    check_positive,
+    check_radii,
+    frozen,
+)
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import (
     FilterModel,
     FloatArray,
@@ -36,7 +43,7 @@ def _step_one(bank: PublishedBank, measurement: FloatArray, model: FilterModel) 
     step_published(bank, 0, 1, measurement, model)
 
 
-class KalmanBank:
+class KalmanBank(ReadOnlyAttributes):
     """The published bank of Kalman filters for one track. Golubkov 2018, eq. (2) and (4).
 
     Args:
@@ -54,6 +61,8 @@ class KalmanBank:
     (3,)
     """
 
+    read_only = frozenset(("radii", "tau", "process_variance", "variances"))
+
     def __init__(
         self,
         radii: ArrayLike = (5.0,),
@@ -61,16 +70,17 @@ class KalmanBank:
         process_variance: float = 0.001,
         measurement_variance: float | ArrayLike = 0.1,
     ):
-        self.radii = check_radii("radii", radii)
+        self.radii = frozen(check_radii("radii", radii))
         self.tau = check_positive("tau", tau)
         self.process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-        self.variances = axis_variances(measurement_variance)
+        self.variances = frozen(axis_variances(measurement_variance))
         self._bank = published_arrays(self.radii.size, self.variances.size)
         self._model = FilterModel(
             self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])
         )
         self._measurement = np.zeros((2, LANES))
         self._anchored = False
+        prepare(_step_one, self._bank, self._measurement, self._model)
 
     @property
     def hypotheses(self) -> int:
@@ -87,7 +97,9 @@ class KalmanBank:
         """
         anchor = check_array("state", state, (4,))
         start = check_array("covariance", covariance, (3,))
-        _begin_one(self._bank, anchor, start, self.radii, self._model)
+        arguments = self._bank, anchor, start, self.radii, self._model
+        prepare(_begin_one, *arguments)
+        _begin_one(*arguments)
         self._anchored = True
 
     def step(self, measurement: ArrayLike) -> FloatArray:

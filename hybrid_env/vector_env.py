@@ -1,26 +1,32 @@
 """The vector environment: N tracks in one kernel call."""
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_flag, check_integer, reject
+from hybrid_env.checks import ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.lazy_info import LazyInfo
 from hybrid_env.options import WorldOptions
+from hybrid_env.seeding import random_states
 from hybrid_env.world import World
+
+LARGEST = 2**31 - 1  # tracks, and rows of a trace
+MOST_THREADS = 1024
 
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 
 
-class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
+class HybridTrackVectorEnv(
+    ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]
+):
     """A vector environment of N `HybridTrackEnv` tracks, stepped in one kernel call.
 
     With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
@@ -43,6 +49,8 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         ArgumentError: an argument has a value that is not allowed.
     """
 
+    read_only = frozenset(("num_envs", "options", "world"))
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -56,7 +64,7 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             raise ValueError(
                 "render_mode is not supported by the vector environment: render a HybridTrackEnv"
             )
-        self.num_envs = check_integer("num_envs", num_envs)
+        self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -69,13 +77,13 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
         self.world = World(
             self.options,
             self.num_envs,
-            check_integer("trace_rows", trace_rows, minimum=0),
-            check_integer("threads", threads),
+            check_integer("trace_rows", trace_rows, 0, LARGEST),
+            check_integer("threads", threads, maximum=MOST_THREADS),
         )
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._started = False
         self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
         self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
@@ -100,25 +108,37 @@ class HybridTrackVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDA
             ResetNeeded: a track outside the mask has never been reset.
         """
         mask = np.ones(self.num_envs, np.bool_)
+        check_reset_options(options)
         if options is not None and "reset_mask" in options:
-            mask = np.array(options["reset_mask"], order="C")
-            if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
-                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},), not all False")
-        seeds: Sequence[int | None]
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            if not isinstance(seed, (Sequence, np.ndarray)) or len(seed) != self.num_envs:
-                raise reject("seed", seed, f"an integer, or a sequence of {self.num_envs} integers or None")
-            seeds = [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
+            mask = options["reset_mask"]
+            if not isinstance(mask, np.ndarray) or (mask.dtype, mask.shape) != (np.bool_, self._shape):
+                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},)")
+            if not mask.any() or np.ma.is_masked(mask):
+                raise reject("reset_mask", mask, "at least one True, and no masked element")
+            mask = np.array(mask, order="C")
+        seeds = self._check_seeds(seed)
         if not (self.world.seeded | mask).all():
             raise gym.error.ResetNeeded("reset() with a reset_mask requires an earlier reset() of all tracks")
-        for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None or not self.world.seeded[i]:
-                self.world.seed(i, seeding.np_random(seeds[i])[0])
+        given = np.array([one is not None for one in seeds])
+        chosen = np.flatnonzero(mask & (given | ~self.world.seeded))
+        if chosen.size:
+            self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
         self.world.reset(mask)
         self._started = True
         return self.world.take_rows(), self._tick_info(mask)
+
+    def _check_seeds(self, seed: Any) -> Sequence[int | None]:
+        """Return one seed or None per track."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Integral):
+            first = check_integer("seed", seed, minimum=0)
+            return range(first, first + self.num_envs)
+        if isinstance(seed, np.ndarray):
+            seed = seed.tolist()  # a number if it has no dimension
+        if not isinstance(seed, Sequence) or isinstance(seed, str) or len(seed) != self.num_envs:
+            raise reject("seed", seed, f"an integer, or a sequence of {self.num_envs} integers or None")
+        return [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
 
     def step(
         self, actions: NDArray[np.int64]

@@ -3,7 +3,7 @@
 import functools
 import operator
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
 from hybrid_env.core import kernel
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.memory import aligned_zeros
@@ -29,16 +30,31 @@ from hybrid_env.core.records import (
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
+_INDICES = ("segment", "true_mode", "active_mode", "trace_length")
+"""Fields of `BLOCK` that the kernel uses as indices."""
 
-class World:
+
+class World(ReadOnlyAttributes):
     """State of N tracks under one set of options.
+
+    The arrays can be changed in place, but not replaced, because the kernel has their addresses.
 
     Args:
         options: options of the model.
         tracks: N, number of tracks.
         trace_rows: number of ticks per step stored for rendering and recording, 0 to store none.
         threads: number of threads that step different blocks of tracks in parallel.
+
+    Raises:
+        ArgumentError: the arrays do not fit into memory.
     """
+
+    read_only = frozenset(
+        (
+            "options", "layout", "threads", "bank", "blocks", "actions", "trace", "observations", "rewards",
+            "terminated", "decisions", "decision_flags", "seeded",
+        )
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -49,10 +65,20 @@ class World:
     ):
         self.options = options
         self.layout = Layout(options.hypotheses)
+        self.threads = min(threads, -(-tracks // LANES))
+        try:
+            self._allocate(tracks, trace_rows)
+        except (MemoryError, OSError, OverflowError, ValueError):
+            raise reject(
+                "num_envs", tracks, f"a number of tracks with {trace_rows} trace_rows that fits into memory"
+            ) from None
+        self._bind()
+
+    def _allocate(self, tracks: int, trace_rows: int) -> None:
+        """Create all arrays that the kernel reads and writes, except the scratch memory of the threads."""
         blocks = -(-tracks // LANES)
-        self.threads = min(threads, blocks)
-        allocate = kernel.BANKS[options.bank][0]
-        self.bank: Any = allocate(len(options.radii), options.variances.size, blocks)
+        allocate = kernel.BANKS[self.options.bank][0]
+        self.bank: Any = allocate(len(self.options.radii), self.options.variances.size, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))
@@ -62,9 +88,8 @@ class World:
         self.decisions = np.zeros((len(DECISION), tracks), np.int64)
         self.decision_flags = np.zeros((len(DECISION_FLAGS), tracks), np.bool_)
         self.seeded = np.zeros(tracks, np.bool_)
-        self._radii = np.array(options.radii)
-        self._table = options.table
-        self._bind()
+        self._radii = np.array(self.options.radii)
+        self._table = self.options.table
 
     def _bind(self) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
@@ -113,31 +138,49 @@ class World:
             self._run = functools.partial(self._run_threads, shares)
             self.take_rows = self._rows_of_threads
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that hold the state, by name. They are views, not copies."""
+        return {
+            "blocks": self.blocks, "actions": self.actions, "trace": self.trace,
+            "observations": self.observations, "rewards": self.rewards, "terminated": self.terminated,
+            "decisions": self.decisions, "decision_flags": self.decision_flags, "seeded": self.seeded,
+            **{f"bank.{name}": array for name, array in self.bank._asdict().items()},
+        }  # fmt: skip
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
+
+        Raises:
+            ArgumentError: an array is missing, or has another type or shape, or an index is out of range.
+                Nothing is copied.
+        """
+        own = self.arrays()
+        for name, array in own.items():
+            other = arrays.get(name)
+            if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (array.dtype, array.shape):
+                raise ArgumentError(
+                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes an element "
+                    f"and shape {array.shape}: it was saved by another version of hybrid_env or with other "
+                    "options"
+                )
+        modes = self.options.hypotheses
+        limits = (self.options.segments, modes, modes, self.trace.shape[1] + 1)
+        for name, limit in zip(_INDICES, limits, strict=True):
+            values = arrays["blocks"][name]
+            if (values < 0).any() or (values >= limit).any():
+                raise reject(f"blocks.{name}", values, f"integers from 0 to {limit - 1}")
+        for name, array in own.items():
+            array[...] = arrays[name]
+
     def __getstate__(self) -> dict[str, Any]:
-        bound = (
-            "_parameters",
-            "_scratch",
-            "_ticks",
-            "_log_likelihood",
-            "_run",
-            "_rows",
-            "take_rows",
-            "_advance",
-            "_pool",
-            "_pool_process",
-        )
-        return {name: value for name, value in self.__dict__.items() if name not in bound}
+        size = {"tracks": self.actions.size, "trace_rows": self.trace.shape[1], "threads": self.threads}
+        return size | {"options": self.options, "arrays": self.arrays()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # copied and unpickled arrays have new addresses and may be read-only
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value = np.require(value, requirements=["C", "W"])
-            setattr(self, name, value)
-        self.bank = type(self.bank)(*(np.require(array, requirements=["C", "W"]) for array in self.bank))
-        if self.blocks.dtype != BLOCK:
-            raise ValueError("this environment was pickled by another version of hybrid_env")
-        self._bind()
+        # new arrays: those of a copy are neither aligned nor in huge pages, and may be read-only
+        arrays = state.pop("arrays")
+        self.__init__(**state)  # type: ignore[misc]
+        self.restore(arrays)
 
     def _run_threads(self, shares: list[tuple[int, slice]], reset: bool) -> int:
         """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
@@ -202,11 +245,11 @@ class World:
         )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
-    def seed(self, track: int, generator: np.random.Generator) -> None:
-        """Seed the random stream of one track from a generator."""
-        block, lane = divmod(track, LANES)
-        self.blocks["random_state"][block, :, lane] = generator.integers(1, 2**64, 4, dtype=np.uint64)
-        self.seeded[track] = True
+    def seed(self, tracks: int | NDArray[np.int64], states: NDArray[np.uint64]) -> None:
+        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""
+        blocks, lanes = np.divmod(tracks, LANES)
+        self.blocks["random_state"][blocks, :, lanes] = states
+        self.seeded[tracks] = True
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""

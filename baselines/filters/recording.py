@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, reject
+from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.published_bank import (
     FilterModel,
@@ -93,14 +93,17 @@ def check_recording(
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    single = np.ndim(measurements) == 2
+    single = dimensions(measurements) == 2
     values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
     values = values[None] if single else values
     runs, total = values.shape[:2]
-    segment_lengths = np.array([check_integer("lengths", length) for length in lengths], dtype=np.int64)
-    if segment_lengths.sum() != total:
-        raise reject("lengths", list(lengths), f"lengths whose sum is {total}, the number of measurements")
+    if not isinstance(lengths, (Sequence, np.ndarray)) or dimensions(lengths) != 1:
+        raise reject("lengths", lengths, "a list of integers >= 1")
+    ticks = [check_integer("lengths", length) for length in lengths]
+    if sum(ticks) != total:  # of Python's integers, which cannot overflow
+        raise reject("lengths", ticks, f"lengths whose sum is {total}, the number of measurements")
+    segment_lengths = np.array(ticks, np.int64)
     if start is None:
         return values, segment_lengths, first_estimate(values, tau)
-    starts = check_array("start", start, (4,) if np.ndim(start) == 1 else (runs, 4))
+    starts = check_array("start", start, (4,) if dimensions(start) == 1 else (runs, 4))
     return values, segment_lengths, np.broadcast_to(starts, (runs, 4))

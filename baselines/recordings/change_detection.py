@@ -13,6 +13,7 @@ computations are in logarithms.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.filters.recording import Filters, check_recording, make_filters
-from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, reject
+from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, dimensions, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import (
     IDENTITY,
@@ -142,15 +143,14 @@ def detect_switch(
         ArgumentError: an argument has a value that is not allowed.
     """
     tau = check_positive("tau", tau)
-    total = np.shape(measurements)[-2] if np.ndim(measurements) in (2, 3) else 0
+    total = np.shape(measurements)[-2] if dimensions(measurements) in (2, 3) else 0
     values, _, starts = check_recording(measurements, [max(total, 1)], start, tau)
     bank_radii = check_radii("radii", radii)
     hypotheses = 2 * bank_radii.size + 1
-    chosen = np.arange(1, hypotheses) if tested is None else np.atleast_1d(np.asarray(tested))
-    if chosen.size == 0 or not all(
-        1 <= check_integer("tested", mode, minimum=1) < hypotheses for mode in chosen.tolist()
-    ):
+    modes = range(1, hypotheses) if tested is None else [tested] if dimensions(tested) == 0 else tested
+    if not isinstance(modes, (Sequence, np.ndarray)) or len(modes) == 0:
         raise reject("tested", tested, f"one or more hypotheses from 1 to {hypotheses - 1}")
+    chosen = np.array([check_integer("tested", mode, 1, hypotheses - 1) for mode in modes])
     nominal = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     margin = check_positive("margin", margin, allow_zero=True)

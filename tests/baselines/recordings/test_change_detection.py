@@ -107,7 +107,7 @@ INVALID = [
     ({"start": [0.0]}, "start has shape (1,)"),
     ({"radii": []}, "radii=[]"),
     ({"tested": [0]}, "tested=0"),
-    ({"tested": [3]}, "tested=[3]"),
+    ({"tested": [3]}, "tested=3"),
     ({"tested": []}, "tested=[]"),
     ({"alpha": 0.5}, "alpha=0.5"),
     ({"alpha": 0.4, "beta": 0.6}, "alpha + beta=1.0"),
