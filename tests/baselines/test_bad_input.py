@@ -1,0 +1,120 @@
+"""Recordings, lengths and hypotheses that are not allowed raise a one-line error."""
+
+import datetime
+
+import numpy as np
+import pytest
+
+from baselines import track
+from baselines.filters.known_modes import filter_known_modes
+from baselines.recordings.change_detection import detect_switch
+from hybrid_env import ArgumentError, KalmanBank, Layout
+
+POSITIONS = np.cumsum(np.full((10, 2), 0.2), axis=0)
+LARGEST = 2**63 - 1
+RAGGED = [[0.0, 1.0], [2.0]]
+
+BAD_LENGTHS = [
+    [LARGEST, LARGEST, 12],  # a sum that wraps to 10 in 64 bits
+    [2**64 + 10],
+    [10**400],
+    [5, 0, 5],
+    [-5, 15],
+    [5.0, 5.0],
+    [True] * 10,
+    [[5], [5]],
+    [5, [5]],
+    10,
+    "10",
+    None,
+    np.array(10),
+    np.ma.masked_array([5, 5], [False, True]),
+    datetime.timedelta(seconds=10),
+]
+
+
+def check(error, name):
+    message = str(error.value)
+    assert message.startswith(name)
+    assert len(message) <= 300
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("lengths", BAD_LENGTHS, ids=str)
+def test_lengths(lengths):
+    with pytest.raises(ArgumentError) as caught:
+        track(POSITIONS, lengths)
+    check(caught, "lengths")
+    with pytest.raises(ArgumentError) as caught:
+        filter_known_modes(POSITIONS, lengths, [0.0] * 3)
+    check(caught, "lengths")
+
+
+BAD_POSITIONS = [
+    np.zeros((0, 2)),
+    np.zeros((10, 3)),
+    np.zeros(10),
+    np.full((10, 2), np.nan),
+    np.ma.masked_array(POSITIONS, np.arange(20).reshape(10, 2) == 3),
+    [[1, 10**400]] * 10,
+    [["a", "b"]] * 10,
+    [[True, False]] * 10,
+    [[datetime.timedelta(1)] * 2] * 10,
+    np.full((10, 2), np.timedelta64(1, "s")),
+    np.ones((10, 2), complex),
+    RAGGED,
+    "text",
+    None,
+    object(),
+]
+
+
+@pytest.mark.parametrize("positions", BAD_POSITIONS, ids=str)
+def test_measurements(positions):
+    for call in (
+        lambda: track(positions, [10]),
+        lambda: filter_known_modes(positions, [10], [0.0]),
+        lambda: detect_switch(positions),
+    ):
+        with pytest.raises(ArgumentError) as caught:
+            call()
+        check(caught, "measurements")
+
+
+@pytest.mark.parametrize(
+    "tested", [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []], ids=str
+)
+def test_tested_hypotheses(tested):
+    with pytest.raises(ArgumentError) as caught:
+        detect_switch(POSITIONS, tested=tested)
+    check(caught, "tested")
+
+
+@pytest.mark.parametrize(
+    "start", [RAGGED, [1.0] * 3, "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))], ids=str
+)
+def test_start(start):
+    with pytest.raises(ArgumentError) as caught:
+        track(POSITIONS, [10], start)
+    check(caught, "start")
+
+
+@pytest.mark.parametrize(
+    "state", [RAGGED, [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, [1j] * 4], ids=str
+)
+def test_state_of_a_bank(state):
+    with pytest.raises(ArgumentError) as caught:
+        KalmanBank().anchor(state)
+    check(caught, "state")
+
+
+@pytest.mark.parametrize("width", [0, 27, 29, 40])
+def test_rows_of_another_width_are_not_read(width):
+    with pytest.raises(ArgumentError, match="observation shape"):
+        Layout(3).read(np.zeros((5, width), np.float32), "log_ratio")
+
+
+@pytest.mark.parametrize("hypotheses", [1, 4, -3, 3.0, "3", True, np.array(3)], ids=repr)
+def test_a_layout_has_an_odd_number_of_hypotheses(hypotheses):
+    with pytest.raises(ArgumentError, match="hypotheses"):
+        Layout(hypotheses)
