@@ -33,7 +33,7 @@ Command = (
 )
 
 
-MAX_MESSAGE = 280  # characters; the middle of a longer message is left out
+MAX_MESSAGE = 285  # characters; the middle of a longer message is left out
 
 
 def one_line(message: str) -> str:

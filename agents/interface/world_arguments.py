@@ -1,13 +1,14 @@
 """Environment options as command-line flags, shared by all commands that create an environment."""
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from agents.interface.input_files import read_json
+from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import ENVIRONMENTS
 
@@ -96,13 +97,31 @@ def read_card(decider: str) -> dict[str, Any] | None:
 
     Args:
         decider: name of a decider, with an optional ":threshold".
+
+    Raises:
+        ArgumentError: the card is damaged.
     """
     names = (decider, decider.rpartition(":")[0])
     for path in (Path(name) / CARD for name in names if name):
         if path.is_file():
             try:
-                card = json.loads(path.read_text(encoding="utf-8"))
-                return {"environment": str(card["environment"]), "options": dict(card["options"])}
-            except (OSError, ValueError, KeyError, TypeError):
-                return None  # `load_policy` reports the error
+                card = read_json(path)
+                return {"environment": _text_of(card["environment"]), "options": _options(card["options"])}
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise reject("run", str(path.parent), f"a folder with a complete {CARD} ({error})") from None
     return None
+
+
+def _text_of(value: Any) -> str:
+    if not isinstance(value, str):
+        raise reject("environment", value, "a registered id")
+    return value
+
+
+def _options(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise reject("options", value, "a mapping")
+    for name in value:
+        if name not in {field.name for field in dataclasses.fields(WorldOptions)}:
+            raise reject("option", name, "an option of the environment")
+    return value

@@ -11,11 +11,14 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy_file import save_policy, unreadable_policy
+from agents.learned.network_settings import LARGEST_HIDDEN, belief_width, check_policy_kwargs
+from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
 from agents.learned.sequence import SequenceNet
 from baselines.deciders.decider import Actions, Observations
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout
+
+LARGEST_WIDTH = 2000  # of an observation row
 
 
 def make_policy(
@@ -159,18 +162,41 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         ArgumentError: weights and card do not match, or sb3-contrib is missing.
     """
     try:
-        space = spaces.Box(-np.inf, np.inf, (int(card["observation_width"]),), np.float32)
         entry = card["recipe"]["entry"]
+        recurrent = entry["algo"] == "recurrent_ppo"
+        check_policy_kwargs(entry["policy_kwargs"], recurrent)
+        hidden = card.get("beliefs_hidden")
+        space, actions = _spaces(card, hidden)
+        # the limits on widths and layers keep this below 200 MB, whatever the card says
         policy = make_policy(
-            space, spaces.Discrete(int(card["actions"])), entry["policy_kwargs"],
-            tuple(entry.get("observe", ())), entry["algo"] == "recurrent_ppo",
-        )  # fmt: skip
-        if "beliefs_hidden" in card:
-            policy.beliefs = SequenceNet(int(card["beliefs_hidden"]))
-        policy.load_state_dict(weights)
+            space,
+            actions,
+            entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
+            tuple(entry.get("observe", ())),
+            recurrent,
+        )
+        if hidden is not None:
+            policy.beliefs = SequenceNet(hidden)
+        load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)
     return policy
+
+
+def _spaces(card: dict[str, Any], hidden: int | None) -> tuple[spaces.Box, spaces.Discrete]:
+    """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
+    width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
+    actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
+    allowed = [2]
+    if hidden is None:
+        allowed.append(Layout.of_width(width).hypotheses + 1)
+    else:
+        expected = belief_width(check_integer("beliefs_hidden", hidden, maximum=LARGEST_HIDDEN))
+        if width != expected:
+            raise reject("observation_width", width, str(expected))
+    if actions not in allowed:
+        raise reject("actions", actions, " or ".join(map(str, allowed)))
+    return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)

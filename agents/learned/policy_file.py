@@ -1,16 +1,17 @@
 """A policy on disk: weights as safetensors and a card as JSON. Nothing is unpickled."""
 
-import json
 import platform
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor
 
+from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from hybrid_env.checks import reject
@@ -18,6 +19,10 @@ from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
 
 WEIGHTS = "policy.safetensors"
 OBSERVATION_SCALES = HYPOTHESIS_FEATURES | TRACK_FEATURES
+ALGORITHMS = ("ppo", "recurrent_ppo", "sequence")
+LARGEST_FILE = 2**27  # bytes
+LARGEST_HEADER = 2**20  # bytes
+LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow
 
 
 def package_versions() -> dict[str, str]:
@@ -41,9 +46,11 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
             scales.
     """
     try:
-        card = json.loads((folder / CARD).read_text(encoding="utf-8"))
-        weights = load_file(folder / WEIGHTS)
-        scales, _ = card["observation_scales"], card["recipe"]["entry"]["algo"]
+        card = read_json(folder / CARD)
+        scales, algo = card["observation_scales"], card["recipe"]["entry"]["algo"]
+        if algo not in ALGORITHMS:
+            raise reject("algo", algo, ", ".join(ALGORITHMS))
+        weights, _ = read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
     if scales != OBSERVATION_SCALES:
@@ -55,9 +62,52 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return weights, card
 
 
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Read the tensors and the metadata of a safetensors file.
+
+    Raises:
+        OSError, SafetensorError: the file cannot be read or is damaged.
+        ValueError: it is too large, or a tensor is not of finite float32 numbers.
+    """
+    if not path.is_file():  # a named pipe would wait for its writer
+        raise ValueError(f"{path.name} is missing or not a file")
+    with path.open("rb") as start:
+        header = int.from_bytes(start.read(8), "little")
+    if path.stat().st_size > LARGEST_FILE or header > LARGEST_HEADER:
+        raise ValueError(f"{path.name} is larger than {LARGEST_FILE:,} bytes, or its header is too large")
+    tensors = {}
+    with safe_open(path, framework="pt") as file:
+        for name in file.keys():  # noqa: SIM118
+            if file.get_slice(name).get_dtype() != "F32":
+                raise ValueError(f"{name} in {path.name} is not of float32 numbers")
+            tensor = tensors[name] = file.get_tensor(name)
+            if not (tensor.abs() <= LARGEST_WEIGHT).all():
+                raise ValueError(
+                    f"{name} in {path.name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
+                )
+        return tensors, file.metadata() or {}
+
+
+def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:
+    """Put weights into a module, which may have been created without memory, on the device "meta".
+
+    Raises:
+        ValueError: names or shapes differ.
+    """
+    expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
+    found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
+    for name in sorted(expected | found):
+        if found.get(name) != expected.get(name):
+            raise ValueError(
+                f"weights {name} have the shape {found.get(name)}, not {expected.get(name)} as on the card"
+            )
+    module.load_state_dict(weights, assign=True)
+
+
 def unreadable_policy(folder: Path, error: Exception) -> ValueError:
     """Return the error for a run folder without a complete policy."""
-    return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({first_line(error)})")
+    reason = f"no {error}" if isinstance(error, KeyError) else first_line(error)
+    return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})")
 
 
 def first_line(error: Exception) -> str:

@@ -15,10 +15,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.policy_file import save_policy, unreadable_policy
+from agents.learned.network_settings import LARGEST_HIDDEN
+from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
-from hybrid_env.checks import check_between, reject
+from hybrid_env.checks import check_between, check_integer, reject
 from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
 from hybrid_env.options import WorldOptions
 
@@ -201,8 +202,10 @@ def load_sequence(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]
         ArgumentError: weights and card do not match.
     """
     try:
-        net = SequenceNet(int(card["recipe"]["entry"]["hidden"]))
-        net.load_state_dict(weights)
+        hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
+        with torch.device("meta"):
+            net = SequenceNet(hidden)
+        load_weights(net, weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(folder, error) from None
     return net.eval()

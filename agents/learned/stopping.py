@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
+from agents.learned.network_settings import belief_width
 from agents.learned.policy import PolicyDecider, sequence_net_of
 from agents.learned.sequence import TRACK_NAMES, SequenceNet, error_probabilities_and_best
 from baselines.deciders.decider import Actions, Observations
@@ -37,7 +38,7 @@ class BeliefEncoder:
 
     def __init__(self, net: SequenceNet, by_type: bool):
         self.net, self.by_type = net, by_type
-        self.width = 3 + len(TRACK_NAMES) + net.hidden
+        self.width = belief_width(net.hidden)
 
     def encode(
         self, observation: Observations, hidden_state: Tensor | None

@@ -1,0 +1,102 @@
+"""Reading of small JSON and YAML files. Size, depth and numbers are bounded, whoever wrote the file."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+LARGEST_FILE = 32 * 1024  # bytes
+MOST_BRACKETS = 500  # in YAML, whose parser needs seconds for a thousand nested brackets
+LARGEST_INTEGER = 2**53  # exact as float64
+
+
+def read_text(path: Path) -> str:
+    """Read a small file in UTF-8.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is not a file, too large, or not UTF-8.
+    """
+    if not path.is_file():  # a named pipe would wait for its writer
+        raise ValueError(f"{path.name} is missing or not a file")
+    with path.open("rb") as file:
+        content = file.read(LARGEST_FILE + 1)
+    if len(content) > LARGEST_FILE:
+        raise ValueError(f"{path.name} is larger than {LARGEST_FILE:,} bytes")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path.name} is not in UTF-8") from None
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file; NaN, infinities and integers that float64 does not hold exactly are refused.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: its content is invalid.
+    """
+    text = read_text(path)
+    try:
+        return json.loads(text, parse_int=_integer, parse_float=_float, parse_constant=_float)
+    except RecursionError:
+        raise ValueError(f"{path.name} is nested too deeply") from None
+
+
+def parse_yaml(text: str) -> Any:
+    """Parse YAML without aliases; numbers as in `read_json`.
+
+    Raises:
+        ValueError: the text is not YAML, or has an alias or a number that is not allowed.
+    """
+    if len(text) > LARGEST_FILE:
+        raise ValueError(f"longer than {LARGEST_FILE:,} characters")
+    if text.count("[") + text.count("{") > MOST_BRACKETS:
+        raise ValueError(f"more than {MOST_BRACKETS} brackets")
+    try:
+        return yaml.load(text, _Loader)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    except (yaml.YAMLError, LookupError, AttributeError) as error:  # the last two with tags such as !!bool x
+        raise ValueError(str(error) or "not YAML") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses aliases, because a few nested ones stand for gigabytes."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise ValueError("aliases are not allowed")
+        return super().compose_node(parent, index)
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        return _check_integer(super().construct_yaml_int(node))
+
+    def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
+        return _check_float(super().construct_yaml_float(node))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
+_Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
+
+
+def _integer(text: str) -> int:
+    return _check_integer(int(text))
+
+
+def _float(text: str) -> float:
+    return _check_float(float(text))
+
+
+def _check_integer(number: int) -> int:
+    if abs(number) > LARGEST_INTEGER:
+        raise ValueError(f"an integer is larger than {LARGEST_INTEGER}")
+    return number
+
+
+def _check_float(number: float) -> float:
+    if not math.isfinite(number):
+        raise ValueError("a number is not finite")
+    return number

@@ -1,0 +1,124 @@
+"""Run folders that were damaged, or written to do damage, are refused in one line."""
+
+import json
+import os
+import shutil
+
+import pytest
+import torch
+from hostile_input import accepted
+from safetensors.torch import load_file, save_file
+
+from agents.cli import main
+from agents.evaluation.deciders import SHIPPED_FOLDER, load_decider
+from agents.interface.world_arguments import WorldArguments
+from agents.learned.network_settings import check_policy_kwargs
+from agents.learned.policy_file import CARD, WEIGHTS
+from hybrid_env import WorldOptions
+from hybrid_env.checks import ArgumentError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    shutil.copytree(SHIPPED_FOLDER, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def refusal(folder):
+    """The message with which the folder is refused, by the loader and by the command."""
+    with pytest.raises(ArgumentError) as caught:
+        accepted_or_raised(folder)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) <= 300
+    assert main(["evaluate", str(folder), "--episodes", "2"]) == 2
+    return message
+
+
+def accepted_or_raised(folder):
+    WorldArguments().world_of(str(folder))
+    load_decider(str(folder), WorldOptions())
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "Expecting value"), ("[" * 100_000, "larger than"), ("[" * 30_000, "nested too deeply"),
+        ('{"a": 1e400}', "not finite"), ('{"a": NaN}', "not finite"), ('{"a": 1' + "0" * 400 + "}", "larger"),
+        ('{"a": 1' + "0" * 9000 + "}", "digits"), ("[]", "list indices"), ("{}", "environment"), ("3", "int"),
+    ],
+)  # fmt: skip
+def test_a_card_that_is_no_card_is_refused(folder, text, reason):
+    (folder / CARD).write_text(text)
+    assert reason in refusal(folder)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "reason"),
+    [
+        (("recipe", "entry", "hidden"), 20_000, "hidden=20000"),
+        (("recipe", "entry", "hidden"), 41, "shape"),
+        (("recipe", "entry", "hidden"), "40", "hidden='40'"),
+        (("recipe", "entry", "algo"), "magic", "algo='magic'"),
+        (("recipe", "entry"), [], "list indices"),
+        (("options",), {"trace_rows": 10**9}, "option='trace_rows'"),
+        (("options",), [], "options=[]"),
+        (("environment",), {}, "environment={}"),
+        (("observation_scales",), {}, "other scales"),
+    ],
+)
+def test_a_wrong_value_on_a_card_is_refused(folder, place, value, reason):
+    card = json.loads((folder / CARD).read_text())
+    inner = card
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    (folder / CARD).write_text(json.dumps(card))
+    assert reason in refusal(folder)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -1e30])
+def test_weights_that_are_not_finite_or_too_large_are_refused(folder, number):
+    weights = load_file(folder / WEIGHTS)
+    weights["mix.bias"][3] = number
+    save_file(weights, folder / WEIGHTS)
+    assert "mix.bias" in refusal(folder)
+
+
+def test_weights_of_another_type_or_shape_are_refused(folder):
+    weights = load_file(folder / WEIGHTS)
+    for changed in (weights["mix.bias"].double(), torch.zeros(3), torch.zeros(0), torch.zeros(40).bool()):
+        save_file(weights | {"mix.bias": changed}, folder / WEIGHTS)
+        assert "mix.bias" in refusal(folder)
+    save_file({name: value for name, value in weights.items() if name != "trust"}, folder / WEIGHTS)
+    assert "trust" in refusal(folder)
+
+
+def test_files_that_are_too_large_or_would_block_are_refused(folder):
+    (folder / WEIGHTS).write_bytes((2**40).to_bytes(8, "little") + bytes(100))
+    assert "too large" in refusal(folder)
+    os.truncate(folder / WEIGHTS, 2**40)  # sparse
+    assert "too large" in refusal(folder)
+    for name in (WEIGHTS, CARD):
+        (folder / name).unlink()
+        os.mkfifo(folder / name)
+        with pytest.raises(ArgumentError):
+            load_decider(str(folder), WorldOptions())
+
+
+@pytest.mark.parametrize(
+    "policy_kwargs",
+    [
+        {"net_arch": [10**6]}, {"net_arch": [4] * 100}, {"net_arch": 4}, {"net_arch": []}, [], None,
+        {"net_arch": [True]}, {"lstm_hidden_size": 8}, {"squash_output": True}, {"ortho_init": "no"},
+    ],
+)  # fmt: skip
+def test_settings_of_a_policy_are_bounded(policy_kwargs):
+    assert accepted(lambda: check_policy_kwargs(policy_kwargs, recurrent=False) or True) is None
+
+
+def test_settings_of_a_recurrent_policy_are_bounded():
+    check_policy_kwargs({"lstm_hidden_size": 8, "n_lstm_layers": 2, "enable_critic_lstm": False}, True)
+    for name, value in (("lstm_hidden_size", 10**6), ("n_lstm_layers", 10**9), ("enable_critic_lstm", 1)):
+        with pytest.raises(ArgumentError, match=name):
+            check_policy_kwargs({name: value}, True)
