@@ -9,17 +9,23 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from agents.interface.input_files import parse_yaml, read_text
+from agents.learned.network_settings import LARGEST_HIDDEN, check_policy_kwargs
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
 from hybrid_env.options import WorldOptions
 
 FOLDER = Path(__file__).parent / "recipes"
 POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
+LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
+LARGEST_UNROLLING = 2**22  # ticks x tracks x hidden state of an update of the sequence agent
+MOST_WORLDS = 100
+LARGEST_COUNT = 100_000  # tracks, steps or passes
+LARGEST_WEIGHT = 100.0  # of the entropy in the loss, and of the initial bias
 LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the sequence agent declares
 
 
@@ -65,16 +71,20 @@ class PPOSettings:
 
     def __post_init__(self) -> None:
         for name in ("n_envs", "n_steps", "n_epochs"):
-            check_integer(name, getattr(self, name))
+            check_integer(name, getattr(self, name), maximum=LARGEST_COUNT)
         check_integer("batch_size", self.batch_size, minimum=2)
         learning_rate_schedule(self.learning_rate)
         for name in ("gae_lambda", "gamma"):
             if isinstance(getattr(self, name), bool) or getattr(self, name) != 1.0:
                 check_between(name, getattr(self, name), 0.0, 1.0)
         check_positive("ent_coef", self.ent_coef, allow_zero=True)
-        check_number("wait_bias", self.wait_bias)
-        if self.n_envs * self.n_steps % self.batch_size:
-            samples = self.n_envs * self.n_steps
+        for name in ("ent_coef", "wait_bias"):
+            if abs(check_number(name, getattr(self, name))) > LARGEST_WEIGHT:
+                raise reject(name, getattr(self, name), f"a magnitude of at most {LARGEST_WEIGHT:g}")
+        samples = self.n_envs * self.n_steps
+        if samples > LARGEST_ROLLOUT:
+            raise reject("n_steps", self.n_steps, f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}")
+        if samples % self.batch_size:
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
         if self.sequence_agent is not None:
             if not isinstance(self.sequence_agent, str):
@@ -83,13 +93,7 @@ class PPOSettings:
                 )
             if self.observe:
                 raise reject("observe", self.observe, "no value together with sequence_agent")
-        if not isinstance(self.policy_kwargs, Mapping):
-            raise reject("policy_kwargs", self.policy_kwargs, "a mapping")
-        layers = self.policy_kwargs.get("net_arch", [1])
-        if not isinstance(layers, list) or not layers:
-            raise reject("net_arch", layers, "a list of one or more layers")
-        for units in layers:
-            check_integer("net_arch", units)
+        check_policy_kwargs(self.policy_kwargs, self.policy == POLICIES["recurrent_ppo"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,12 +111,14 @@ class TrainingWorld:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_integer("n_envs", self.n_envs)
+        check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
         if self.env is not None and not isinstance(self.env, str):
             raise reject("env", self.env, "a registered id")
-        known = [one.name for one in dataclasses.fields(WorldOptions)]
-        if not isinstance(self.options, Mapping) or any(name not in known for name in self.options):
-            raise reject("options", self.options, f"a mapping of {', '.join(known)}")
+        if not isinstance(self.options, Mapping):
+            raise reject("options", self.options, "a mapping")
+        for name in self.options:
+            if name not in {one.name for one in dataclasses.fields(WorldOptions)}:
+                raise reject("option", name, "an option of the environment")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +147,14 @@ class SequenceSettings:
     random_declarations: float
 
     def __post_init__(self) -> None:
-        for name in ("n_steps", "hidden", "last_tick"):
-            check_integer(name, getattr(self, name))
-        if not self.worlds:
-            raise reject("worlds", self.worlds, "one or more environments")
+        for name, largest in (("n_steps", 10_000), ("hidden", LARGEST_HIDDEN), ("last_tick", 10**6)):
+            check_integer(name, getattr(self, name), maximum=largest)
+        if not 1 <= len(self.worlds) <= MOST_WORLDS:
+            raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")
+        tracks = sum(world.n_envs for world in self.worlds)
+        if self.n_steps * tracks * self.hidden > LARGEST_UNROLLING:
+            allowed = f"n_steps x tracks x hidden of at most {LARGEST_UNROLLING:,}"
+            raise reject("n_steps", self.n_steps, allowed)
         learning_rate_schedule(self.learning_rate)
         if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
             raise reject("smallest_alpha", self.smallest_alpha, f"a number between 0 and {LARGEST_ALPHA}")
@@ -188,12 +198,11 @@ def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
     Raises:
         ArgumentError: not a number in (0, 1], with or without "lin_".
     """
-    text = str(rate)
-    decays = text.startswith("lin_")
-    try:
-        value = float(text.removeprefix("lin_"))
-    except ValueError:
-        value = math.nan
+    decays = isinstance(rate, str) and rate.startswith("lin_")
+    value = math.nan
+    if isinstance(rate, (str, int, float)):
+        with suppress(ValueError, OverflowError):
+            value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
     if isinstance(rate, bool) or not 0.0 < value <= 1.0:
         raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
     return value, decays
@@ -217,12 +226,10 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
     """
     path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
     allowed = ", ".join(recipe_names()) + ", or a YAML file"
-    if not path.is_file():
-        raise reject("recipe", name, allowed)
     try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise reject("recipe", name, f"{allowed} ({' '.join(str(error).split())})") from None
+        entries = parse_yaml(read_text(path))
+    except (OSError, ValueError) as error:
+        raise reject("recipe", name, f"{allowed} ({error})") from None
     short = env_id.rpartition(":")[2]
     entry = entries.get(short, entries.get("default")) if isinstance(entries, dict) else None
     if not isinstance(entry, dict):
@@ -233,8 +240,8 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
         if not equals:
             raise reject("set", change, "name=value")
         try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError:
+            value = parse_yaml(text)
+        except ValueError:
             raise reject("set", change, "name=value with a value in YAML") from None
         *outer, last = key.split(".")
         place = entry
@@ -256,11 +263,13 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     Raises:
         ArgumentError: an unknown hyper-parameter, a missing one, or an invalid value.
     """
+    if not isinstance(name, str) or not isinstance(entry, Mapping):
+        raise reject("recipe", name, "a name, and an entry with hyper-parameters")
     entry = dict(entry)
     algo = entry.pop("algo", None)
     if not isinstance(algo, str) or algo not in ALGORITHMS:
         raise reject("algo", algo, ", ".join(ALGORITHMS))
-    steps = check_integer("n_timesteps", entry.pop("n_timesteps", None))
+    steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
     kind = ALGORITHMS[algo]
     known = {one.name: one for one in dataclasses.fields(kind)}
     for key in entry:
