@@ -3,7 +3,8 @@
 - `recipe`: hyper-parameters, read from `recipes/*.yml`.
 - `runs`: creates or resumes a run.
 - `run`: base class of all runs; `ppo` and `sequence` are its two kinds.
-- `run_folder`: config, checkpoint and metrics.
+- `run_folder`: lock, config and metrics.
+- `checkpoint`: the state of a run on disk; `track_state` and `random_state` are parts of it.
 - `learning_curve`, `learning_figure`: evaluation during training, and its plot.
 - `vec_env`, `stopping_vec_env`: vectorised environments for Stable-Baselines3.
 - `command`: `hybridtrack train`.

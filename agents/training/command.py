@@ -26,7 +26,7 @@ class Train(WorldArguments):
     seed: int = 0
     """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
     save_every: float = 10.0
-    """Seconds between checkpoints; an interrupted run loses at most this time and one rollout."""
+    """Seconds between checkpoints; a resumed run repeats what followed the last one, with equal results."""
 
     def run(self) -> None:
         """Train with a progress display and print a summary."""
@@ -47,8 +47,6 @@ class Train(WorldArguments):
             recipe = load_recipe(self.recipe, self.env_id, self.set)
             name = self.env_id.rpartition(":")[2]
             folder = self.out or Path("runs") / f"{name}-{recipe.name}-seed{self.seed}"
-            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-                raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 

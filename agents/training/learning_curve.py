@@ -11,12 +11,12 @@ from agents.evaluation.operating_curve import REWARD, sweep
 
 EPISODES = 200
 REWARD_KEY, SPRT_KEY = "evaluation/reward", "evaluation/sprt"
-FIRST_EVALUATION = 3.0  # seconds of training
-EVALUATION_SPACING = 1.4  # ratio of the times of consecutive evaluations
+FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
+EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
 
 
 class LearningCurve:
-    """Evaluates an agent at its default threshold, at geometrically spaced times, next to the best SPRT.
+    """Evaluates an agent at its default threshold, at geometrically spaced steps, next to the best SPRT.
 
     Args:
         env_id: registered id.
@@ -25,7 +25,7 @@ class LearningCurve:
 
     def __init__(self, env_id: str, options: dict[str, Any]):
         self.env_id, self.options = env_id, options
-        self._next = FIRST_EVALUATION
+        self._next = float(FIRST_EVALUATION)
 
     @functools.cached_property
     def sprt_reward(self) -> float:
@@ -33,22 +33,27 @@ class LearningCurve:
         means = sweep(ATE, self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options).means
         return float(means[REWARD].max())
 
-    def due(self, seconds: float) -> bool:
-        """Return whether the next evaluation is due."""
-        return seconds >= self._next
+    def due(self, steps: int) -> bool:
+        """Return whether an evaluation is due after a number of environment steps."""
+        return steps >= self._next
 
-    def evaluate(self, family: DeciderFamily, seconds: float) -> dict[str, float]:
+    def skip(self, steps: int) -> None:
+        """Skip the evaluations that were due up to a number of environment steps."""
+        while self._next <= steps:
+            self._next *= EVALUATION_SPACING
+
+    def evaluate(self, family: DeciderFamily, steps: int, seconds: float) -> dict[str, float]:
         """Evaluate the agent.
 
         Args:
             family: the agent.
+            steps: environment steps so far.
             seconds: training time so far.
 
         Returns:
             Training time, mean reward, accuracy and decision time per segment, and reward of the SPRT.
         """
-        while self._next <= seconds:
-            self._next *= EVALUATION_SPACING
+        self.skip(steps)
         decisions = evaluate(
             family.make(family.default), self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options
         )

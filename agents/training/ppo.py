@@ -1,8 +1,10 @@
 """Training with PPO of Stable-Baselines3 or RecurrentPPO of sb3-contrib, as a resumable run."""
 
 import math
-import time
-from collections.abc import Callable
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +13,30 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
-from torch import nn
+from torch import Tensor, nn
 from torch.optim import Optimizer
+from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, load_sequence_net, policy_decider, policy_family
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import PolicyDecider, load_actor, save_actor, sequence_net_of
-from agents.learned.policy_file import load_policy
+from agents.learned.policy import PolicyDecider, save_actor
 from agents.learned.sequence import SequenceNet
 from agents.training import run_folder
+from agents.training.checkpoint import Checkpoint, check_scalars
+from agents.training.random_state import check_random_state, random_state, set_random_state
 from agents.training.recipe import PPOSettings, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
 from agents.training.stopping_vec_env import StoppingVecEnv
+from agents.training.track_state import check_tracks
 from agents.training.vec_env import HybridTrackVecEnv
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_integer, reject
+
+
+def _plain(logged: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers and texts among logged values, as plain values."""
+    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in logged.items()}
+    return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
 
 
 class _MetricsWriter(KVWriter):
@@ -37,39 +48,62 @@ class _MetricsWriter(KVWriter):
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
-        plain = {key: value for key, value in key_values.items() if isinstance(value, (int, float, str))}
-        plain |= {key: value.item() for key, value in key_values.items() if isinstance(value, np.generic)}
-        run_folder.append_metrics(self.folder, step, plain)
+        values = _plain(key_values)
+        values.pop("time/iterations", None)  # counted from the last start
+        run_folder.append_metrics(self.folder, step, values)
 
     def close(self) -> None:
         pass
 
 
+class _Events(TensorBoardOutputFormat):
+    """TensorBoard events; those that a killed run wrote after its last checkpoint are hidden."""
+
+    def __init__(self, folder: Path, steps: int):
+        self.folder = folder
+        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
+        self._is_closed = False
+
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        try:
+            super().write(key_values, key_excluded, step)
+        except OSError as error:
+            allowed = f"a folder that can be written ({error.strerror})"
+            raise reject("run", str(self.folder), allowed) from None
+
+    def close(self) -> None:
+        with suppress(OSError):  # every `write` flushes, so nothing is lost here
+            super().close()
+
+
+@contextmanager
+def _without_tracebacks_of_threads() -> Iterator[None]:
+    """Context manager without the traceback that TensorBoard's thread prints if a file cannot be written.
+
+    The error is raised again by the next `write`.
+    """
+    hook = threading.excepthook
+    threading.excepthook = lambda error: None if issubclass(error.exc_type, OSError) else hook(error)
+    try:
+        yield
+    finally:
+        threading.excepthook = hook
+
+
 class _RunCallback(BaseCallback):
     """Reports progress after each rollout; evaluates and saves the agent after each update."""
 
-    def __init__(
-        self, run: "PPORun", on_progress: Callable[[TrainingProgress], None] | None, save_every: float
-    ):
+    def __init__(self, run: "PPORun", on_progress: Callable[[TrainingProgress], None] | None):
         super().__init__()
-        self.run, self.on_progress, self.save_every = run, on_progress, save_every
-        self.started = time.monotonic() - run.seconds
-        self.last_save = time.monotonic()
+        self.run, self.on_progress = run, on_progress
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
-        # the update for all steps so far is complete here
-        run = self.run
-        run.seconds = time.monotonic() - self.started
-        if run.folder is not None:
-            if run.num_timesteps and run.curve.due(run.seconds):
-                run.evaluate()
-            if time.monotonic() - self.last_save > self.save_every:
-                run.save()
-                self.last_save = time.monotonic()
-        self.started = time.monotonic() - run.seconds  # excludes the time for evaluating and saving
+        self.run.between_updates()  # the update for all steps so far is complete
 
     def _on_rollout_end(self) -> None:
         reward = ticks = math.nan
@@ -81,6 +115,12 @@ class _RunCallback(BaseCallback):
             self.logger.record("segment/ticks", ticks)
         if self.on_progress is not None:
             self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
+
+
+def _saved_net(saved: Checkpoint) -> SequenceNet:
+    """Return a network of the size of that in a checkpoint, whose weights are restored later."""
+    biases = saved.tensors.get("network.beliefs.encoder.bias", torch.zeros(0))
+    return SequenceNet(max(1, biases.numel()))
 
 
 def _model_class(algo: str) -> Any:
@@ -132,22 +172,21 @@ class PPORun(Run):
         if sequence_net is not None:
             # saved with the policy under this name; not trained, because the optimizer already exists
             self.model.policy.beliefs = sequence_net
+        # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
+        env.seed(self.track_seeds()[0])
+        self.model._last_obs = env.reset()
+        self.model._last_episode_starts = np.ones(settings.n_envs, np.bool_)
+        self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
+        self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
+        self._random: dict[str, Any] | None = None
+        self._logged: dict[str, float] = {}
 
     def _make_env(self) -> tuple[HybridTrackVecEnv, SequenceNet | None]:
         settings = self.settings
         if settings.sequence_agent is None:
             return HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options), None
-        if self.resume:  # the run folder contains the network
-            assert self.folder is not None
-            net = sequence_net_of(load_actor(self.folder, *load_policy(self.folder)))
-            assert net is not None
-        else:
-            net = load_sequence_net(settings.sequence_agent)
+        net = load_sequence_net(settings.sequence_agent) if self.saved is None else _saved_net(self.saved)
         return StoppingVecEnv(net, self.env_id, settings.n_envs, **self.options), net
-
-    def start_at(self, num_timesteps: int) -> None:
-        """Set the number of environment steps already made."""
-        self.model.num_timesteps = num_timesteps
 
     @property
     def network(self) -> nn.Module:
@@ -166,9 +205,13 @@ class PPORun(Run):
         """Environment steps so far."""
         return int(self.model.num_timesteps)
 
+    @num_timesteps.setter
+    def num_timesteps(self, steps: int) -> None:
+        self.model.num_timesteps = steps
+
     def track_seeds(self) -> list[int]:
-        """Return the seeds of the tracks from the current step on, disjoint from those of evaluations."""
-        first = seeds.TRAINING + 10**9 * self.seed + self.num_timesteps
+        """Return the seeds of the tracks, disjoint from those of evaluations."""
+        first = seeds.TRAINING + 10**9 * self.seed
         return [first + track for track in range(self.settings.n_envs)]
 
     @property
@@ -180,30 +223,58 @@ class PPORun(Run):
         """Return the current policy as a family of deciders."""
         return policy_family(name, self.decider)
 
-    def train(
-        self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
-    ) -> None:
-        """Train for the remaining steps; see `Run.train`."""
-        writers: list[KVWriter] = []
+    def track_tensors(self) -> dict[str, Tensor]:
+        """See `Run.track_tensors`."""
+        model = self.model
+        # not public, but the save() of Stable-Baselines3 pickles, and does not save the tracks
+        arrays = {"observation": model._last_obs, "episode_start": model._last_episode_starts}
+        arrays |= model.env.state_arrays()
+        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        if self.recipe.algo == "recurrent_ppo":
+            states = model._last_lstm_states
+            for name, pair in (("actor", states.pi), ("critic", states.vf)):
+                tensors |= {f"lstm_{name}.{k}": state for k, state in enumerate(pair)}
+        return tensors
+
+    def values(self) -> dict[str, Any]:
+        """See `Run.values`."""
+        model = self.model
+        return {
+            "random": random_state(), "updates": model._n_updates,
+            "logged": _plain(model.logger.name_to_value),
+            "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
+        }  # fmt: skip
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Run.restore_values`."""
+        model = self.model
+        check_tracks(model.env.env)
+        check_random_state(values["random"])
+        self._random, self._logged = values["random"], check_scalars(values["logged"])
+        model._n_updates = check_integer("updates", values["updates"], minimum=0)
+        episodes = [{"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"]]
+        model.ep_info_buffer.extend(episodes)
+
+    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """Train for the remaining steps; see `Run.learn`."""
+        model, writers = self.model, []
         if self.folder is not None:
-            writers = [_MetricsWriter(self.folder), TensorBoardOutputFormat(str(self.folder))]
-        self.model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
-        # PyTorch's random generator is global, so it is seeded again here. A resumed run uses new seeds that
-        # depend only on the seed and the step.
-        self.model.set_random_seed((self.seed + self.num_timesteps) % 2**32)
-        self.model.env.seed(self.track_seeds()[0])
-        self.save_if_new()
-        remaining = self.steps - self.num_timesteps
-        try:
-            if remaining > 0:
-                callback = _RunCallback(self, on_progress, save_every)
-                self.model.learn(remaining, callback, reset_num_timesteps=False)
-                self.seconds = time.monotonic() - callback.started
-        finally:
-            self.model.logger.close()
-        if self.folder is not None and remaining > 0:
-            self.evaluate()
-            self.save()
+            writers = [_MetricsWriter(self.folder), _Events(self.folder, self.num_timesteps)]
+        model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
+        for name, value in self._logged.items():  # by the last update before the checkpoint, not written yet
+            model.logger.record(name, value)
+        # the generators are global, so they are set here and not when the run is created
+        if self._random is not None:
+            set_random_state(self._random)
+        elif self.num_timesteps == 0:
+            model.set_random_seed(self.seed)
+        self._random, self._logged = None, {}
+        callback = _RunCallback(self, on_progress)
+        with _without_tracebacks_of_threads():
+            try:
+                model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
+            finally:
+                model.logger.close()
 
     def evaluate(self) -> None:
         """Add a point of the learning curve, if the actions are declarations of hypotheses."""

@@ -1,6 +1,8 @@
-"""Base class of training runs: run folder, progress and learning curve."""
+"""Base class of training runs: run folder, checkpoints, progress and learning curve."""
 
 import math
+import os
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from agents.evaluation.deciders import DeciderFamily
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions
-from agents.training import run_folder
+from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve
 from agents.training.recipe import Recipe
+from hybrid_env.checks import reject
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,13 @@ class TrainingProgress:
 class Run(ABC):
     """A training run of any algorithm and its folder; see `agents.training.runs.make_run` for the arguments.
 
+    A checkpoint is written between two rollouts and holds everything that the following ones depend on. A
+    resumed run therefore equals an uninterrupted one, apart from times. What is logged must depend on steps
+    only, not on times, for the same reason.
+
     Attributes:
         steps: total environment steps of the run.
-        resume: whether the run starts from the checkpoint in its folder.
+        saved: the checkpoint that the run starts from; None for a new run.
         seconds: training time so far, without evaluations.
         last_evaluation: last point of the learning curve.
     """
@@ -62,26 +69,38 @@ class Run(ABC):
         resume: bool = False,
     ):
         self.env_id, self.options, self.recipe = env_id, options, recipe
-        self.seed, self.folder, self.steps, self.resume = seed, folder, steps, resume
+        self.seed, self.folder, self.steps = seed, folder, steps
+        self.saved: checkpoint.Checkpoint | None = None
+        if folder is not None:
+            if resume:
+                self.saved = checkpoint.read_checkpoint(folder)
+            else:
+                run_folder.check_free(folder)
         self.seconds = 0.0
         self.last_evaluation: dict[str, float] = {}
         self.curve = LearningCurve(env_id, options)
+        self._opened = False
         torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
         self.build()
-        self.start_at(self._prepare_folder())
+        if self.saved is not None:
+            self._restore(self.saved)
+        if folder is not None:
+            output_folder("out", folder)
+            with run_folder.lock(folder):
+                pass  # only to refuse it before anything is displayed; `train` holds the lock
 
     @abstractmethod
     def build(self) -> None:
-        """Create network and environments; invalid settings are refused before anything is written."""
-
-    @abstractmethod
-    def start_at(self, num_timesteps: int) -> None:
-        """Set the number of environment steps already made."""
+        """Create network and tracks; invalid settings are refused before anything is written."""
 
     @property
     @abstractmethod
     def num_timesteps(self) -> int:
         """Environment steps so far."""
+
+    @num_timesteps.setter
+    @abstractmethod
+    def num_timesteps(self, steps: int) -> None: ...
 
     @property
     @abstractmethod
@@ -94,10 +113,29 @@ class Run(ABC):
         """Its optimizer."""
 
     @abstractmethod
+    def track_tensors(self) -> dict[str, Tensor]:
+        """Return the state of tracks and policy between two rollouts; writing into it changes the run."""
+
+    @abstractmethod
+    def values(self) -> dict[str, Any]:
+        """Return the counters and random generators of the algorithm as plain values."""
+
+    @abstractmethod
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """Set the values of a checkpoint, and check the tracks, whose tensors have been restored."""
+
+    @abstractmethod
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders."""
 
     @abstractmethod
+    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """Make the remaining steps; call `between_updates` before every rollout."""
+
+    @abstractmethod
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the current agent."""
+
     def train(
         self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
     ) -> None:
@@ -106,49 +144,98 @@ class Run(ABC):
         Args:
             on_progress: called after every rollout.
             save_every: seconds between checkpoints.
+
+        Raises:
+            ArgumentError: another training uses the folder, or a file cannot be written.
+            OSError: the folder cannot be written.
         """
-
-    @abstractmethod
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-
-    def _prepare_folder(self) -> int:
-        """Create the folder or load its checkpoint; return the environment steps already made."""
-        num_timesteps = 0
+        self._save_every, self._last_save = save_every, time.monotonic()
+        self._started = time.monotonic() - self.seconds
         if self.folder is None:
-            return num_timesteps
-        if self.resume:
-            progress = run_folder.load_checkpoint(self.folder, self.network, self.optimizer)
-            num_timesteps, self.seconds = int(progress["steps"]), progress["seconds"]
-            run_folder.drop_metrics_after(self.folder, num_timesteps)
-        output_folder("out", self.folder)
-        config = {
-            "env": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
-            "steps": self.steps, "seed": self.seed,
-        }  # fmt: skip
-        write_json(self.folder / run_folder.CONFIG, config)
-        return num_timesteps
+            self.learn(on_progress)
+            return
+        with run_folder.lock(self.folder):
+            self._open_folder(self.folder)
+            if self.num_timesteps < self.steps:
+                self.learn(on_progress)
+                self.seconds = time.monotonic() - self._started
+                self.evaluate()
+                self.save()
+            else:  # the run may have been killed between its last checkpoint and the files of the agent
+                self._save_agent(self.folder)
+
+    def between_updates(self) -> None:
+        """Evaluate and save the agent if this is due; the time that it takes is not training time."""
+        now = time.monotonic()
+        self.seconds = now - self._started
+        if self.folder is not None:
+            if self.curve.due(self.num_timesteps):
+                self.evaluate()
+            if now - self._last_save > self._save_every or not checkpoint.has_checkpoint(self.folder):
+                self.save()
+                self._last_save = time.monotonic()
+        self._started = time.monotonic() - self.seconds
 
     def evaluate(self) -> None:
         """Add a point of the learning curve to the metrics."""
         assert self.folder is not None
-        self.last_evaluation = self.curve.evaluate(self.family(""), self.seconds)
+        self.last_evaluation = self.curve.evaluate(self.family(""), self.num_timesteps, self.seconds)
         run_folder.append_metrics(self.folder, self.num_timesteps, self.last_evaluation)
         self.last_evaluation["steps"] = self.num_timesteps
 
     def save(self) -> None:
-        """Write checkpoint and policy."""
+        """Write checkpoint and agent."""
         assert self.folder is not None
-        progress = {"steps": self.num_timesteps, "seconds": self.seconds}
-        run_folder.save_checkpoint(self.folder, self.network.state_dict(), self.optimizer, progress)
+        values = {"steps": self.num_timesteps, "seconds": self.seconds, "measured": self.last_evaluation}
+        checkpoint.write_checkpoint(self.folder, self._tensors(), values | self.values())
+        self._save_agent(self.folder)
+
+    def _save_agent(self, folder: Path) -> None:
         card = {
             "environment": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
             "seed": self.seed, "steps": self.num_timesteps, "seconds": round(self.seconds, 1),
             "measured": self.last_evaluation, "versions": package_versions(),
         }  # fmt: skip
-        self.save_agent(self.folder, card)
+        self.save_agent(folder, card)
 
-    def save_if_new(self) -> None:
-        """Write the initial checkpoint, so that a run interrupted before the first one can be resumed."""
-        if self.folder is not None and not (self.folder / run_folder.CHECKPOINT).exists():
-            self.save()
+    def _tensors(self) -> dict[str, Tensor]:
+        """Return all tensors of a checkpoint; writing into them changes the run."""
+        parts = {
+            "network": self.network.state_dict(),
+            "optimizer": checkpoint.optimizer_tensors(self.optimizer),
+            "tracks": self.track_tensors(),
+        }
+        return {f"{part}.{name}": tensor for part, all_ in parts.items() for name, tensor in all_.items()}
+
+    def _restore(self, saved: checkpoint.Checkpoint) -> None:
+        assert self.folder is not None
+        try:
+            self.num_timesteps, self.seconds = saved.values["steps"], saved.values["seconds"]
+            self.last_evaluation = checkpoint.check_scalars(saved.values["measured"])
+            if self.num_timesteps:
+                checkpoint.allocate_optimizer_state(self.optimizer)
+            checkpoint.copy_tensors(saved.tensors, self._tensors())
+            self.restore_values(saved.values)
+            self.curve.skip(self.num_timesteps)
+        except checkpoint.DAMAGE as error:
+            raise checkpoint.incomplete_checkpoint(self.folder, error) from None
+
+    def _open_folder(self, folder: Path) -> None:
+        """Prepare the locked folder for writing, once."""
+        if self._opened:
+            return
+        if self.saved is None:
+            run_folder.check_free(folder)
+        else:
+            if checkpoint.read_checkpoint(folder).values["steps"] != self.saved.values["steps"]:
+                raise reject("resume", str(folder), "a run folder that has not changed since it was read")
+            if self.saved.path.name == checkpoint.PREVIOUS:  # the last one is damaged
+                os.replace(self.saved.path, folder / checkpoint.CHECKPOINT)
+            run_folder.drop_metrics_after(folder, self.num_timesteps)
+        run_folder.delete_temporary_files(folder)
+        config = {
+            "env": self.env_id, "options": self.options, "recipe": self.recipe.as_json(),
+            "steps": self.steps, "seed": self.seed,
+        }  # fmt: skip
+        write_json(folder / run_folder.CONFIG, config)
+        self._opened = True

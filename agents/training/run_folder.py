@@ -1,67 +1,72 @@
-"""The run folder: config, checkpoint, metrics as JSON lines, and the policy with its card.
-
-The checkpoint stores weights, optimizer state and progress in one file, so that they are always consistent
-after an interruption. Nothing is unpickled.
-"""
+"""The run folder: lock, config and metrics as JSON lines; see `checkpoint` for the checkpoint."""
 
 import json
-from collections.abc import Mapping
-from contextlib import suppress
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
-from torch import Tensor
-from torch.optim import Optimizer
-
-from agents.interface.output_files import atomic_file
-from agents.learned.policy_file import first_line
+from agents.interface.output_files import PART_PREFIX, atomic_file
 from hybrid_env.checks import reject
 
+try:
+    import fcntl
+except ImportError:  # not a POSIX system: no lock
+    fcntl = None  # type: ignore[assignment]
+
 CONFIG = "config.json"
-CHECKPOINT = "checkpoint.safetensors"
 METRICS = "metrics.jsonl"
+LOCK = ".training.lock"
 
 
-def save_checkpoint(
-    folder: Path, weights: Mapping[str, Tensor], optimizer: Optimizer, progress: Mapping[str, float]
-) -> None:
-    """Write weights, optimizer state and progress to one file, atomically."""
-    tensors = {f"policy.{name}": value.contiguous() for name, value in weights.items()}
-    for index, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{index}.{name}": value for name, value in state.items()}
-    with atomic_file(folder / CHECKPOINT) as part:
-        save_file(tensors, part, metadata={name: repr(value) for name, value in progress.items()})
-
-
-def load_checkpoint(folder: Path, module: Any, optimizer: Optimizer) -> dict[str, float]:
-    """Load a checkpoint into a module and its optimizer, and return the saved progress.
+def check_free(folder: Path) -> None:
+    """Refuse a folder that contains anything but the files of a run killed before its first checkpoint.
 
     Raises:
-        ArgumentError: the checkpoint is missing or damaged.
+        ArgumentError: the folder is not free.
     """
-    try:
-        with safe_open(folder / CHECKPOINT, framework="pt") as file:
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-            progress = {name: float(value) for name, value in file.metadata().items()}
-        module.load_state_dict(
-            {name.removeprefix("policy."): t for name, t in tensors.items() if name.startswith("policy.")}
-        )
-        state: dict[int, dict[str, Tensor]] = {}
-        for name, value in tensors.items():
-            if name.startswith("optimizer."):
-                _, index, key = name.split(".")
-                state.setdefault(int(index), {})[key] = value
-        groups = optimizer.state_dict()["param_groups"]
-        optimizer.load_state_dict({"state": state, "param_groups": groups})
-        progress["steps"] = int(progress["steps"])
-    except (
-        OSError, AttributeError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError,
-    ) as error:  # fmt: skip
-        allowed = f"a run folder with a complete {CHECKPOINT} ({first_line(error)})"
-        raise reject("resume", str(folder), allowed) from None
-    return progress
+    if not is_free(folder):
+        raise reject("out", str(folder), "a new or empty folder, or --resume to resume a run")
+
+
+def is_free(folder: Path) -> bool:
+    """Return whether a new run can use a folder: it has no files, or none with results."""
+    if not folder.exists():
+        return True
+    if not folder.is_dir():
+        return False
+    names = [path.name for path in folder.iterdir()]
+    return not names or (LOCK in names and all(map(_is_without_results, names)))
+
+
+def _is_without_results(name: str) -> bool:
+    return name in (LOCK, CONFIG) or name.startswith((PART_PREFIX, "events.out.tfevents"))
+
+
+def delete_temporary_files(folder: Path) -> None:
+    """Delete the incomplete files that a killed training left in a locked folder."""
+    for path in folder.glob(f"{PART_PREFIX}*"):
+        with suppress(OSError):
+            path.unlink()
+
+
+@contextmanager
+def lock(folder: Path) -> Iterator[None]:
+    """Context manager that locks a run folder; a lock ends with its process, also with a killed one.
+
+    Raises:
+        ArgumentError: another training has the lock.
+    """
+    with (folder / LOCK).open("a", encoding="utf-8") as file:
+        if fcntl is not None:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise reject("run", str(folder), "a run folder in which no other training runs") from None
+            except OSError:  # the file system has no locks
+                pass
+        yield
 
 
 def read_config(folder: Path) -> dict[str, Any]:
@@ -73,14 +78,25 @@ def read_config(folder: Path) -> dict[str, Any]:
     try:
         config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
         return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
 
 
 def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
-    """Append one line with a JSON object; a resumed run appends to the same file."""
-    with (folder / METRICS).open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
+    """Append one line with a JSON object; a resumed run appends to the same file.
+
+    Raises:
+        ArgumentError: the line cannot be written; no part of it is.
+    """
+    path = folder / METRICS
+    size = path.stat().st_size if path.exists() else 0
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
+    except OSError as error:
+        with suppress(OSError):
+            os.truncate(path, size)
+        raise reject("file", str(path), f"a file that can be written ({error.strerror})") from None
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
@@ -90,9 +106,9 @@ def read_metrics(folder: Path) -> list[dict[str, Any]]:
         return []
     rows = []
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        with suppress(ValueError):
+        with suppress(ValueError, RecursionError):
             row = json.loads(line)
-            if isinstance(row, dict) and "step" in row:
+            if isinstance(row, dict) and isinstance(row.get("step"), int):
                 rows.append(row)
     return rows
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.training import run_folder
+from agents.training.checkpoint import has_checkpoint
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
@@ -43,7 +44,7 @@ def make_run(
 
 
 def resume_run(folder: Path, steps: int | None = None) -> Run:
-    """Resume a run from its last checkpoint.
+    """Resume a run from its last checkpoint; a run killed before its first one starts anew.
 
     Args:
         folder: run folder.
@@ -57,7 +58,13 @@ def resume_run(folder: Path, steps: int | None = None) -> Run:
         recipe = recipe_of(config["recipe"]["name"], config["recipe"]["entry"])
         steps = int(config["steps"]) if steps is None else check_integer("steps", steps)
         env_id, options, seed = str(config["env"]), dict(config["options"]), int(config["seed"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         allowed = f"a run folder with a readable {run_folder.CONFIG} ({error})"
         raise reject("resume", str(folder), allowed) from None
-    return make_run(env_id, options, recipe, seed, folder, steps, resume=True)
+    resume = has_checkpoint(folder)
+    if not resume and not run_folder.is_free(folder):
+        raise reject("resume", str(folder), "a run folder with a checkpoint")
+    try:
+        return make_run(env_id, options, recipe, seed, folder, steps, resume)
+    except TypeError as error:  # an unknown option
+        raise reject("options", options, f"options of {env_id} ({error})") from None

@@ -7,7 +7,6 @@ backpropagation through time.
 """
 
 import math
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -30,12 +29,13 @@ from agents.learned.sequence import (
 from agents.training import run_folder
 from agents.training.recipe import LARGEST_ALPHA, SequenceSettings, TrainingWorld, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
+from agents.training.track_state import check_tracks, track_arrays
 from hybrid_env.observation import TICK_SCALE
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 MIN_LEARNING_RATE_FACTOR = 0.02  # lower bound of the linear decay
-LOG_EVERY = 1.0  # seconds
+LOG_EVERY = 10  # updates
 RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
 
 
@@ -124,6 +124,15 @@ class _Stream:
         gradient = torch.autograd.grad(weight * loss, list(net.parameters()))
         return list(gradient), weight * float(loss.detach()), decisions
 
+    def state_tensors(self) -> dict[str, Tensor]:
+        """Return all tensors that determine the next rollout; writing into them changes the stream."""
+        arrays = {"alpha": self.alpha, "radius_weight": self.radius_weight, "redraw": self.redraw}
+        for k, env in enumerate(self.envs):
+            arrays |= {f"{k}.{name}": array for name, array in track_arrays(env).items()}
+            arrays[f"{k}.rows"] = self.rows[k]
+        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        return tensors | {"hidden_state": self.hidden_state}
+
     def _draw_thresholds(self, settings: SequenceSettings) -> None:
         generator, new = self.generator, self.redraw
         count = int(new.sum())
@@ -160,16 +169,17 @@ class SequenceRun(Run):
         self._envs = [self._make(world) for world in self.settings.worlds]
         for world in (self.world, *(env.options for env in self._envs)):
             check_declares_hypotheses(world)
-
-    def start_at(self, num_timesteps: int) -> None:
-        """Set the number of environment steps already made, and reset the environments."""
-        self._num_timesteps = num_timesteps
+        self._num_timesteps = 0
         self._streams = self._group(self._envs)
 
     @property
     def num_timesteps(self) -> int:
         """Environment steps so far."""
         return self._num_timesteps
+
+    @num_timesteps.setter
+    def num_timesteps(self, steps: int) -> None:
+        self._num_timesteps = steps
 
     @property
     def network(self) -> SequenceNet:
@@ -182,11 +192,11 @@ class SequenceRun(Run):
         return self._optimizer
 
     def _group(self, envs: list[HybridTrackVectorEnv]) -> list[_Stream]:
-        """Group environments with equal numbers of hypotheses; the seeds depend on the current step."""
+        """Group environments with equal numbers of hypotheses."""
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
         for env in envs:
             groups.setdefault(env.options.hypotheses, []).append(env)
-        first = seeds.TRAINING + self.seed * 10**9 + self.num_timesteps
+        first = seeds.TRAINING + self.seed * 10**9
         return [
             _Stream(group, first + k * 10**6, self.settings.hidden) for k, group in enumerate(groups.values())
         ]
@@ -195,20 +205,37 @@ class SequenceRun(Run):
         options = self.options | dict(world.options)
         return make_vector_env(world.env or self.env_id, world.n_envs, tick_info=False, **options)
 
-    def train(
-        self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
-    ) -> None:
-        """Train for the remaining steps; see `Run.train`."""
+    def track_tensors(self) -> dict[str, Tensor]:
+        """See `Run.track_tensors`."""
+        return {
+            f"{k}.{name}": tensor
+            for k, stream in enumerate(self._streams)
+            for name, tensor in stream.state_tensors().items()
+        }
+
+    def values(self) -> dict[str, Any]:
+        """See `Run.values`."""
+        return {"generators": [stream.generator.bit_generator.state for stream in self._streams]}
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Run.restore_values`."""
+        for stream, state in zip(self._streams, values["generators"], strict=True):
+            stream.generator.bit_generator.state = state
+            if stream.generator.bit_generator.state != state:  # NumPy rounds fractions
+                raise ValueError("the state of a generator is invalid")
+        for env in self._envs:
+            check_tracks(env)
+
+    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """Train for the remaining steps; see `Run.learn`."""
         streams = self._streams
         tracks = sum(stream.tracks for stream in streams)
         parameters = list(self.net.parameters())
-        self.save_if_new()
         recent: list[tuple[float, float]] = []
-        started = time.monotonic() - self.seconds
-        last_save = last_log = time.monotonic()
         # one thread per stream; the sum of the gradients does not depend on the order of completion
         with ThreadPoolExecutor(len(streams)) as pool:
             while self.num_timesteps < self.steps:
+                self.between_updates()
                 remaining = 1.0 - self.num_timesteps / self.steps
                 factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
                 for group in self.optimizer.param_groups:
@@ -223,26 +250,15 @@ class SequenceRun(Run):
                     recent = (recent + of_stream)[-RECENT_STEPS:]
                 nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
                 self.optimizer.step()
-                self._num_timesteps += self.settings.n_steps * tracks
-                now = time.monotonic()
-                self.seconds = now - started
+                self.num_timesteps += self.settings.n_steps * tracks
                 reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
                 if on_progress is not None:
                     progress = TrainingProgress(self.num_timesteps, self.steps, float(reward), float(ticks))
                     on_progress(progress)
-                if self.folder is None:
-                    continue
-                if now - last_log > LOG_EVERY:
+                updates = self.num_timesteps // (self.settings.n_steps * tracks)
+                if self.folder is not None and updates % LOG_EVERY == 0:
                     metrics = {"loss": sum(losses), "seconds": self.seconds}
                     run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
-                    last_log = now
-                finished = self.num_timesteps >= self.steps
-                if finished or self.curve.due(self.seconds):
-                    self.evaluate()
-                if finished or now - last_save > save_every:
-                    self.save()
-                    last_save = now
-                started = time.monotonic() - self.seconds  # excludes the time for evaluating and saving
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders for the environment of the run."""

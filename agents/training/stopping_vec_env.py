@@ -47,6 +47,12 @@ class StoppingVecEnv(HybridTrackVecEnv):
             infos[i]["terminal_observation"] = self._rows[i]
         return self._encode(observation), rewards, terminated, infos
 
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """See `HybridTrackVecEnv.state_arrays`. Requires an earlier reset."""
+        assert self._hidden_state is not None
+        # without `_rows`, which is the array that the last reset or step returned
+        return super().state_arrays() | {"best": self._best, "hidden_state": self._hidden_state.numpy()}
+
     def _encode(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         encoded = self._encoder.encode(observation, self._hidden_state)
         self._rows, self._best, self._hidden_state = encoded

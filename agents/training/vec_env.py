@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
+from agents.training.track_state import track_arrays
 from hybrid_env.registration import make_vector_env
 
 
@@ -59,6 +60,10 @@ class HybridTrackVecEnv(VecEnv):
         self._returns[terminated] = 0.0
         self._steps[terminated] = 0
         return observation, rewards.astype(np.float32), terminated, infos
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next steps; writing into them changes the tracks."""
+        return track_arrays(self.env) | {"returns": self._returns, "steps": self._steps}
 
     def close(self) -> None:
         """Do nothing; no external resources are held."""

@@ -111,6 +111,7 @@ def test_a_run_refuses_invalid_arguments(name, value):
 def test_damaged_or_missing_run_folders_are_refused_in_one_line(tmp_path):
     folder = tmp_path / "run"
     make_run(ENV, {}, SMALL, 0, folder, 512).train()
+    (folder / "checkpoint-previous.safetensors").unlink()
     for name in ("checkpoint.safetensors", "config.json"):
         path = folder / name
         content = path.read_bytes()

@@ -1,0 +1,149 @@
+"""Checkpoints: the whole state of a run in one safetensors file, so that it is always consistent.
+
+Tensors are weights, optimizer state, tracks and hidden states; values are counters and random generators, as
+JSON. Nothing is unpickled. The checkpoint before the last is kept, in case the last one is damaged.
+"""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import safetensors.torch
+import torch
+from safetensors import SafetensorError, safe_open
+from torch import Tensor
+from torch.optim import Optimizer
+
+from agents.interface.output_files import atomic_file
+from agents.learned.policy_file import first_line
+from hybrid_env.checks import ArgumentError, check_integer, check_positive, reject
+
+CHECKPOINT = "checkpoint.safetensors"
+PREVIOUS = "checkpoint-previous.safetensors"
+DAMAGE = (
+    OSError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError,
+    SafetensorError,
+)  # fmt: skip
+"""Exceptions that reading a damaged checkpoint can raise."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """State of a run.
+
+    Attributes:
+        tensors: by name.
+        values: plain values, with `steps` and `seconds` so far.
+        path: of the file that it was read from.
+    """
+
+    tensors: dict[str, Tensor]
+    values: dict[str, Any]
+    path: Path
+
+
+def has_checkpoint(folder: Path) -> bool:
+    """Return whether a folder contains a checkpoint."""
+    return any((folder / name).exists() for name in (CHECKPOINT, PREVIOUS))
+
+
+def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any]) -> None:
+    """Write a checkpoint atomically; the one before becomes the previous one.
+
+    Raises:
+        ArgumentError: the file cannot be written.
+    """
+    content = safetensors.torch.save(
+        {name: tensor.contiguous() for name, tensor in tensors.items()}, {"values": json.dumps(values)}
+    )
+    with atomic_file(folder / CHECKPOINT) as part:
+        part.write_bytes(content)
+        with suppress(FileNotFoundError):
+            os.replace(folder / CHECKPOINT, folder / PREVIOUS)
+
+
+def read_checkpoint(folder: Path) -> Checkpoint:
+    """Read the last checkpoint, or the one before if the last is missing or damaged.
+
+    Raises:
+        ArgumentError: neither is complete.
+    """
+    errors = []
+    for name in (CHECKPOINT, PREVIOUS):
+        try:
+            return _read(folder / name)
+        except DAMAGE as error:
+            errors.append(error)
+    raise incomplete_checkpoint(folder, errors[0])
+
+
+def _read(path: Path) -> Checkpoint:
+    if not path.is_file():
+        raise ValueError(f"{path.name} is missing or not a file")
+    with safe_open(path, framework="pt") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        values = json.loads(file.metadata()["values"])
+    check_integer("steps", values["steps"], minimum=0)
+    check_positive("seconds", values["seconds"], allow_zero=True)
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not bool(tensor.isfinite().all()):
+            raise ValueError(f"{name} is not finite")
+    return Checkpoint(tensors, values, path)
+
+
+def incomplete_checkpoint(folder: Path, error: Exception) -> ArgumentError:
+    """Return the error for a checkpoint that does not fit its run."""
+    return reject("resume", str(folder), f"a run folder with a complete {CHECKPOINT} ({first_line(error)})")
+
+
+def optimizer_tensors(optimizer: Optimizer) -> dict[str, Tensor]:
+    """Return the state of an optimizer by name; writing into the tensors changes the optimizer."""
+    states: dict[int, dict[str, Tensor]] = optimizer.state_dict()["state"]
+    return {f"{index}.{name}": tensor for index, state in states.items() for name, tensor in state.items()}
+
+
+def allocate_optimizer_state(optimizer: Optimizer) -> None:
+    """Create the state that an optimizer has after its first step, to be overwritten."""
+    for group in optimizer.param_groups:
+        for parameter in group["params"]:
+            parameter.grad = torch.zeros_like(parameter)
+    optimizer.step()
+    optimizer.zero_grad()
+
+
+@torch.no_grad()
+def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> None:
+    """Copy the tensors of a checkpoint into those of a run.
+
+    Raises:
+        ValueError: names, shapes or types differ, or a second moment of the optimizer is negative.
+    """
+    different = sorted(saved.keys() ^ live.keys())
+    if different:
+        raise ValueError(f"{different[0]} is {'missing' if different[0] in live else 'unknown'}")
+    for name, tensor in live.items():
+        found = saved[name]
+        if found.shape != tensor.shape or found.dtype != tensor.dtype:
+            shape = tuple(tensor.shape)
+            raise ValueError(f"{name} is {found.dtype} {tuple(found.shape)}, not {tensor.dtype} {shape}")
+        if name.endswith(".exp_avg_sq") and bool((found < 0).any()):
+            raise ValueError(f"{name} is negative")
+    for name, tensor in live.items():
+        tensor.copy_(saved[name])
+
+
+def check_scalars(values: Mapping[str, Any]) -> dict[str, float]:
+    """Return a mapping whose values are finite numbers or NaN.
+
+    Raises:
+        ValueError: one is not.
+    """
+    for name, value in values.items():
+        if math.isinf(value):
+            raise ValueError(f"{name} is infinite")
+    return dict(values)

@@ -1,0 +1,63 @@
+"""Trains a small agent in a folder, or resumes it: in this process, or in another one that is killed.
+
+Usage: python small_training.py <kind> <folder> <steps> <seconds between checkpoints>
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import torch
+
+from agents.learned.policy_file import load_policy
+from agents.training import learning_curve, sequence
+from agents.training.recipe import load_recipe
+from agents.training.run_folder import CONFIG, read_metrics
+from agents.training.runs import make_run, resume_run
+
+SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
+SMALL_SEQUENCE = ("n_steps=16", "hidden=8", "worlds=[{n_envs: 20}, {n_envs: 4, env: HybridTrackBank-v0}]")
+KINDS = {
+    "ppo": ("HybridTrack-v0", SMALL_PPO),
+    "sequence": ("HybridTrack-v0", SMALL_SEQUENCE),
+    "stopping": ("HybridTrackBank-v0", SMALL_PPO),
+    "recurrent-ppo": ("HybridTrack-v0", (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
+}
+SCHEME = {"scheme": "random 2x20-30"}
+WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
+
+
+def log_often(set_value=setattr):
+    """Evaluate often and briefly, so that a small training writes several lines of metrics."""
+    set_value(learning_curve, "FIRST_EVALUATION", 1000)
+    set_value(learning_curve, "EPISODES", 5)
+    set_value(learning_curve.LearningCurve, "sprt_reward", 0.5)
+    set_value(sequence, "LOG_EVERY", 2)
+
+
+def small_run(kind, folder, steps):
+    """A new run."""
+    env, changes = KINDS[kind]
+    return make_run(f"hybrid_env:{env}", SCHEME, load_recipe(kind, env, changes), 3, folder, steps)
+
+
+def outcome(folder):
+    """Metrics, card and weights of a run, without times."""
+    rows = [{k: v for k, v in row.items() if k not in WALL_CLOCK} for row in read_metrics(folder)]
+    weights, card = load_policy(folder)
+    card["measured"].pop("seconds")
+    card.pop("seconds")
+    return json.dumps([rows, card]), {name: value.numpy().tobytes() for name, value in weights.items()}
+
+
+def main(kind, folder, steps, save_every):
+    """Start a training, or continue it if there is one; a line is printed when it begins."""
+    run = small_run(kind, folder, steps) if not (folder / CONFIG).exists() else resume_run(folder)
+    print("training", flush=True)
+    run.train(save_every=save_every)
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    log_often()
+    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))
