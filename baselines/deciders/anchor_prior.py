@@ -1,0 +1,101 @@
+"""Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes.
+
+The error after a correct and after a wrong declaration is described by a mixture of two normal distributions
+each: most anchors are accurate, but an error can last for several segments. The distributions are given in
+the heading frame of the anchor and depend on the declared type of motion. Left and right turns are mirror
+images.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
+"""Signs of [x, vx, y, vy] in a frame whose across axis points to the right."""
+
+COMPONENTS = 2  # of each mixture
+FEWEST = 100  # errors to fit a mixture to; with fewer, types and then outcomes are pooled
+STEPS = 50  # of the EM algorithm
+RIDGE = 1e-6  # share of the pooled variances added to the variances of a component
+
+
+@dataclass(frozen=True)
+class AnchorPrior:
+    """Mixtures of (true state - anchor) in the heading frame, [x, vx, y, vy] [m, m/s].
+
+    The first axis is the declared type (straight, turn), the second the outcome of the declaration (correct,
+    wrong), the third the component. Errors after right turns are mirrored.
+
+    Attributes:
+        weight: (2, 2, 2), the sum over components is 1.
+        mean: (2, 2, 2, 4).
+        covariance: (2, 2, 2, 4, 4).
+    """
+
+    weight: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+    def after(self, types: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of N types.
+
+        Args:
+            types: (N,) 0 straight, 1 left, 2 right.
+        """
+        turn = np.minimum(types, 1)
+        signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None, None]
+        covariance = self.covariance[turn] * signs[..., None] * signs[..., None, :]
+        return self.weight[turn], self.mean[turn] * signs, covariance
+
+
+def fit_anchor_prior(errors: FloatArray, types: NDArray[np.int64], correct: NDArray[np.bool_]) -> AnchorPrior:
+    """Fit the mixtures to observed errors.
+
+    Args:
+        errors: (n, 4) errors in the heading frame.
+        types: (n,) declared types.
+        correct: (n,) whether each declaration was correct.
+    """
+    mirrored = errors * np.where((types == 2)[:, None], MIRROR, 1.0)
+    fits = []
+    for turn in (False, True):
+        for outcome in (True, False):
+            chosen = (correct == outcome) & ((types > 0) == turn)
+            for pooled in (correct == outcome, np.ones_like(correct)):
+                chosen = chosen if chosen.sum() >= FEWEST else pooled
+            values = mirrored[chosen]
+            if not turn:  # symmetric
+                values = np.concatenate([values, values * MIRROR])
+            fits.append(_fit_mixture(values))
+    weight, mean, covariance = (
+        np.array(part).reshape(2, 2, *np.shape(part)[1:]) for part in zip(*fits, strict=True)
+    )
+    return AnchorPrior(weight, mean, covariance)
+
+
+def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Fit a mixture of normal distributions to (n, 4) values by the EM algorithm, started at their size.
+
+    Returns:
+        (2,) weights, (2, 4) means and (2, 4, 4) covariances.
+    """
+    pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
+    size = (values**2 / np.diag(pooled)).sum(-1)
+    large = size > np.quantile(size, 0.9)
+    share = np.stack([~large, large], axis=-1).astype(np.float64)
+    for _ in range(STEPS):
+        count = share.sum(0)
+        weight = count / len(values)
+        mean = share.T @ values / count[:, None]
+        centred = values[:, None] - mean
+        covariance = (
+            np.einsum("nc,nci,ncj->cij", share, centred, centred) / count[:, None, None] + RIDGE * pooled
+        )
+        white = np.linalg.solve(np.linalg.cholesky(covariance), centred[..., None])[..., 0]
+        log_density = np.log(weight) - 0.5 * (np.linalg.slogdet(covariance)[1] + (white**2).sum(-1))
+        share = np.exp(log_density - log_density.max(-1, keepdims=True))
+        share /= share.sum(-1, keepdims=True)
+        share = np.maximum(share, 1e-12)
+    return weight, mean, covariance
