@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,23 +10,35 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import (
-    axis_variances,
-    check_choice,
-    check_flag,
-    check_number,
-    check_positive,
-    check_radii,
-    reject,
-)
+from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
 from hybrid_env.core.kernel import BANKS
 from hybrid_env.core.records import PARAMETERS, SEGMENT_COLUMNS
+from hybrid_env.limits import (
+    check_initial_error,
+    check_ratios,
+    check_variances,
+    check_within,
+    distinct_radii,
+)
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
+
+CHOICES = {
+    "bank": tuple(BANKS),
+    "correctness": ("exact", "type"),
+    "actions": ("all", "best"),
+    "undecided": ("likeliest", "keep"),
+}
+"""Options that are one of several words."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
     """The options of the model, which are keywords of `gym.make`.
+
+    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may
+    change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations
+    from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard
+    deviations of a measurement (`hybrid_env.limits`).
 
     Attributes:
         scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
@@ -73,56 +86,51 @@ class WorldOptions:
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
     def __post_init__(self) -> None:
-        fix = object.__setattr__
-        fix(self, "scheme", parse_scheme(self.scheme))
-        fix(self, "radii", tuple(check_radii("radii", self.radii).tolist()))
-        for name in ("speed", "tau"):
-            fix(self, name, check_positive(name, getattr(self, name)))
-        for name in ("process_variance", "delay_cost"):
-            fix(self, name, check_positive(name, getattr(self, name), allow_zero=True))
+        fix = functools.partial(object.__setattr__, self)
+        fix("scheme", parse_scheme(self.scheme))
+        fix("radii", distinct_radii("radii", self.radii))
+        for name in ("speed", "tau", "process_variance", "delay_cost"):
+            fix(name, check_within(name, getattr(self, name)))
         if self.heading is not None:
-            fix(self, "heading", check_number("heading", self.heading, "a finite angle [rad] or None"))
-        axis_variances(self.measurement_variance)
-        if check_positive("outliers", self.outliers, allow_zero=True) >= 1.0:
+            fix("heading", check_within("heading", self.heading))
+        fix("measurement_variance", check_variances(self.measurement_variance))
+        fix("outliers", check_positive("outliers", self.outliers, allow_zero=True))
+        if self.outliers >= 1.0:
             raise reject("outliers", self.outliers, "a number >= 0 and < 1")
-        fix(self, "initial_error", self._check_initial_error())
-        check_choice("bank", self.bank, BANKS)
+        fix("initial_error", check_initial_error(self.initial_error))
+        for name, choices in CHOICES.items():
+            fix(name, str(check_choice(name, getattr(self, name), choices)))
         if self.reset_covariance is not None:
-            check_flag("reset_covariance", self.reset_covariance)
+            fix("reset_covariance", check_flag("reset_covariance", self.reset_covariance))
         if self.reset_covariance and self.bank == "oracle":
             raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
-        check_choice("correctness", self.correctness, ("exact", "type"))
-        check_choice("actions", self.actions, ("all", "best"))
-        check_choice("undecided", self.undecided, ("likeliest", "keep"))
-        if self.correctness == "exact":
-            signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
-            missing = {abs(float(radius)) for radius in signed_radii if radius} - set(self.radii)
-            if missing:
-                allowed = f"radii that include {sorted(missing)} of the scheme, or correctness='type'"
-                raise reject("radii", self.radii, allowed)
+        self._check_radii_of_scheme()
 
-    def _check_initial_error(self) -> tuple[float, float]:
-        value = self.initial_error
-        if np.ndim(value) == 0:
-            if isinstance(value, bool) or value != 0:
-                raise reject("initial_error", value, "(position variance over R, velocity variance) or 0")
-            return 0.0, 0.0
-        if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 2:
-            raise reject("initial_error", value, "(position variance over R, velocity variance) or 0")
-        position, velocity = (check_positive("initial_error", item, allow_zero=True) for item in value)
-        return position, velocity
+    def _check_radii_of_scheme(self) -> None:
+        """Check the radii of bank and scheme, and the ratios of all options."""
+        assert isinstance(self.initial_error, tuple)
+        signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
+        of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
+        missing = sorted(of_scheme - set(self.radii))
+        if self.correctness == "exact" and missing:
+            shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
+            allowed = f"radii that include {shown} of the scheme, or correctness='type'"
+            raise reject("radii", self.radii, allowed)
+        check_ratios(
+            sorted(of_scheme | set(self.radii)), self.speed, self.tau, self.process_variance,
+            self.variances.tolist(), self.initial_error[1],
+        )  # fmt: skip
 
     @classmethod
     def of(cls, **options: Any) -> "WorldOptions":
         """Create options from keywords. An unknown name raises a `TypeError` with the closest known name."""
         names = [field.name for field in dataclasses.fields(cls)]
-        for name, value in options.items():
+        for name in options:
             if name not in names:
-                close = difflib.get_close_matches(name, names, 1)
+                close = difflib.get_close_matches(name[:40], names, 1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
-                raise TypeError(
-                    f"option {name}={value!r} is unknown: {hint}expected one of {', '.join(names)}"
-                )
+                expected = f"expected one of {', '.join(names)}"
+                raise TypeError(f"option {repr(name)[:40]} is unknown: {hint}{expected}")
         return cls(**options)
 
     @property

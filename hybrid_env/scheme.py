@@ -6,22 +6,25 @@ a radius of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight l
 
 import re
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import check_integer, check_radii, reject
+from hybrid_env.checks import ArgumentError, check_choice, reject
 from hybrid_env.core.records import SEGMENT_COLUMNS
+from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
 
-MAX_LENGTH = 1_000_000  # ticks per segment, and segments per scheme
-GRAMMAR = (
-    "words such as 'S50', 'L50r3' or 'R75r5' (mode, ticks >= 1, radius > 0 for a turn), "
-    "'random', 'random 6x50-100' (segments x ticks), or a key of hybrid_env.SCHEMES"
-)
+GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
 
-_SEGMENT = re.compile(r"([SLR])(\d+)(?:r(\d+(?:\.\d*)?|\.\d+))?")
-_RANDOM = re.compile(r"random(?:\s+(\d+)x(\d+)(?:-(\d+))?)?")
+_INTEGER = "[0-9]{1,20}"
+_SEGMENT = re.compile(rf"([SLR])({_INTEGER})(?:r((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?))?")
+_RANDOM = re.compile(rf"random(?:\s+({_INTEGER})x({_INTEGER})(?:-({_INTEGER}))?)?")
+
+
+def _set(scheme: object, name: str, value: Any) -> None:
+    """Set an attribute of a frozen dataclass, in `__post_init__`."""
+    object.__setattr__(scheme, name, value)
 
 
 @dataclass(frozen=True)
@@ -42,15 +45,12 @@ class Segment:
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        if self.mode not in ("S", "L", "R"):
-            raise reject("mode", self.mode, "'S', 'L' or 'R'")
-        check_integer("length", self.length)
-        if self.length > MAX_LENGTH:
-            raise reject("length", self.length, f"at most {MAX_LENGTH} ticks")
+        _set(self, "mode", str(check_choice("mode", self.mode, ("S", "L", "R"))))
+        _set(self, "length", check_ticks("length", self.length))
         if (self.mode == "S") != (self.radius is None):
             raise reject("radius", self.radius, "None for a straight segment, a number > 0 for a turn")
         if self.radius is not None:
-            check_radii("radius", self.radius)
+            _set(self, "radius", check_within("radius", self.radius, "radii"))
 
     @property
     def signed_radius(self) -> float:
@@ -58,7 +58,8 @@ class Segment:
         return 0.0 if self.radius is None else self.radius if self.mode == "L" else -self.radius
 
     def __str__(self) -> str:
-        return f"{self.mode}{self.length}" + ("" if self.radius is None else f"r{self.radius:g}")
+        radius = "" if self.radius is None else f"r{self.radius!r}".removesuffix(".0")
+        return f"{self.mode}{self.length}{radius}"
 
 
 @dataclass(frozen=True)
@@ -66,14 +67,23 @@ class FixedScheme:
     """A scheme with the same segments in every episode.
 
     Attributes:
-        pieces: the segments in order.
+        pieces: the segments in order, at most 10,000.
+
+    Raises:
+        ArgumentError: the pieces are not segments.
     """
 
     pieces: tuple[Segment, ...]
 
     def __post_init__(self) -> None:
-        if not self.pieces:
-            raise reject("scheme", self.pieces, "at least one segment")
+        pieces = self.pieces
+        if (
+            not isinstance(pieces, (tuple, list))
+            or not 1 <= len(pieces) <= MAX_PIECES
+            or not all(isinstance(piece, Segment) for piece in pieces)
+        ):
+            raise reject("pieces", pieces, f"a tuple of 1 to {MAX_PIECES} objects hybrid_env.Segment")
+        _set(self, "pieces", tuple(pieces))
 
     def __str__(self) -> str:
         return " ".join(map(str, self.pieces))
@@ -97,18 +107,15 @@ class RandomScheme:
     radii: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        check_integer("segments", self.segments)
-        if self.segments > MAX_LENGTH:
-            raise reject("segments", self.segments, f"at most {MAX_LENGTH}")
-        if len(self.lengths) != 2:
-            raise reject("lengths", self.lengths, "(shortest, longest)")
-        shortest, longest = self.lengths
-        check_integer("lengths", shortest)
-        check_integer("lengths", longest)
-        if shortest > longest or longest > MAX_LENGTH:
-            raise reject("lengths", self.lengths, f"1 <= shortest <= longest <= {MAX_LENGTH}")
+        _set(self, "segments", check_ticks("segments", self.segments))
+        allowed = "(shortest, longest)"
+        values = two_values("lengths", self.lengths, allowed)
+        shortest, longest = (check_ticks("lengths", length) for length in values)
+        if shortest > longest:
+            raise reject("lengths", self.lengths, allowed)
+        _set(self, "lengths", (shortest, longest))
         if self.radii is not None:
-            check_radii("radii", self.radii)
+            _set(self, "radii", distinct_radii("radii", self.radii))
 
     def __str__(self) -> str:
         return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
@@ -137,16 +144,22 @@ def parse_scheme(value: "str | Scheme") -> Scheme:
             return RandomScheme()
         shortest = int(random[2])
         return RandomScheme(int(random[1]), (shortest, int(random[3] or shortest)))
-    pieces = []
-    for word in re.split(r"[\s,;]+", text):
-        match = _SEGMENT.fullmatch(word)
-        if not match or (match[1] == "S") != (match[3] is None):
-            raise reject("scheme", value, GRAMMAR + f"; invalid word {word!r}")
-        try:
-            pieces.append(Segment(match[1], int(match[2]), float(match[3]) if match[3] else None))
-        except ValueError as error:
-            raise reject("scheme", value, f"{GRAMMAR}; invalid word {word!r}: {error}") from None
-    return FixedScheme(tuple(pieces))
+    words = re.split(r"[\s,;]+", text)
+    if len(words) > MAX_PIECES:
+        raise reject("scheme", value, f"at most {MAX_PIECES} segments")
+    return FixedScheme(tuple(_parse_word(value, word) for word in words))
+
+
+def _parse_word(scheme: str, word: str) -> Segment:
+    """Parse the word of one segment."""
+    shown = word if len(word) <= 24 else word[:20] + "..."
+    match = _SEGMENT.fullmatch(word)
+    if not match or (match[1] == "S") != (match[3] is None):
+        raise reject("scheme", scheme, f"{GRAMMAR}; invalid word {shown!r}")
+    try:
+        return Segment(match[1], int(match[2]), float(match[3]) if match[3] else None)
+    except ArgumentError as error:
+        raise reject("scheme", scheme, f"allowed segments; {shown!r}: {error}") from None
 
 
 def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:

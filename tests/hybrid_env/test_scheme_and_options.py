@@ -28,6 +28,13 @@ def test_a_fixed_scheme_is_parsed():
     assert parse_scheme("S1, L2r.5") == FixedScheme((Segment("S", 1), Segment("L", 2, 0.5)))
 
 
+def test_the_text_of_a_scheme_is_parsed_to_the_same_scheme():
+    radii = (3.0, 0.1 + 0.2, 1e-12, 1e12, 123456.789, 2.5e-7)
+    scheme = FixedScheme(tuple(Segment("L", 5, radius) for radius in radii))
+    assert parse_scheme(str(scheme)) == scheme
+    assert parse_scheme("L5r2e3 S5") == FixedScheme((Segment("L", 5, 2000.0), Segment("S", 5)))
+
+
 def test_random_schemes_are_parsed():
     assert parse_scheme("random") == RandomScheme()
     assert parse_scheme("random 4x20-60") == RandomScheme(4, (20, 60))
@@ -64,7 +71,7 @@ def test_an_invalid_scheme_raises_a_one_line_error(scheme):
     message = str(caught.value)
     assert "expected" in message
     assert "\n" not in message
-    assert repr(scheme) in message or "lengths" in message or "segments" in message
+    assert " ".join(repr(scheme).split()) in message or "lengths" in message or "segments" in message
 
 
 NAN = float("nan")
@@ -110,7 +117,7 @@ def test_every_option_has_an_invalid_value_in_the_list():
 
 def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
     with pytest.raises(
-        TypeError, match=r"mesurement_variance=0.1 is unknown: did you mean 'measurement_variance'"
+        TypeError, match=r"'mesurement_variance' is unknown: did you mean 'measurement_variance'"
     ):
         HybridTrackVectorEnv(2, mesurement_variance=0.1)
 

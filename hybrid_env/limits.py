@@ -1,0 +1,140 @@
+"""Allowed ranges of the options of a world.
+
+Inside these ranges every observation is finite and inside the observation space; `make study` tests this with
+10^9 ticks of random options. The ranges of single options are so wide that neither the object (a walker, a
+car, a ship, an aircraft) nor the units matter. The ratios in `check_ratios` have no units.
+"""
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from hybrid_env.checks import ArgumentError, check_integer, check_number, reject
+
+RANGES = {
+    "radii": (1e-12, 1e12),  # [m]
+    "speed": (1e-9, 1e9),  # [m/s]
+    "heading": (-1e6, 1e6),  # [rad]
+    "tau": (1e-9, 1e9),  # [s]
+    "process_variance": (0.0, 1e18),  # [m^2/s^2]
+    "measurement_variance": (1e-18, 1e18),  # [m^2]
+    "delay_cost": (0.0, 1e6),
+    "initial_position": (0.0, 1e12),  # variance / R
+    "initial_velocity": (0.0, 1e18),  # variance [m^2/s^2]
+}
+"""Smallest and largest value of each option."""
+
+MAX_RADII = 1000  # of a bank, and of a random scheme
+MAX_PIECES = 10_000  # segments of a fixed scheme, which are stored
+MAX_LENGTH = 1_000_000  # ticks per segment, and segments of a random scheme
+
+LARGEST_TURN = 100.0  # speed * tau / radius [rad]; from pi on a turn cannot be told from a slower one
+LARGEST_MOTION = 1e9  # motion per tick / standard deviation of a measurement
+LARGEST_CIRCLE = 1e12  # radius / standard deviation of a measurement; a float64 has 16 digits
+
+
+def check_within(name: str, value: Any, limits: str = "") -> float:
+    """Return a finite float inside a range.
+
+    Args:
+        name: the argument, for the message.
+        value: its value.
+        limits: key of `RANGES`, by default the name.
+    """
+    low, high = RANGES[limits or name]
+    allowed = f"a number from {low:g} to {high:g}"
+    number = check_number(name, value, allowed)
+    if not low <= number <= high:
+        raise reject(name, value, allowed)
+    return number
+
+
+def check_ticks(name: str, value: Any) -> int:
+    """Return an integer from 1 to `MAX_LENGTH`."""
+    return check_integer(name, value, maximum=MAX_LENGTH)
+
+
+def _values(value: Any) -> Sequence[Any]:
+    """Return the elements of a sequence or array, or a list of a single value."""
+    if isinstance(value, np.ndarray):
+        elements = value.tolist()  # masked elements become None
+        return elements if value.ndim else [elements]
+    return value if isinstance(value, Sequence) and not isinstance(value, (str, bytes)) else [value]
+
+
+def two_values(name: str, value: Any, allowed: str) -> Sequence[Any]:
+    """Return the two elements of a tuple, list or array."""
+    values = _values(value)
+    if len(values) != 2:
+        raise reject(name, value, allowed)
+    return values
+
+
+def distinct_radii(name: str, value: Any) -> tuple[float, ...]:
+    """Return distinct turn radii [m] of a number, or of a tuple, list or (n,) array of numbers."""
+    values, (low, high) = _values(value), RANGES["radii"]
+    with suppress(ArgumentError):
+        radii = tuple(check_within(name, one, "radii") for one in values[: MAX_RADII + 1])
+        if 1 <= len(values) <= MAX_RADII and len(set(radii)) == len(radii):
+            return radii
+    raise reject(name, value, f"1 to {MAX_RADII} distinct numbers from {low:g} to {high:g}")
+
+
+def check_variances(value: Any) -> float | tuple[float, float]:
+    """Return the measurement variance [m^2], one number or (x, y). Equal variances become one number."""
+    name = "measurement_variance"
+    values = _values(value)
+    if len(values) == 1 and values is not value:
+        return check_within(name, values[0])
+    x, y = (check_within(name, one) for one in two_values(name, value, "one number or (x, y)"))
+    return x if x == y else (x, y)
+
+
+def check_initial_error(value: Any) -> tuple[float, float]:
+    """Return (position variance of the first estimate / R, its velocity variance [m^2/s^2])."""
+    name, allowed = "initial_error", "(position variance over R, velocity variance) or 0"
+    values = _values(value)
+    if len(values) == 1 and values is not value:
+        if check_number(name, values[0], allowed) != 0.0:
+            raise reject(name, value, allowed)
+        return 0.0, 0.0
+    position, velocity = two_values(name, value, allowed)
+    return check_within(name, position, "initial_position"), check_within(name, velocity, "initial_velocity")
+
+
+def check_ratios(
+    radii: Sequence[float],
+    speed: float,
+    tau: float,
+    process_variance: float,
+    measurement_variances: Sequence[float],
+    initial_velocity: float,
+) -> None:
+    """Check the ratios of options: the turn per tick, and motion and radius in standard deviations.
+
+    Args:
+        radii: of the bank and of the scheme [m].
+        speed, tau, process_variance: options of the same name.
+        measurement_variances: of the axes [m^2].
+        initial_velocity: velocity variance of the first estimate [m^2/s^2].
+
+    Raises:
+        ArgumentError: a ratio is too large.
+    """
+    if speed * tau > LARGEST_TURN * min(radii):
+        allowed = (
+            f"at least {speed * tau / LARGEST_TURN:g}, so that the object turns by at most "
+            f"{LARGEST_TURN:g} rad per tick (speed * tau / radius)"
+        )
+        raise reject("radii", min(radii), allowed)
+    motion = tau * max(speed, math.sqrt(process_variance), math.sqrt(initial_velocity))
+    smallest = max(motion / LARGEST_MOTION, max(radii) / LARGEST_CIRCLE) ** 2
+    if min(measurement_variances) < smallest:
+        allowed = (
+            f"at least {smallest:g}: {LARGEST_MOTION:g} standard deviations must exceed the motion per tick, "
+            f"and {LARGEST_CIRCLE:g} the radius"
+        )
+        raise reject("measurement_variance", min(measurement_variances), allowed)

@@ -1,0 +1,207 @@
+"""Options are plain values that do not change later, inside ranges that no unit of measurement leaves."""
+
+import copy
+import datetime
+import decimal
+import fractions
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from random_worlds import soak, unit_scales
+
+from hybrid_env import FixedScheme, HybridTrackEnv, RandomScheme, Segment, WorldOptions, parse_scheme
+from hybrid_env.checks import ArgumentError
+from hybrid_env.limits import LARGEST_TURN, MAX_PIECES, MAX_RADII, RANGES
+
+
+def plain(value):
+    """Return True if a value consists of plain Python values."""
+    if isinstance(value, tuple):
+        return all(map(plain, value))
+    if isinstance(value, (FixedScheme, RandomScheme, Segment)):
+        return plain(tuple(vars(value).values()))
+    return type(value) in (float, int, str, bool, type(None))
+
+
+ACCEPTED = [
+    {},
+    {"measurement_variance": np.array([0.1, 0.2]), "radii": np.array([3, 5])},
+    {"measurement_variance": np.float32(0.5), "radii": [3, np.int8(5)], "speed": np.int64(3)},
+    {"measurement_variance": np.array(0.1), "initial_error": np.zeros(2), "radii": 5},
+    {"initial_error": [0, np.float32(0.5)], "reset_covariance": np.bool_(True), "bank": np.str_("published")},
+    {"scheme": FixedScheme([Segment("S", np.int8(5)), Segment("L", np.uint64(9), np.float32(5.0))])},
+    {"scheme": RandomScheme(np.int16(3), [np.int8(5), 9], np.array([5.0]))},
+    {"scheme": RandomScheme(3, np.array([5, 9]), [5])},
+    {"radii": range(5, 7), "measurement_variance": (0.1, 0.1), "heading": fractions.Fraction(1, 3)},
+]
+
+
+@pytest.mark.parametrize("given", ACCEPTED)
+def test_values_are_stored_as_plain_python_values(given):
+    options = WorldOptions(**given)
+    assert plain(tuple(vars(options).values()))
+    assert pickle.loads(pickle.dumps(options)) == options
+    assert hash(options) == hash(copy.deepcopy(options))
+
+
+def test_arrays_and_lists_that_change_later_do_not_change_the_options():
+    variances, radii, error = np.array([0.1, 0.2]), [5.0], [0.3, 0.02]
+    pieces, lengths = [Segment("L", 5, 5.0)], [5, 9]
+    random = RandomScheme(2, lengths)
+    env = HybridTrackEnv(
+        scheme=FixedScheme(pieces), measurement_variance=variances, radii=radii, initial_error=error
+    )
+    expected = WorldOptions(scheme="L5r5", measurement_variance=(0.1, 0.2))
+    env.reset(seed=0)
+    variances[:] = 0.3
+    radii.append(9.0)
+    error[0] = 5.0
+    pieces *= 20
+    lengths[0] = 7
+    assert env.options == expected
+    assert random == RandomScheme(2, (5, 9))
+    copied = copy.deepcopy(env)
+    for _ in range(5):
+        row, *_, info = env.step(0)
+        assert copied.step(0)[0].tobytes() == row.tobytes()
+    assert info["decided_length"] == 5
+
+
+RAGGED = [[1.0, 2.0], [3.0]]
+MASKED = np.ma.array([0.1, 0.2], mask=[False, True])
+NASTY = [
+    None, True, "5", "", "5" * 5000, b"5", math.nan, math.inf, -math.inf, -1.0, 10**400, -(10**400),
+    decimal.Decimal(1), 1 + 0j, RAGGED, [], (), [[]], {}, {1.0, 2.0}, object(), Exception, len,
+    datetime.timedelta(1), np.timedelta64(1, "s"), np.datetime64("2020-01-01"), MASKED, np.ma.masked,
+    np.zeros(0), np.ones((2, 2)), np.array("x"), np.array([None, 1.0]), np.array([1.0, "x"], object),
+    np.longdouble("1e4000"), [1.0, math.nan], (1.0, 2.0, 3.0, 4.0, True), ["1", "2"], 1e300, [1e300, 1e-300],
+    fractions.Fraction(10**400, 3), iter([1.0, 2.0]), "\n" * 500, "\U0001d7dd", "ß" * 1000,
+    np.recarray(2, "f8,f8"),
+]  # fmt: skip
+NUMBERS = [
+    "radii", "speed", "heading", "tau", "process_variance", "measurement_variance", "outliers",
+    "initial_error", "delay_cost",
+]  # fmt: skip
+WORDS = ["scheme", "bank", "reset_covariance", "correctness", "actions", "undecided"]
+
+
+def refused(function, *arguments, **keywords):
+    """Call a function, which refuses its arguments, and check the message."""
+    with pytest.raises(ArgumentError) as caught:
+        function(*arguments, **keywords)
+    message = str(caught.value)
+    assert len(message) <= 300
+    assert message.isprintable()  # also no line break
+    assert "expected" in message
+    return message
+
+
+@pytest.mark.parametrize("name", NUMBERS + WORDS)
+def test_values_of_other_types_are_refused_in_one_line(name):
+    for value in NASTY:
+        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True)}.get(name, ())
+        if any(value is one for one in allowed):
+            continue
+        message = refused(WorldOptions, **{name: value})
+        assert message.startswith(name), message
+
+
+@pytest.mark.parametrize("name", ["mode", "length", "radius"])
+def test_values_of_a_segment_of_other_types_are_refused_in_one_line(name):
+    for value in NASTY:
+        assert refused(Segment, **({"mode": "L", "length": 5, "radius": 5.0} | {name: value})).startswith(
+            name
+        )
+
+
+@pytest.mark.parametrize("name", ["segments", "lengths", "radii"])
+def test_values_of_a_random_scheme_of_other_types_are_refused_in_one_line(name):
+    for value in NASTY:
+        if value is not None or name != "radii":
+            assert refused(RandomScheme, **{name: value}).startswith(name)
+
+
+PIECES = [
+    "ab", "", None, 5, [], (), ["S50"], [Segment("S", 5), None], {Segment("S", 5)}, Segment("S", 5),
+    np.zeros(3), iter([Segment("S", 5)]), [Segment("S", 1)] * (MAX_PIECES + 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("pieces", PIECES, ids=range(len(PIECES)))
+def test_pieces_of_a_fixed_scheme_that_are_not_segments_are_refused(pieces):
+    assert refused(FixedScheme, pieces).startswith("pieces")
+
+
+SCHEMES = [
+    "S" + "9" * 4400, "L5r" + "9" * 4400, "random " + "9" * 4400 + "x5", "random 5x" + "9" * 4400,
+    "S5 " * (MAX_PIECES + 1), "S" + "5" * 4400 + "x", "L50r0", "L50r" + "0" * 400 + "1" * 400, "S1000001",
+    "random 1000001x5", "random 5x1000001", "S٣", "S5\x00", "S5\n\nX" * 100, "'" * 400,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=range(len(SCHEMES)))
+def test_long_numbers_and_odd_characters_in_a_scheme_are_refused(scheme):
+    refused(parse_scheme, scheme)
+    refused(WorldOptions, scheme=scheme)
+
+
+OUTSIDE = [
+    {"speed": 3e5, "radii": 1.0, "tau": 1.0}, {"speed": 1e16}, {"tau": 1e20}, {"radii": 1e-12},
+    {"measurement_variance": 1e-40}, {"measurement_variance": (0.1, 1e-41)}, {"radii": 1e13},
+    {"process_variance": 1e19}, {"delay_cost": 1e7}, {"heading": 1e7}, {"initial_error": (1e13, 0.0)},
+    {"initial_error": (0.0, 1e19)}, {"speed": 1e-10}, {"tau": 1e-10}, {"radii": range(1, MAX_RADII + 2)},
+    {"scheme": "L5r0.001", "correctness": "type"}, {"scheme": "L5r1000000000000", "correctness": "type"},
+    {"scheme": RandomScheme(radii=(1e-3, 5.0)), "correctness": "type"},
+    {"process_variance": 1e18, "tau": 1.0, "measurement_variance": 1e-3},
+    {"initial_error": (0.0, 1e18), "tau": 1.0, "measurement_variance": 1e-3},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", OUTSIDE, ids=range(len(OUTSIDE)))
+def test_values_outside_the_range_are_refused_with_the_range(given):
+    message = refused(WorldOptions, **given)
+    assert any(name in message.partition("=")[0] for name in ("radii", "measurement_variance", *given))
+
+
+def test_values_at_the_limits_are_accepted():
+    others = {"radii": 100.0, "speed": 1e-6, "tau": 1e-6}  # no ratio is too large
+    names = ("speed", "tau", "process_variance", "measurement_variance", "delay_cost", "heading")
+    for name in names:
+        for value in RANGES[name]:
+            assert getattr(WorldOptions(**others | {name: value}), name) == value
+    assert WorldOptions(speed=LARGEST_TURN, tau=1.0, radii=1.0)
+    refused(WorldOptions, speed=LARGEST_TURN * 1.001, tau=1.0, radii=1.0)
+
+
+OBJECTS = {
+    "walker": {"radii": (0.5, 5.0), "speed": 1.4, "tau": 0.5, "R": 25.0, "Q": 0.01},
+    "walker, laser": {"radii": (0.5, 5.0), "speed": 1.4, "tau": 0.02, "R": 1e-6, "Q": 1e-4},
+    "car": {"radii": (5.0, 200.0), "speed": 30.0, "tau": 0.1, "R": 1.0, "Q": 0.1},
+    "ship": {"radii": (100.0, 5000.0), "speed": 10.0, "tau": 60.0, "R": 400.0, "Q": 0.01},
+    "aircraft": {"radii": (1e3, 1e5), "speed": 300.0, "tau": 10.0, "R": 1e4, "Q": 10.0},
+}
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_objects_in_other_units_are_far_inside_the_range(name, bank):
+    of = OBJECTS[name]
+    options = {
+        "radii": of["radii"],
+        "speed": of["speed"],
+        "tau": of["tau"],
+        "process_variance": of["Q"],
+        "measurement_variance": of["R"],
+        "initial_error": (0.3, of["speed"] ** 2 / 100.0),
+        "bank": bank,
+    }
+    for length, time in itertools.product((1e-3, 1.0, 1e3), (1.0 / 60.0, 1.0, 60.0, 1e3)):
+        scaled = unit_scales(options, length, time)
+        for factor in (0.1, 10.0):  # margin
+            for option in ("speed", "tau", "process_variance", "measurement_variance"):
+                WorldOptions(**scaled | {option: factor * scaled[option]})
+            WorldOptions(**scaled | {"radii": tuple(factor * radius for radius in scaled["radii"])})
+        soak(scaled, tracks=16, ticks=2000, seed=1)

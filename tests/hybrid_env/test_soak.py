@@ -1,0 +1,57 @@
+"""Random worlds inside the allowed ranges: every row is finite and in the observation space, episodes end.
+
+A failure prints the seed and the options; `random_worlds.soak` with the same arguments repeats it.
+"""
+
+import numpy as np
+import pytest
+from random_worlds import BANKS, random_options, soak
+
+from hybrid_env.limits import LARGEST_TURN
+
+
+def soak_or_report(options, tracks, ticks, seed, **arguments):
+    """Run `soak`, and add the options to the message of a failure."""
+    try:
+        return soak(options, tracks, ticks, seed, **arguments)
+    except Exception as error:
+        error.add_note(f"options = {options!r}, tracks = {tracks}, ticks = {ticks}, seed = {seed}")
+        raise
+
+
+@pytest.mark.parametrize(
+    ("worlds", "ticks"),
+    [
+        pytest.param(200, 30_000, id="quick"),
+        pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),  # 10^9 ticks
+    ],
+)
+def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
+    done, banks = 0, set()
+    for seed in range(worlds):
+        options = random_options(np.random.default_rng(seed))
+        done += soak_or_report(options, 256, ticks, seed)
+        banks.add(options["bank"])
+    assert done >= worlds * ticks
+    assert banks == set(BANKS)
+
+
+EDGES = {
+    "many segments": {"scheme": "random 1000000x1-3"},
+    "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
+    "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
+    "fast turn": {"speed": LARGEST_TURN * 5.0, "tau": 1.0, "scheme": "random 1000x1-50"},
+    "fast turn, loud": {"speed": 5e3, "measurement_variance": 1e6, "scheme": "random 1000x1-50"},
+    "exact": {"process_variance": 0.0, "initial_error": 0, "measurement_variance": 1e-18, "radii": 10.0},
+    "process noise": {"process_variance": 1e18},
+    "first estimate": {"initial_error": (1e12, 1e14)},
+    "outliers": {"outliers": 0.999999, "measurement_variance": 100.0},
+    "huge tick": {"tau": 1e9, "speed": 1e-7},
+    "keeps covariance": {"reset_covariance": False, "process_variance": 0.0, "scheme": "random 1000x5-50"},
+}
+
+
+@pytest.mark.parametrize("name", EDGES)
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_rows_rewards_and_ends_of_extreme_worlds(name, bank):
+    soak_or_report({"bank": bank} | EDGES[name], 64, 20_000, 1)
