@@ -1,0 +1,115 @@
+"""Filters of the true mode are consistent wherever their model is exact.
+
+Then whitened innovations are independent standard normals, the normalized innovation squared (NIS) has a
+chi-square distribution with 2 degrees of freedom, and the normalized estimation error squared (NEES) one with
+4. The model is exact if
+
+- the anchor is exact, as in the oracle bank, or in the first segment with `initial_error=0`: centre and rate
+  of a turn are those of the object,
+- the object moves straight and the covariance of the anchor is the true one: the model is linear.
+
+The anchor-aware bank is exact to first order in the relative error of the anchor's velocity, here 0.5 %.
+"""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from hybrid_env import HybridTrackVectorEnv, Layout
+
+TICKS = 60
+TRIANGLE4, TRIANGLE7 = np.triu_indices(4), np.triu_indices(7)
+FIVE_SIGMA = stats.norm.sf(5.0)
+
+EXACT_ANCHOR = {"initial_error": 0, "reset_covariance": False}
+TRUE_COVARIANCE = {"initial_error": (0.3, 0.02), "reset_covariance": False}
+SMALL_ERROR = {"initial_error": (0.3, 1e-4), "bank": "anchor_aware"}
+UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
+CASES = {
+    "oracle, straight": {"scheme": "S60", "bank": "oracle"},
+    "oracle, turn": {"scheme": "L60r5", "bank": "oracle"},
+    "oracle, fast turn, unequal noise": {"scheme": "R60r5", "bank": "oracle", "speed": 30.0} | UNEQUAL,
+    "published, exact anchor, straight": {"scheme": "S60"} | EXACT_ANCHOR,
+    "published, exact anchor, turn": {"scheme": "R60r5"} | EXACT_ANCHOR,
+    "published, exact anchor, turn, unequal noise": {"scheme": "L60r5"} | EXACT_ANCHOR | UNEQUAL,
+    "published, true covariance, straight": {"scheme": "S60"} | TRUE_COVARIANCE,
+    "published, true covariance, straight, unequal noise": {"scheme": "S60"} | TRUE_COVARIANCE | UNEQUAL,
+    "anchor-aware, straight": {"scheme": "S60", "bank": "anchor_aware"},
+    "anchor-aware, straight, unequal noise": {"scheme": "S60", "bank": "anchor_aware"} | UNEQUAL,
+    "anchor-aware, exact anchor, turn": {"scheme": "L60r5", "bank": "anchor_aware"} | EXACT_ANCHOR,
+    "anchor-aware, small error, turn": {"scheme": "L60r5"} | SMALL_ERROR,
+    "anchor-aware, small error, fast turn": {"scheme": "R60r5", "speed": 20.0} | SMALL_ERROR,
+}
+
+
+def run(tracks, seed, **options):
+    """Follow one segment. Returns whitened innovations of the true filter (T, N, 2), and its NEES (N,)."""
+    env = HybridTrackVectorEnv(tracks, **options)
+    layout = Layout(env.options.hypotheses)
+    rows, info = env.reset(seed=seed)
+    mode = int(info["true_mode"][0])
+    white = np.empty((TICKS, tracks, 2))
+    for k in range(TICKS):
+        for axis, name in enumerate(("innovation_along", "innovation_across")):
+            white[k, :, axis] = layout.read(rows, name)[:, mode]
+        if k + 1 < TICKS:
+            rows, *_, info = env.step(np.zeros(tracks, np.int64))
+    bank = env.world.bank
+    filters = bank.hypotheses[:, mode]
+    estimate = np.stack([filters[name].ravel() for name in ("x", "vx", "y", "vy")], axis=1)[:tracks]
+    error = estimate - info["truth"]
+    covariance = np.zeros((tracks, 4, 4))
+    if env.options.bank == "anchor_aware":
+        whole = np.zeros((tracks, 7, 7))
+        whole[:, *TRIANGLE7] = filters["covariance"].swapaxes(1, 2).reshape(-1, 28)[:tracks]
+        covariance[:, *TRIANGLE4] = whole[:, :4, :4][:, *TRIANGLE4]
+    else:
+        column = min(mode, 1)  # one radius
+        for axis in (0, -1):
+            shared = bank.covariances[:, axis, column]
+            first = 0 if axis == 0 else 2
+            for i, j, name in ((0, 0, "xx"), (0, 1, "xv"), (1, 1, "vv")):
+                covariance[:, first + i, first + j] = shared[name].ravel()[:tracks]
+    covariance += np.triu(covariance, 1).swapaxes(1, 2)
+    nees = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+    return white, nees
+
+
+def inside(sum_of_squares, degrees):
+    """Return True if a chi-square variable is inside its two-sided bounds of 5 sigma."""
+    return FIVE_SIGMA < stats.chi2.cdf(sum_of_squares, degrees) < 1 - FIVE_SIGMA
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "tracks", [pytest.param(1000, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)]
+)
+def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name, tracks):
+    white, nees = run(tracks, 2018, **CASES[name])
+    # tick by tick, in total, and the error at the last tick
+    for k in range(TICKS):
+        assert inside((white[k] ** 2).sum(), 2 * tracks), k
+    assert inside((white**2).sum(), white.size)
+    assert inside(nees.sum(), 4 * tracks)
+    # NIS and NEES have the whole distribution, not only the mean
+    assert stats.kstest((white[-1] ** 2).sum(-1), stats.chi2(2).cdf).pvalue > FIVE_SIGMA
+    assert stats.kstest(nees, stats.chi2(4).cdf).pvalue > FIVE_SIGMA
+    # zero mean, no correlation between the axes and between ticks
+    assert abs(white.mean()) < 5.0 / np.sqrt(white.size)
+    assert abs((white[..., 0] * white[..., 1]).mean()) < 5.0 / np.sqrt(white[..., 0].size)
+    for lag in (1, 2, 5, 20):
+        product = white[lag:] * white[:-lag]
+        assert abs(product.mean()) < 5.0 / np.sqrt(product.size), lag
+
+
+INEXACT = {
+    "published, anchor with an error, turn": {"scheme": "L60r5"} | TRUE_COVARIANCE,
+    "published, P := I": {"scheme": "S60"},
+    "outliers": {"scheme": "S60", "bank": "oracle", "outliers": 0.01},
+}
+
+
+@pytest.mark.parametrize("name", INEXACT)
+def test_the_same_bounds_are_exceeded_where_the_model_is_not_exact(name):
+    white, _ = run(1000, 2018, **INEXACT[name])
+    assert not inside((white**2).sum(), white.size)

@@ -1,0 +1,118 @@
+"""Random numbers are normal, and those of neighbouring seeds and lanes are independent.
+
+Bounds are 5 standard errors of the sample size.
+"""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+from scipy import special, stats
+
+from hybrid_env import HybridTrackVectorEnv
+from hybrid_env.core.noise import draw_noise
+from hybrid_env.core.records import LANES
+from hybrid_env.simulation import simulate
+
+FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
+draw = njit(draw_noise)
+
+
+@njit
+def normals(state, ticks):
+    """Return the draws of a block of lanes, (ticks, 4, LANES)."""
+    noise, drawn = np.empty((5, LANES)), np.empty((ticks, 4, LANES))
+    for tick in range(ticks):
+        draw(state, noise, 0, LANES, 0.0)
+        drawn[tick] = noise[:4]
+    return drawn
+
+
+def states_of_seeds(seed, tracks):
+    """Return the states of the generators of seeds seed .. seed + tracks - 1, a list of (4, LANES)."""
+    env = HybridTrackVectorEnv(tracks)
+    env.reset(seed=seed)
+    return list(env.world.blocks["random_state"].copy())
+
+
+@pytest.mark.parametrize(
+    "count", [pytest.param(10**6, id="quick"), pytest.param(10**8, id="study", marks=pytest.mark.study)]
+)
+def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
+    ticks, bins, powers = 15_625, 1000, range(1, 9)
+    states = states_of_seeds(5, 16 * LANES)
+    moments, histogram, beyond = np.zeros(len(powers)), np.zeros(bins), np.zeros(3)
+    total = 0
+    for state in itertools.cycle(states):
+        sample = normals(state, ticks).ravel()
+        moments += [(sample**power).sum() for power in powers]
+        histogram += np.bincount((special.ndtr(sample) * bins).astype(int), minlength=bins)
+        beyond += [(np.abs(sample) > limit).sum() for limit in (3.0, 4.0, 5.0)]
+        total += sample.size
+        if total >= count:
+            break
+    for power, moment in zip(powers, moments / total, strict=True):
+        expected, square = (special.factorial2(k - 1) * (k % 2 == 0) for k in (power, 2 * power))
+        assert abs(moment - expected) < 5.0 * math.sqrt((square - expected**2) / total), power
+    chi_square = ((histogram - total / bins) ** 2).sum() / (total / bins)
+    assert abs(chi_square - (bins - 1)) < 5.0 * math.sqrt(2 * (bins - 1))
+    for limit, found in zip((3.0, 4.0, 5.0), beyond, strict=True):
+        assert stats.binomtest(int(found), total, 2 * stats.norm.sf(limit)).pvalue > FIVE_SIGMA
+
+
+@pytest.mark.parametrize(
+    ("seeds", "ticks"),
+    [
+        pytest.param(64, 4000, id="quick"),
+        pytest.param(1024, 25_000, id="study", marks=pytest.mark.study),
+    ],
+)
+def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
+    # lane i of the environment has seed 1000 + i
+    streams = np.concatenate([normals(state, ticks) for state in states_of_seeds(1000, seeds)], axis=2)
+    for transform in (lambda z: z, lambda z: (z**2 - 1.0) / math.sqrt(2.0), np.sign):
+        values = transform(streams)
+        for distance, lag in itertools.product((1, 2, LANES), (0, 1, -1)):
+            ahead = values[max(lag, 0) : ticks + min(lag, 0), :, distance:]
+            behind = values[max(-lag, 0) : ticks - max(lag, 0), :, : seeds - distance]
+            pairs = (ahead * behind).mean((0, 1))  # of every pair of neighbours
+            error = 1.0 / math.sqrt(4 * ahead.shape[0])
+            assert np.abs(pairs).max() < 5.0 * error, (distance, lag)
+            assert abs(pairs.mean()) < 5.0 * error / math.sqrt(pairs.size), (distance, lag)
+        # between the four draws of a tick, of the same and of the neighbouring lane
+        for i, j in itertools.permutations(range(4), 2):
+            for distance in (0, 1):
+                product = values[:, i, distance:] * values[:, j, : seeds - distance]
+                assert abs(product.mean()) < 5.0 / math.sqrt(product.size), (i, j, distance)
+
+
+def test_the_first_draws_of_successive_seeds_are_independent():
+    tracks = 100_000
+    env = HybridTrackVectorEnv(tracks, process_variance=0.0, initial_error=0)
+    _, info = env.reset(seed=0)
+    heading = np.arctan2(info["anchor"][:, 3], info["anchor"][:, 1])
+    uniform = (heading / (2.0 * math.pi)) % 1.0
+    noise = (info["measurement"] - info["truth"][:, [0, 2]]) / math.sqrt(0.1)
+    counts = np.bincount(info["true_mode"], minlength=3)
+    assert stats.kstest(uniform, "uniform").pvalue > FIVE_SIGMA
+    assert stats.kstest(noise.ravel(), "norm").pvalue > FIVE_SIGMA
+    assert stats.chisquare(counts).pvalue > FIVE_SIGMA
+    centred = (uniform - 0.5) * math.sqrt(12.0)
+    mode = (info["true_mode"] - 1.0) * math.sqrt(1.5)
+    for first, second in itertools.product((centred, noise[:, 0], noise[:, 1], mode), repeat=2):
+        assert abs((first[1:] * second[:-1]).mean()) < 5.0 / math.sqrt(tracks - 1)
+
+
+def test_runs_of_a_simulation_and_of_neighbouring_seeds_are_independent():
+    ticks, runs = 2000, 64
+    noise = []
+    for seed in (7, 8):
+        run = simulate(f"S{ticks}", runs=runs, seed=seed)
+        noise.append((run.measurements - run.truth[:, :, [0, 2]]) / math.sqrt(0.1))
+    for first, second in ((noise[0], noise[1]), (noise[0][1:], noise[0][:-1]), (noise[0][1:], noise[1][:-1])):
+        product = first * second
+        assert abs(product.mean()) < 5.0 / math.sqrt(product.size)
+        assert np.abs(product.mean((1, 2))).max() < 5.0 / math.sqrt(2 * ticks)
+    assert abs((noise[0] ** 2).mean() - 1.0) < 5.0 * math.sqrt(2.0 / noise[0].size)
