@@ -1,0 +1,152 @@
+"""Random values of options: a world is refused in one line, or its rows are in the observation space."""
+
+import datetime
+import decimal
+import math
+import time
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_worlds import random_options, soak
+
+from hybrid_env import FixedScheme, RandomScheme, Segment, WorldOptions
+from hybrid_env.checks import ArgumentError
+from hybrid_env.limits import RANGES
+
+NAMES = sorted(WorldOptions.__dataclass_fields__)
+LIMITS = sorted({value for pair in RANGES.values() for value in pair})
+
+numbers = st.one_of(
+    st.floats(),
+    st.integers(-(10**20), 10**20),
+    st.sampled_from([0, 1, -1, 10**400, True, 5e-324, 1.8e308, math.pi, *LIMITS]),
+    st.sampled_from(LIMITS).map(lambda value: float(np.nextafter(value, math.inf))),
+    st.sampled_from(LIMITS).map(lambda value: float(np.nextafter(value, -math.inf))),
+    st.sampled_from([np.int8, np.uint64, np.float16, np.float32, np.longdouble]).map(lambda kind: kind(3)),
+    st.decimals(),
+    st.fractions(),
+)
+sequences = st.one_of(
+    st.lists(numbers, max_size=4),
+    st.tuples(numbers, numbers),
+    st.lists(st.floats(), max_size=4).map(np.array),
+    st.lists(st.floats(), max_size=3).map(lambda values: np.ma.array(values, mask=[True] * len(values))),
+    st.floats().map(np.array),
+    st.lists(st.lists(numbers, max_size=2), max_size=2),
+    st.lists(numbers, max_size=3).map(set),
+)
+words = st.one_of(
+    st.text(),
+    st.text("SLRr0123456789.x- randome", max_size=40),
+    st.from_regex(r"\A([SLR][0-9]{1,8}(r[0-9.]{1,8})?[ ,;]?){1,5}\Z"),
+    st.from_regex(r"\Arandom [0-9]{1,8}x[0-9]{1,8}(-[0-9]{1,8})?\Z"),
+    st.integers(1, 6000).map(lambda digits: "S" + "9" * digits),
+    st.sampled_from(["published", "anchor_aware", "oracle", "exact", "type", "all", "best", "keep"]),
+)
+others = st.one_of(
+    st.none(),
+    st.binary(),
+    st.timedeltas(),
+    st.datetimes(),
+    st.complex_numbers(),
+    st.dictionaries(st.text(), numbers, max_size=2),
+    st.sampled_from(
+        [object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]
+    ),
+)
+values = st.one_of(numbers, sequences, words, others)
+
+
+@st.composite
+def schemes(draw):
+    """Return a scheme object or the arguments of an invalid one."""
+    if draw(st.booleans()):
+        piece = st.tuples(st.sampled_from("SLR"), numbers, st.none() | numbers)
+        return FixedScheme, [draw(st.lists(piece, max_size=4))]
+    return RandomScheme, [draw(numbers), draw(sequences), draw(st.none() | sequences)]
+
+
+def check(build):
+    """Build options, or check their refusal. Returns None if they are refused."""
+    start, options, refusal = time.process_time(), None, None
+    try:
+        options = build()
+    except (ArgumentError, TypeError) as error:
+        refusal = error
+    assert time.process_time() - start < 2.0
+    if refusal is not None:
+        message = str(refusal)
+        assert isinstance(refusal, ArgumentError) or "is unknown" in message, message
+        assert len(message) <= 300, message
+        assert len(message.splitlines()) == 1, message
+    return options
+
+
+def affordable(options):
+    """Return True if a few steps of the world, including decisions, take little time."""
+    return options.longest_segment * options.hypotheses <= 20_000
+
+
+def check_world(keywords):
+    """Refuse the keywords of a world, or step it from an episode start."""
+    options = check(lambda: WorldOptions.of(**keywords))
+    if options is not None and affordable(options):
+        soak(keywords, tracks=3, ticks=30, seed=1)
+
+
+def of_examples(examples):
+    """Return the settings of a test with a number of examples, the same ones in every run."""
+    return settings(
+        max_examples=examples,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+SIZES = [pytest.param(300, id="quick"), pytest.param(100_000, id="study", marks=pytest.mark.study)]
+
+
+@pytest.mark.parametrize("examples", SIZES)
+def test_a_world_with_one_random_value_is_refused_in_one_line_or_stays_in_its_space(examples):
+    @of_examples(examples)
+    @given(st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values)
+    def run(seed, name, value):
+        options = random_options(np.random.default_rng(seed), longest=20)
+        check_world(options | {name: value})
+
+    run()
+
+
+@pytest.mark.parametrize("examples", SIZES)
+def test_a_default_world_with_random_numbers_is_refused_in_one_line_or_stays_in_its_space(examples):
+    number_options = sorted({"radii", "speed", "tau", "process_variance", "measurement_variance", "heading"})
+
+    @of_examples(examples)
+    @given(st.dictionaries(st.sampled_from(number_options), numbers, max_size=3))
+    def run(keywords):
+        check_world({"scheme": "random 3x1-5"} | keywords)
+
+    run()
+
+
+@pytest.mark.parametrize("examples", SIZES)
+def test_a_random_scheme_object_is_refused_in_one_line_or_its_world_stays_in_its_space(examples):
+    @of_examples(examples)
+    @given(schemes())
+    def run(parts):
+        kind, arguments = parts
+
+        def build():
+            if kind is FixedScheme:
+                return FixedScheme([Segment(*piece) for piece in arguments[0]])
+            return RandomScheme(*arguments)
+
+        scheme = check(build)
+        if scheme is not None:
+            check_world({"scheme": scheme, "correctness": "type", "speed": 1e-3})
+
+    run()
