@@ -107,10 +107,12 @@ def of_examples(examples):
     )
 
 
-SIZES = [pytest.param(300, id="quick"), pytest.param(100_000, id="study", marks=pytest.mark.study)]
+def sizes(study):
+    """Return the numbers of examples, by default and in the study."""
+    return [pytest.param(300, id="quick"), pytest.param(study, id="study", marks=pytest.mark.study)]
 
 
-@pytest.mark.parametrize("examples", SIZES)
+@pytest.mark.parametrize("examples", sizes(100_000))
 def test_a_world_with_one_random_value_is_refused_in_one_line_or_stays_in_its_space(examples):
     @of_examples(examples)
     @given(st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values)
@@ -121,7 +123,7 @@ def test_a_world_with_one_random_value_is_refused_in_one_line_or_stays_in_its_sp
     run()
 
 
-@pytest.mark.parametrize("examples", SIZES)
+@pytest.mark.parametrize("examples", sizes(20_000))
 def test_a_default_world_with_random_numbers_is_refused_in_one_line_or_stays_in_its_space(examples):
     number_options = sorted({"radii", "speed", "tau", "process_variance", "measurement_variance", "heading"})
 
@@ -133,7 +135,7 @@ def test_a_default_world_with_random_numbers_is_refused_in_one_line_or_stays_in_
     run()
 
 
-@pytest.mark.parametrize("examples", SIZES)
+@pytest.mark.parametrize("examples", sizes(20_000))
 def test_a_random_scheme_object_is_refused_in_one_line_or_its_world_stays_in_its_space(examples):
     @of_examples(examples)
     @given(schemes())

@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 from random_worlds import soak, unit_scales
 
-from hybrid_env import FixedScheme, HybridTrackEnv, RandomScheme, Segment, WorldOptions, parse_scheme
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackEnv,
+    HybridTrackVectorEnv,
+    Layout,
+    RandomScheme,
+    Segment,
+    WorldOptions,
+    parse_scheme,
+)
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, MAX_PIECES, MAX_RADII, RANGES
 
@@ -205,3 +214,31 @@ def test_objects_in_other_units_are_far_inside_the_range(name, bank):
                 WorldOptions(**scaled | {option: factor * scaled[option]})
             WorldOptions(**scaled | {"radii": tuple(factor * radius for radius in scaled["radii"])})
         soak(scaled, tracks=16, ticks=2000, seed=1)
+
+
+UNITLESS = (
+    "log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "ticks", "ticks_left",
+    "log_error_probability", "displacement_along", "displacement_across", "anchor_xx",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware", "oracle"])
+@pytest.mark.parametrize(("length", "time"), [(1e3, 1e-3), (1e-3, 60.0), (1e5, 1e5)])
+def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time):
+    # P := I has units; the bank therefore carries its covariance over
+    options = {
+        "radii": (3.0, 5.0), "speed": 2.0, "tau": 0.1, "process_variance": 0.001, "measurement_variance": 0.1,
+        "initial_error": (0.3, 0.02), "bank": bank, "reset_covariance": False,
+    }  # fmt: skip
+    envs = [HybridTrackVectorEnv(16, **one) for one in (options, unit_scales(options, length, time))]
+    layout = Layout(5)
+    results = [env.reset(seed=3)[0] for env in envs]
+    generator = np.random.default_rng(4)
+    for _ in range(200):
+        for name in UNITLESS:
+            first, second = (layout.read(rows, name) for rows in results)
+            np.testing.assert_allclose(first, second, rtol=1e-4, atol=1e-4, err_msg=name)
+        actions = np.where(generator.random(16) < 0.05, generator.integers(1, 6, 16), 0)
+        steps = [env.step(actions) for env in envs]
+        results = [step[0] for step in steps]
+        np.testing.assert_array_equal(steps[0][1], steps[1][1])
