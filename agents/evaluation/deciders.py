@@ -12,9 +12,15 @@ import numpy as np
 from agents import learned
 from agents.evaluation import seeds
 from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
+from baselines.deciders.anchor_prior import AnchorPrior
 from baselines.deciders.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.deciders.decider import Decider
 from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.deciders.refiltering import (
+    CalibratedAnchorDecider,
+    KeptCovarianceDecider,
+    fit_calibrated_anchor,
+)
 from hybrid_env.checks import ArgumentError, check_positive, reject
 from hybrid_env.options import WorldOptions
 
@@ -49,7 +55,10 @@ class DeciderFamily:
 ATE = DeciderFamily(
     "ATE (SPRT)",
     "alpha",
-    (0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+    (
+        *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
+        *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+    ),
     1e-3,
     SPRTDecider,
 )
@@ -108,11 +117,13 @@ LOG_ODDS = (
 )
 
 BAYES = "bayes"
+KEPT_COVARIANCE = "msprt-kept"
+CALIBRATED_ANCHOR = "calibrated"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
 COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # times the delay cost
 FITTING_EPISODES = 3000
-CLASSICAL_NAMES = (*CLASSICAL, BAYES)
+CALIBRATION_EPISODES = 2000
 
 
 def bayes_family(world: WorldOptions) -> DeciderFamily:
@@ -131,6 +142,39 @@ def bayes_family(world: WorldOptions) -> DeciderFamily:
     cost = world.delay_cost or 0.01
     thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
     return DeciderFamily("Bayes risk", "cost", thresholds, cost, make)
+
+
+def kept_covariance_family(world: WorldOptions) -> DeciderFamily:
+    """Return the MSPRT that starts the filters from the covariance of the estimate at the switch."""
+    return DeciderFamily(
+        "MSPRT, kept P", "alpha", ALPHAS, 0.02, lambda alpha: KeptCovarianceDecider(world, alpha)
+    )
+
+
+def calibrated_anchor_family(world: WorldOptions) -> DeciderFamily:
+    """Return the MSPRT whose anchor distribution is fitted to simulated episodes of an environment."""
+
+    @functools.cache
+    def prior() -> AnchorPrior:
+        return fit_calibrated_anchor(world, CALIBRATION_EPISODES, seeds.FITTING)
+
+    return DeciderFamily(
+        "calibrated anchor",
+        "alpha",
+        ALPHAS,
+        0.02,
+        lambda alpha: CalibratedAnchorDecider(world, prior(), alpha),
+    )
+
+
+FITTED = {
+    BAYES: bayes_family,
+    KEPT_COVARIANCE: kept_covariance_family,
+    CALIBRATED_ANCHOR: calibrated_anchor_family,
+}
+"""Rules that read the options of the environment, or are fitted to its simulation."""
+
+CLASSICAL_NAMES = (*CLASSICAL, *FITTED)
 
 
 def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
@@ -173,8 +217,8 @@ def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     """
     if name in CLASSICAL:
         return CLASSICAL[name]
-    if name == BAYES:
-        return bayes_family(world)
+    if name in FITTED:
+        return FITTED[name](world)
     folder = _policy_folder(name)
     if folder.is_dir():
         return learned_family(folder, world)
