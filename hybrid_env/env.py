@@ -31,7 +31,8 @@ class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64])
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the segment is
     fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the
     segment, and its estimate is the anchor of the next segment. A wrong decision therefore also degrades the
-    estimates of the next segment.
+    estimates of the next segment. With `follow="bank"` all filters run on, and the next anchor is the mean of
+    their posterior, so that a wrong decision costs its reward only.
 
     ## Action Space
     The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the
@@ -90,7 +91,8 @@ class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64])
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
     `measurement` [x, y], `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter, which is
-    that of the last decided mode, and `log_likelihood` (M,) since the switch.
+    that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
+    `log_likelihood` (M,) since the switch.
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the
     reward), `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`,

@@ -24,6 +24,7 @@ from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 
 CHOICES = {
     "bank": tuple(BANKS),
+    "follow": ("declared", "bank"),
     "correctness": ("exact", "type"),
     "actions": ("all", "best"),
     "undecided": ("likeliest", "keep"),
@@ -58,7 +59,12 @@ class WorldOptions:
             the state of every turn, see `core.anchor_aware_bank`; "oracle" is the published bank anchored at
             the true state, an upper bound for evaluation that is not available in practice.
         reset_covariance: True starts every segment with P := I, as published; False carries over the
-            covariance of the chosen filter. None means True for the published bank and False for the others.
+            covariance of the estimate. None means True for the published bank that follows the declared
+            filter, and False otherwise.
+        follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of
+            the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
+            the next anchor are the mean of the posterior over all hypotheses, with its covariance
+            (`core.merging`), so that a wrong decision costs its reward and nothing else.
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
@@ -80,6 +86,7 @@ class WorldOptions:
     initial_error: float | tuple[float, float] = (0.3, 0.02)
     bank: str = "published"
     reset_covariance: bool | None = None
+    follow: Literal["declared", "bank"] = "declared"
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
     actions: Literal["all", "best"] = "all"
@@ -149,6 +156,11 @@ class WorldOptions:
         return axis_variances(self.measurement_variance)
 
     @property
+    def axes(self) -> int:
+        """Number of covariances per radius in the published bank: 1 if those of both axes are equal."""
+        return 2 if self.follow == "bank" else self.variances.size
+
+    @property
     def table(self) -> NDArray[np.float64]:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         assert not isinstance(self.scheme, str)
@@ -177,8 +189,9 @@ class WorldOptions:
             record[name] = getattr(self, name)
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
-        default = self.bank == "published"
+        default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
+        record["follow_bank"] = self.follow == "bank"
         record["oracle"] = self.bank == "oracle"
         record["exact"] = self.correctness == "exact"
         record["action_count"] = self.action_count
@@ -189,7 +202,7 @@ class WorldOptions:
         record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
         record["log_noise"] = np.log(self.variances).mean()
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
-        record["radii_count"], record["axes"] = len(self.radii), self.variances.size
+        record["radii_count"], record["axes"] = len(self.radii), self.axes
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

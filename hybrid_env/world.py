@@ -78,7 +78,7 @@ class World(ReadOnlyAttributes):
         """Create all arrays that the kernel reads and writes, except the scratch memory of the threads."""
         blocks = -(-tracks // LANES)
         allocate = kernel.BANKS[self.options.bank][0]
-        self.bank: Any = allocate(len(self.options.radii), self.options.variances.size, blocks)
+        self.bank: Any = allocate(len(self.options.radii), self.options.axes, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
         self.trace = np.zeros((tracks, trace_rows, len(TRACE_COLUMNS)))

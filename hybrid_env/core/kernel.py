@@ -15,6 +15,7 @@ from hybrid_env.core import bank_operations
 from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
 from hybrid_env.core.memory import array_at
+from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.core.observation_row import compare_hypotheses, row_width, write_segment, write_tick
@@ -85,9 +86,13 @@ def _arrays_of(setting: Any) -> Arrays:
 
 
 @inlined
-def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64]) -> None:
-    """Record the estimate of the active filter, its squared error, and a row of the trace if stored."""
+def _record_estimate(
+    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], follow_bank: bool
+) -> None:
+    """Record the estimate, its squared error, and a row of the trace if stored."""
     x, vx, y, vy = estimate_of(hypotheses, block.active_mode[lane], lane)
+    if follow_bank:
+        x, vx, y, vy = merged_estimate(hypotheses, lane)
     block.estimate[0, lane], block.estimate[1, lane] = x, vx
     block.estimate[2, lane], block.estimate[3, lane] = y, vy
     error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
@@ -176,9 +181,23 @@ def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) ->
     return action - 1
 
 
+@inlined
+def _set_anchor(block: Any, lane: int, bank: Any, chosen: int, setting: Any) -> None:
+    """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
+    mean = estimate_of(bank.hypotheses, chosen, lane)
+    if setting.follow_bank:
+        mean = merged_estimate(bank.hypotheses, lane)
+        write_merged_covariance(bank, lane, mean, block.kept_covariance)
+    else:
+        for k, value in enumerate(bank_operations.covariance(bank, chosen, lane)):
+            block.kept_covariance[k, lane] = value
+    for k, value in enumerate(mean):
+        block.estimate[k, lane] = value
+
+
 @internal
 def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> None:
-    """Record the decision of track i and fast-forward the chosen filter to the end of the segment."""
+    """Record the decision of track i and fast-forward to the end of the segment."""
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
@@ -201,12 +220,12 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
         draw_noise_ahead(block.random_state, lane, noise, ticks, setting.outliers)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
-            bank_operations.follow(bank, lane, chosen, block.measurement, setting)
-            _record_estimate(block, lane, bank.hypotheses, trace)
-    for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
-        block.estimate[k, lane] = value
-    for k, value in enumerate(bank_operations.covariance(bank, chosen, lane)):
-        block.kept_covariance[k, lane] = value
+            if setting.follow_bank:
+                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
+            else:
+                bank_operations.follow(bank, lane, chosen, block.measurement, setting)
+            _record_estimate(block, lane, bank.hypotheses, trace, setting.follow_bank)
+    _set_anchor(block, lane, bank, chosen, setting)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
     arrays.squared_errors[i] = block.squared_error[lane]
 
@@ -284,7 +303,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), setting)
         for lane in range(first, last):
             i = b * LANES + lane
-            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i])
+            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.follow_bank)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)

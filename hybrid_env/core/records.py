@@ -21,7 +21,7 @@ _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
     ("measurement", np.float64, (2,)),  # [m]
     ("anchor", np.float64, (4,)),  # initial state of the bank: the estimate, or the true state for the oracle
-    ("estimate", np.float64, (4,)),  # of the active filter
+    ("estimate", np.float64, (4,)),  # of the active filter, or merged over the bank
     ("segment", np.int64, ()),
     ("true_mode", np.int64, ()),
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
@@ -104,6 +104,7 @@ PARAMETERS = np.dtype(
         ("declare_best", np.bool_),  # action 1 declares the most likely hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
+        ("follow_bank", np.bool_),  # all filters run on after a decision, and their merged estimate counts
         ("oracle", np.bool_),  # the bank is anchored at the true state
         ("random_scheme", np.bool_),
         ("segments", np.int64),
