@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.interface.output_files import atomic_file, output_folder
+from agents.interface.progress import progress_display
 from agents.interface.recording_files import Column, Recording, read_recording, write_table
 from agents.recordings.figure import draw_track
 from baselines.deciders.sprt import sprt_thresholds
@@ -40,6 +41,10 @@ MAX_ESTIMATE = 1e15
 """Larger estimates [m, m/s] mean that the filter has diverged."""
 
 MAX_PRINTED_PIECES = 20
+MAX_PIECES = 200_000
+MAX_RATIOS = 15_000_000
+"""Largest number of rows times hypotheses, whose likelihood ratios are in memory."""
+
 MIN_NOISE_ROWS = 50
 """The noise is not estimated from fewer measurements."""
 
@@ -128,8 +133,9 @@ class Track:
         """
         self._check()
         console = Console(emoji=False)
-        with console.status("Reading"):
-            recording = read_recording(self.file)
+        with progress_display(console, transient=True) as progress:
+            task = progress.add_task("Reading", total=1.0, note="")
+            recording = read_recording(self.file, lambda fraction: progress.update(task, completed=fraction))
         lengths = self._lengths(len(recording.measurements))
         tau = self._tau(recording)
         variance = self.measurement_variance
@@ -199,8 +205,12 @@ class Track:
             _check_folder(Path(self.out))
 
     def _lengths(self, rows: int) -> list[int]:
+        if rows * (2 * len(self.radii) + 1) > MAX_RATIOS:
+            raise reject("radii", self.radii, f"fewer radii for {rows:,} rows, or a part of the recording")
         if not self.lengths:
             piece = self.piece or DEFAULT_PIECE
+            if rows > piece * MAX_PIECES:
+                raise reject("piece", piece, f"at most {MAX_PIECES:,} pieces, for {rows:,} rows")
             return [min(piece, rows - first) for first in range(0, rows, piece)]
         if sum(self.lengths) != rows:
             raise reject(
