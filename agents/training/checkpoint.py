@@ -4,6 +4,7 @@ Tensors are weights, optimizer state, tracks and hidden states; values are count
 JSON. Nothing is unpickled. The checkpoint before the last is kept, in case the last one is damaged.
 """
 
+import hashlib
 import json
 import math
 import os
@@ -20,7 +21,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from agents.interface.output_files import atomic_file
-from agents.learned.policy_file import first_line
+from agents.learned.policy_file import LARGEST_WEIGHT, first_line
 from hybrid_env.checks import ArgumentError, check_integer, check_positive, reject
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -58,9 +59,9 @@ def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mappin
     Raises:
         ArgumentError: the file cannot be written.
     """
-    content = safetensors.torch.save(
-        {name: tensor.contiguous() for name, tensor in tensors.items()}, {"values": json.dumps(values)}
-    )
+    tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
+    text = json.dumps(values)
+    content = safetensors.torch.save(tensors, {"values": text, "sha256": digest(tensors, text)})
     with atomic_file(folder / CHECKPOINT) as part:
         part.write_bytes(content)
         with suppress(FileNotFoundError):
@@ -82,17 +83,30 @@ def read_checkpoint(folder: Path) -> Checkpoint:
     raise incomplete_checkpoint(folder, errors[0])
 
 
+def digest(tensors: Mapping[str, Tensor], text: str) -> str:
+    """Return a digest of the content of a checkpoint, with which damage is detected."""
+    found = hashlib.sha256(text.encode())
+    for name, tensor in sorted(tensors.items()):
+        found.update(name.encode())
+        found.update(tensor.numpy().tobytes())
+    return found.hexdigest()
+
+
 def _read(path: Path) -> Checkpoint:
     if not path.is_file():
         raise ValueError(f"{path.name} is missing or not a file")
     with safe_open(path, framework="pt") as file:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        values = json.loads(file.metadata()["values"])
+        metadata = file.metadata()
+    if metadata["sha256"] != digest(tensors, metadata["values"]):
+        raise ValueError(f"{path.name} is damaged")
+    values = json.loads(metadata["values"])
     check_integer("steps", values["steps"], minimum=0)
     check_positive("seconds", values["seconds"], allow_zero=True)
     for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not bool(tensor.isfinite().all()):
-            raise ValueError(f"{name} is not finite")
+        largest = LARGEST_WEIGHT if name.startswith("network.") else math.inf
+        if tensor.is_floating_point() and not (tensor.isfinite() & (tensor.abs() <= largest)).all():
+            raise ValueError(f"{name} is not finite or too large")
     return Checkpoint(tensors, values, path)
 
 

@@ -21,6 +21,7 @@ from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, load_sequence_net, policy_decider, policy_family
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import PolicyDecider, save_actor
+from agents.learned.policy_file import first_line
 from agents.learned.sequence import SequenceNet
 from agents.training import run_folder
 from agents.training.checkpoint import Checkpoint, check_scalars
@@ -273,6 +274,10 @@ class PPORun(Run):
         with _without_tracebacks_of_threads():
             try:
                 model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
+            except ArgumentError:
+                raise
+            except ValueError as error:  # probabilities that are not finite
+                raise ArgumentError(f"the training has diverged: {first_line(error)}") from error
             finally:
                 model.logger.close()
 

@@ -19,7 +19,7 @@ from agents.learned.policy_file import package_versions
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve
 from agents.training.recipe import Recipe
-from hybrid_env.checks import reject
+from hybrid_env.checks import ArgumentError, reject
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,8 @@ class Run(ABC):
             save_every: seconds between checkpoints.
 
         Raises:
-            ArgumentError: another training uses the folder, or a file cannot be written.
+            ArgumentError: another training uses the folder, a file cannot be written, or the training
+                diverges.
             OSError: the folder cannot be written.
         """
         self._save_every, self._last_save = save_every, time.monotonic()
@@ -184,8 +185,14 @@ class Run(ABC):
         self.last_evaluation["steps"] = self.num_timesteps
 
     def save(self) -> None:
-        """Write checkpoint and agent."""
+        """Write checkpoint and agent.
+
+        Raises:
+            ArgumentError: a file cannot be written, or a weight is not finite.
+        """
         assert self.folder is not None
+        if not all(tensor.isfinite().all() for tensor in self.network.state_dict().values()):
+            raise ArgumentError("the training has diverged: a weight is not finite")
         values = {"steps": self.num_timesteps, "seconds": self.seconds, "measured": self.last_evaluation}
         checkpoint.write_checkpoint(self.folder, self._tensors(), values | self.values())
         self._save_agent(self.folder)

@@ -17,7 +17,7 @@ from safetensors import safe_open
 from small_training import KINDS, log_often, outcome, small_run
 
 from agents.cli import main
-from agents.training.checkpoint import CHECKPOINT, PREVIOUS
+from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
 from agents.training.run_folder import CONFIG, LOCK, METRICS, read_metrics
 from agents.training.runs import resume_run
 from hybrid_env.checks import ArgumentError
@@ -177,6 +177,8 @@ def change(path, edit):
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         metadata = file.metadata()
     edit(tensors, metadata)
+    if metadata:
+        metadata["sha256"] = digest(tensors, metadata["values"])
     safetensors.torch.save_file(tensors, path, metadata)
 
 
@@ -204,6 +206,28 @@ def rewritten(old, new):
     return edit
 
 
+def test_a_checkpoint_with_a_changed_byte_is_refused(tmp_path):
+    folder = interrupted("sequence", tmp_path / "run", 1280, 1920)
+    (folder / PREVIOUS).unlink()
+    content = bytearray((folder / CHECKPOINT).read_bytes())
+    content[-1] ^= 1
+    (folder / CHECKPOINT).write_bytes(content)
+    with pytest.raises(ArgumentError, match=r"resume=.*is damaged"):
+        resume_run(folder)
+
+
+@pytest.mark.parametrize(("kind", "steps"), [("ppo", 2560), ("sequence", 1920)])
+def test_weights_that_diverge_are_not_saved(kind, steps, tmp_path):
+    folder = interrupted(kind, tmp_path / "run", 1280)
+    change(folder / CHECKPOINT, replaced("optimizer.1.exp_avg", 3e38))
+    run = resume_run(folder, steps)
+    before = [(folder / name).read_bytes() for name in (CHECKPOINT, "policy.safetensors")]
+    with pytest.raises(ArgumentError, match="diverged") as caught:
+        run.train(save_every=1000.0)
+    assert "\n" not in str(caught.value)
+    assert [(folder / name).read_bytes() for name in (CHECKPOINT, "policy.safetensors")] == before
+
+
 def outside_position(_, metadata):
     values = json.loads(metadata["values"])
     values["random"]["numpy"][1] = 10**6
@@ -227,6 +251,7 @@ COMMON = {
 OF_KIND = {
     "ppo": {
         "weights that are not numbers": replaced("network.action_net.weight", float("nan")),
+        "enormous weights": replaced("network.action_net.weight", 1e30),
         "weights of another type": replaced("network.action_net.weight", torch.Tensor.double),
         "a segment that does not exist": replaced("tracks.blocks.segment", 6),
         "a hypothesis that does not exist": replaced("tracks.blocks.active_mode", -1),
