@@ -49,9 +49,13 @@ def run(tracks, seed, **options):
     rows, info = env.reset(seed=seed)
     mode = int(info["true_mode"][0])
     white = np.empty((TICKS, tracks, 2))
+    # The heading of the anchor depends on its error: components along and across it are not exactly normal.
+    velocity = info["anchor"][:, 1] + 1j * info["anchor"][:, 3]
+    heading = velocity / np.abs(velocity)
     for k in range(TICKS):
-        for axis, name in enumerate(("innovation_along", "innovation_across")):
-            white[k, :, axis] = layout.read(rows, name)[:, mode]
+        along, across = (layout.read(rows, f"innovation_{name}")[:, mode] for name in ("along", "across"))
+        fixed = (along + 1j * across) * heading
+        white[k] = np.stack([fixed.real, fixed.imag], axis=1)
         if k + 1 < TICKS:
             rows, *_, info = env.step(np.zeros(tracks, np.int64))
     bank = env.world.bank
