@@ -35,7 +35,7 @@ sequences = st.one_of(
     st.lists(st.floats(), max_size=3).map(lambda values: np.ma.array(values, mask=[True] * len(values))),
     st.floats().map(np.array),
     st.lists(st.lists(numbers, max_size=2), max_size=2),
-    st.lists(numbers, max_size=3).map(set),
+    st.sets(st.floats(), max_size=3),
 )
 words = st.one_of(
     st.text(),

@@ -22,7 +22,7 @@ def soak_or_report(options, tracks, ticks, seed, **arguments):
 @pytest.mark.parametrize(
     ("worlds", "ticks"),
     [
-        pytest.param(200, 30_000, id="quick"),
+        pytest.param(300, 30_000, id="quick"),
         pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),  # 10^9 ticks
     ],
 )
