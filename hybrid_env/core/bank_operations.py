@@ -49,8 +49,8 @@ def begin(
     raise NotImplementedError("compiled code only")
 
 
-def step(bank: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 by one tick. measurement: (2, LANES) [m]."""
+def step(bank: Any, first: Any, last: Any, measurement: NDArray[np.float64], model: Any) -> None:
+    """Advance every filter of the lanes first .. last - 1 (integers). measurement: (2, LANES) [m]."""
     raise NotImplementedError("compiled code only")
 
 
