@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from baselines.deciders.decider import Decider
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.registration import make_vector_env
 
 FloatArray = NDArray[np.float64]
 RESAMPLES = 2000  # of the bootstrap
+LARGEST_EVALUATION = 700_000_000  # bytes
 COMPACTION_FRACTION = 0.8  # finished tracks are dropped once fewer than this fraction are unfinished
 
 
@@ -141,8 +142,12 @@ def evaluate(
         options: environment options that override those of the id.
 
     Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses.
+        ArgumentError: the actions of the environment are not declarations of hypotheses, or so many episodes
+            would need more than a gigabyte.
     """
+    world = make_vector_env(env_id, 1, **options).options
+    bytes_per_episode = 2500 + 2800 * world.hypotheses + 100 * world.segments  # measured, with a network
+    check_integer("episodes", episodes, maximum=max(1, LARGEST_EVALUATION // bytes_per_episode))
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")

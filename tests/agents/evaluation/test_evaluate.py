@@ -17,6 +17,7 @@ from agents.evaluation.operating_curve import (
 )
 from baselines import FixedTimeDecider, SPRTDecider
 from hybrid_env import HybridTrackEnv, WorldOptions
+from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
 
@@ -137,3 +138,9 @@ def test_dropping_finished_tracks_does_not_change_decisions(monkeypatch):
         found.append(evaluate(decider, episodes=30, seed=3))
     np.testing.assert_array_equal(found[0].ticks, found[1].ticks)
     np.testing.assert_array_equal(found[0].decided_mode, found[1].decided_mode)
+
+
+@pytest.mark.parametrize("options", [{}, {"radii": range(1, 500)}, {"scheme": "random 100000x5"}])
+def test_so_many_episodes_that_they_fill_the_memory_are_refused(options):
+    with pytest.raises(ArgumentError, match="episodes=200000"):
+        evaluate(FixedTimeDecider(1), ENV, episodes=200_000, **options)
