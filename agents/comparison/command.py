@@ -119,7 +119,8 @@ class Compare(WorldArguments):
         for entry in (result.entries[0], best):
             family = entry.curve.family
             decider = family.make(family.thresholds[entry.chosen])
-            records.append(record_episode(entry.name, decider, plan.env_id, seed, **plan.options))
+            options = plan.options | family.options
+            records.append(record_episode(entry.name, decider, plan.env_id, seed, **options))
         title = (
             f"{plan.env_id.rpartition(':')[2]}, seed {seed}: "
             f"largest difference in reward among {plan.episodes:,} episodes"

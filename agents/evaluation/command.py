@@ -20,15 +20,15 @@ class Evaluate(WorldArguments):
     """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix."""
 
     deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
-    """'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional
-    thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'gap', 'ml', 'bayes',
+    'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
     episodes: int = 1000
     """Number of evaluation episodes."""
     seed: int = 0
     """Seed of the first episode; later episodes use consecutive seeds."""
     shifted: bool = False
     """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
-    with the best reward in the nominal environment; the names then take no thresholds."""
+    with the best reward in each environment and in the nominal one; the names then take no thresholds."""
     out: Path | None = None
     """JSON file for the metrics."""
 
@@ -68,15 +68,14 @@ class Evaluate(WorldArguments):
         for name in self.deciders:
             if ":" in name and not Path(name).is_dir():
                 raise reject("deciders", name, "a name without a threshold, with --shifted")
-        families = [decider_family(name, world) for name in self.deciders]
-        for family, name in zip(families, self.deciders, strict=True):
-            check_family(family, name, world)
+        for name in self.deciders:
+            check_family(decider_family(name, world), name, world)
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            total = len(families) * (1 + len(shifted_worlds(world)))
+            total = len(self.deciders) * len(shifted_worlds(world))
             task = progress.add_task("Evaluating", total=total, completed=-1, note="")
             results = evaluate_shifts(
-                families, env_id, world, options, self.episodes, self.seed,
+                self.deciders, env_id, world, options, self.episodes, self.seed,
                 lambda note: progress.update(task, advance=1, note=note),
             )  # fmt: skip
             progress.update(task, completed=total, note="")
@@ -86,10 +85,12 @@ class Evaluate(WorldArguments):
         return [asdict(result) for result in results]
 
     def _load(self, name: str) -> tuple[str, str, dict[str, Any], "Decider"]:
-        from agents.evaluation.deciders import load_decider
+        from agents.evaluation.deciders import load_decider, world_changes
         from hybrid_env.registration import make_vector_env
 
         env_id, options = self.world_of(name)
+        world = make_vector_env(env_id, 1, **options).options
+        options = options | world_changes(name, world)
         return name, env_id, options, load_decider(name, make_vector_env(env_id, 1, **options).options)
 
     def _evaluate(

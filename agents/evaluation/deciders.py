@@ -3,9 +3,9 @@
 import functools
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class DeciderFamily:
         default: threshold used when none is given.
         make: creates the decider at a threshold.
         hypotheses: number M of hypotheses that the decider requires; None applies to any.
+        options: options of the environment in which the decider runs, if they differ: another bank that
+            follows the same object.
     """
 
     name: str
@@ -50,6 +52,7 @@ class DeciderFamily:
     default: float
     make: Callable[[float], Decider]
     hypotheses: int | None = None
+    options: dict[str, Any] = field(default_factory=dict)
 
 
 ATE = DeciderFamily(
@@ -119,6 +122,7 @@ LOG_ODDS = (
 BAYES = "bayes"
 KEPT_COVARIANCE = "msprt-kept"
 CALIBRATED_ANCHOR = "calibrated"
+ANCHOR_AWARE = "msprt-aware"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
 COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # times the delay cost
@@ -167,10 +171,24 @@ def calibrated_anchor_family(world: WorldOptions) -> DeciderFamily:
     )
 
 
+def anchor_aware_family(world: WorldOptions) -> DeciderFamily:
+    """Return the MSPRT of the anchor-aware bank, by what the environment rewards."""
+    by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
+    return DeciderFamily(
+        "MSPRT, anchor-aware",
+        "alpha",
+        ALPHAS,
+        0.02,
+        lambda alpha: MSPRTDecider(alpha, by=by),
+        options={"bank": "anchor_aware"},
+    )
+
+
 FITTED = {
     BAYES: bayes_family,
     KEPT_COVARIANCE: kept_covariance_family,
     CALIBRATED_ANCHOR: calibrated_anchor_family,
+    ANCHOR_AWARE: anchor_aware_family,
 }
 """Rules that read the options of the environment, or are fitted to its simulation."""
 
@@ -284,8 +302,17 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
         raise reject("decider", name, f"{allowed} after the colon")
     if options.actions != "all":
         raise reject("actions", options.actions, "'all': deciders declare hypotheses")
+    for key, value in family.options.items():
+        if getattr(options, key) != value:
+            raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
     check_family(family, name, options)
     return family.make(family.default if threshold is None else threshold)
+
+
+def world_changes(name: str, world: WorldOptions) -> dict[str, Any]:
+    """Return the options of an environment that a classical rule changes, see `DeciderFamily.options`."""
+    base = name.partition(":")[0]
+    return dict(FITTED[base](world).options) if base in FITTED else {}
 
 
 def check_family(family: DeciderFamily, name: str, options: WorldOptions) -> None:

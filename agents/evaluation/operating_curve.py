@@ -181,6 +181,7 @@ def sweep(
         options: environment options that override those of the id.
     """
     decisions = []
+    options |= family.options
     for threshold in family.thresholds if thresholds is None else thresholds:
         decisions.append(evaluate(family.make(threshold), env_id, episodes, seed, **options))
         if on_progress is not None:

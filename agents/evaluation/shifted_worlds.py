@@ -10,34 +10,53 @@ from rich.table import Table
 from rich.text import Text
 
 from agents.evaluation import seeds
-from agents.evaluation.deciders import DeciderFamily
-from agents.evaluation.evaluate import confidence_interval, evaluate
+from agents.evaluation.deciders import DeciderFamily, decider_family
+from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
 from hybrid_env.options import WorldOptions
 from hybrid_env.scheme import RandomScheme
 
 NOMINAL = "nominal"
+SELECTION_EPISODES = 400
+"""Episodes per threshold in each environment; a threshold is one number, and its optimum is flat."""
+
+MOST_THRESHOLDS = 12
+"""Thresholds tried in each environment, spread over those of the decider."""
 
 
 def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
     """Return name and changed options of the environments around the nominal one, the nominal one first."""
     R, Q = np.asarray(world.measurement_variance), world.process_variance
+    position, velocity = world.initial_error if isinstance(world.initial_error, tuple) else (0.0, 0.0)
+    mean = float(np.exp(np.log(R).mean()))
     shifts: dict[str, dict[str, Any]] = {
         NOMINAL: {},
+        "R / 100": {"measurement_variance": _plain(R / 100)},
         "R / 10": {"measurement_variance": _plain(R / 10)},
         "R x 10": {"measurement_variance": _plain(R * 10)},
+        "R of y is 16 R of x": {"measurement_variance": (mean / 4, mean * 4)},
+        "Q / 10": {"process_variance": Q / 10},
         "Q x 10": {"process_variance": 10 * Q},
+        "2 % outliers": {"outliers": 0.02},
         "5 % outliers": {"outliers": 0.05},
         "half the speed": {"speed": world.speed / 2},
         "twice the speed": {"speed": world.speed * 2},
+        "4 times the speed": {"speed": world.speed * 4},
+        "half the tick": {"tau": world.tau / 2},
+        "twice the tick": {"tau": world.tau * 2},
+        "exact first estimate": {"initial_error": 0},
+        "first estimate 3 times as wrong": {"initial_error": (9 * position, 9 * velocity)},
+        "all filters followed": {"follow": "bank"},
     }
     if isinstance(world.scheme, RandomScheme) and world.scheme.radii is None:
-        short, long = world.scheme.lengths
-        shifts["half the radii"] = {"radii": tuple(radius / 2 for radius in world.radii)}
-        shifts["twice the radii"] = {"radii": tuple(radius * 2 for radius in world.radii)}
-        shifts["half the length"] = {
-            "scheme": f"random {world.scheme.segments}x{max(1, short // 2)}-{max(1, long // 2)}"
-        }
+        segments, (short, long) = world.scheme.segments, world.scheme.lengths
+        for name, factor in (("half the radii", 0.5), ("twice the radii", 2.0), ("2.4 times the radii", 2.4)):
+            shifts[name] = {"radii": tuple(radius * factor for radius in world.radii)}
+        two = tuple(sorted({factor * radius for radius in world.radii for factor in (0.8, 1.8)}))
+        shifts["two radii for each"] = {"radii": two}
+        for name, factor in (("half the length", 0.5), ("twice the length", 2.0)):
+            lengths = max(1, round(short * factor)), max(1, round(long * factor))
+            shifts[name] = {"scheme": f"random {segments}x{lengths[0]}-{lengths[1]}"}
     return shifts
 
 
@@ -52,11 +71,14 @@ class ShiftResult:
     Attributes:
         world: name of the environment, as in `shifted_worlds`.
         decider: name of the decider.
-        threshold: selected in the nominal environment.
-        reward: mean per segment.
+        threshold: selected in this environment, on other episodes.
+        reward: mean per segment at this threshold.
         low, high: bounds of the 95 % confidence interval of the reward.
         accuracy: proportion of correct decisions.
         ticks: mean decision time.
+        nominal_threshold: selected in the nominal environment.
+        nominal_reward: mean per segment at the threshold of the nominal environment.
+        nominal_low, nominal_high: bounds of its 95 % confidence interval.
     """
 
     world: str
@@ -67,10 +89,14 @@ class ShiftResult:
     high: float
     accuracy: float
     ticks: float
+    nominal_threshold: float
+    nominal_reward: float
+    nominal_low: float
+    nominal_high: float
 
 
 def evaluate_shifts(
-    families: Sequence[DeciderFamily],
+    names: Sequence[str],
     env_id: str,
     world: WorldOptions,
     options: dict[str, Any],
@@ -80,11 +106,12 @@ def evaluate_shifts(
 ) -> list[ShiftResult]:
     """Evaluate every decider in every environment.
 
-    Each decider uses the threshold with the best reward in the nominal environment, selected on other
-    episodes.
+    Each decider uses the threshold with the best reward, selected on other episodes, once of the same
+    environment and once of the nominal environment. Rules that are fitted to an environment are fitted to
+    each of them.
 
     Args:
-        families: of deciders.
+        names: of deciders, see `deciders.decider_family`.
         env_id: registered id of the nominal environment.
         world: all options of the nominal environment.
         options: of the nominal environment that differ from those of the id.
@@ -93,27 +120,44 @@ def evaluate_shifts(
         on_progress: called with the name of the next decider and environment.
     """
     results = []
-    for family in families:
-        on_progress(f"{family.name}: threshold")
-        nominal = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, **options)
-        threshold = family.thresholds[nominal.best_index()]
-        for name, change in shifted_worlds(world).items():
-            on_progress(f"{family.name}: {name}")
-            decisions = evaluate(family.make(threshold), env_id, episodes, seed, **options | change)
-            low, high = confidence_interval(decisions.reward.mean(1))
+    for name in names:
+        nominal_threshold = float("nan")
+        for shift, change in shifted_worlds(world).items():
+            changed = options | change
+            family = decider_family(name, WorldOptions.of(**vars(world) | change))
+            on_progress(f"{family.name}: {shift}")
+            threshold = _best_threshold(family, env_id, changed)
+            if shift == NOMINAL:
+                nominal_threshold = threshold
+            decisions = {
+                value: evaluate(family.make(value), env_id, episodes, seed, **changed | family.options)
+                for value in {threshold, nominal_threshold}
+            }
             results.append(
-                ShiftResult(
-                    name,
-                    family.name,
-                    threshold,
-                    float(decisions.reward.mean()),
-                    low,
-                    high,
-                    float(decisions.correct.mean()),
-                    float(decisions.ticks.mean()),
-                )
-            )
+                _result(shift, family.name, (threshold, decisions[threshold]),
+                        (nominal_threshold, decisions[nominal_threshold]))
+            )  # fmt: skip
     return results
+
+
+def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any]) -> float:
+    """Return the threshold with the best reward on the selection episodes."""
+    step = -(-len(family.thresholds) // MOST_THRESHOLDS)
+    thresholds = family.thresholds[::step]
+    curve = sweep(family, env_id, SELECTION_EPISODES, seeds.SELECTION, thresholds=thresholds, **options)
+    return thresholds[curve.best_index()]
+
+
+def _result(
+    world: str, decider: str, own: tuple[float, Decisions], nominal: tuple[float, Decisions]
+) -> ShiftResult:
+    decisions = own[1]
+    intervals = [confidence_interval(one.reward.mean(1)) for _, one in (own, nominal)]
+    return ShiftResult(
+        world, decider, own[0], float(decisions.reward.mean()), *intervals[0],
+        float(decisions.correct.mean()), float(decisions.ticks.mean()),
+        nominal[0], float(nominal[1].reward.mean()), *intervals[1],
+    )  # fmt: skip
 
 
 def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
@@ -121,8 +165,8 @@ def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     deciders = list(dict.fromkeys(result.decider for result in results))
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.caption = (
-        "Reward per segment ± half-width of the 95 % confidence interval; accuracy and mean decision tick.\n"
-        "Thresholds selected in the nominal environment."
+        "Reward per segment ± half-width of the 95 % confidence interval, at the threshold selected in this\n"
+        "environment; below it the reward at the threshold selected in the nominal environment."
     )
     table.add_column("environment")
     for name in deciders:
@@ -136,4 +180,6 @@ def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
 def _cell(result: ShiftResult) -> str:
     half_width = (result.high - result.low) / 2
     first = f"{result.reward:+.3f} ±{half_width:.3f}"
-    return f"{first}\n[bright_black]{result.accuracy:.1%} at {result.ticks:.1f}[/]"
+    if result.world == NOMINAL:
+        return first
+    return f"{first}\n[bright_black]{result.nominal_reward:+.3f}       [/]"

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from agents.cli import main
-from agents.evaluation import seeds
+from agents.evaluation import shifted_worlds
 
 INVALID_WORLD_ARGUMENTS = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
@@ -293,7 +293,8 @@ def test_a_sequence_agent_is_trained_resumed_and_evaluated_in_its_own_environmen
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 10)
+    monkeypatch.setattr(shifted_worlds, "SELECTION_EPISODES", 10)
+    monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted True --episodes 10 --scheme random\\ 2x20-30 --out {out}"
     import shlex
@@ -303,7 +304,8 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
     for words in ("nominal", "5 % outliers", "twice the radii", "half the length", "MSPRT"):
         assert words in printed
     rows = json.loads(out.read_text())
-    assert len(rows) == 20
+    assert len(rows) >= 2 * 20
     assert all(row["low"] <= row["reward"] <= row["high"] for row in rows)
+    assert all(row["nominal_low"] <= row["nominal_reward"] <= row["nominal_high"] for row in rows)
     by_world = {row["world"]: row for row in rows if row["decider"] == "fixed time"}
     assert by_world["half the length"]["ticks"] <= 15

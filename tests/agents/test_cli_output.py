@@ -73,6 +73,6 @@ def test_names_of_run_folders_are_printed_as_they_are(name, tmp_path, capsys, mo
 
 
 def test_names_of_run_folders_in_tables_of_shifts_are_printed_as_they_are(capsys):
-    result = ShiftResult("nominal", "s[/b]", 0.1, *[0.5] * 5)
+    result = ShiftResult("nominal", "s[/b]", 0.1, *[0.5] * 9)
     Console().print(shift_table([result], "title"))
     assert "s[/b]" in capsys.readouterr().out
