@@ -1,7 +1,7 @@
 """Filters of the true mode are consistent wherever their model is exact.
 
 Then whitened innovations are independent standard normals, the normalized innovation squared (NIS) has a
-chi-square distribution with 2 degrees of freedom, and the normalized estimation error squared (NEES) one with
+chi-square distribution with 2 degrees of freedom, and the normalized estimation error squared one with
 4. The model is exact if
 
 - the anchor is exact, as in the oracle bank, or in the first segment with `initial_error=0`: centre and rate
@@ -43,7 +43,7 @@ CASES = {
 
 
 def run(tracks, seed, **options):
-    """Follow one segment. Returns whitened innovations of the true filter (T, N, 2), and its NEES (N,)."""
+    """Follow one segment. Returns whitened innovations of the true filter (T, N, 2), and the normalized squared error (N,)."""
     env = HybridTrackVectorEnv(tracks, **options)
     layout = Layout(env.options.hypotheses)
     rows, info = env.reset(seed=seed)
@@ -75,8 +75,8 @@ def run(tracks, seed, **options):
             for i, j, name in ((0, 0, "xx"), (0, 1, "xv"), (1, 1, "vv")):
                 covariance[:, first + i, first + j] = shared[name].ravel()[:tracks]
     covariance += np.triu(covariance, 1).swapaxes(1, 2)
-    nees = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
-    return white, nees
+    error_squared = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+    return white, error_squared
 
 
 def inside(sum_of_squares, degrees):
@@ -89,15 +89,15 @@ def inside(sum_of_squares, degrees):
     "tracks", [pytest.param(1000, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)]
 )
 def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name, tracks):
-    white, nees = run(tracks, 2018, **CASES[name])
+    white, error_squared = run(tracks, 2018, **CASES[name])
     # tick by tick, in total, and the error at the last tick
     for k in range(TICKS):
         assert inside((white[k] ** 2).sum(), 2 * tracks), k
     assert inside((white**2).sum(), white.size)
-    assert inside(nees.sum(), 4 * tracks)
-    # NIS and NEES have the whole distribution, not only the mean
+    assert inside(error_squared.sum(), 4 * tracks)
+    # both have the whole distribution, not only the mean
     assert stats.kstest((white[-1] ** 2).sum(-1), stats.chi2(2).cdf).pvalue > FIVE_SIGMA
-    assert stats.kstest(nees, stats.chi2(4).cdf).pvalue > FIVE_SIGMA
+    assert stats.kstest(error_squared, stats.chi2(4).cdf).pvalue > FIVE_SIGMA
     # zero mean, no correlation between the axes and between ticks
     assert abs(white.mean()) < 5.0 / np.sqrt(white.size)
     assert abs((white[..., 0] * white[..., 1]).mean()) < 5.0 / np.sqrt(white[..., 0].size)

@@ -39,7 +39,7 @@ sequences = st.one_of(
 )
 words = st.one_of(
     st.text(),
-    st.text("SLRr0123456789.x- randome", max_size=40),
+    st.text("SLRr0123456789.x-random e", max_size=40),
     st.from_regex(r"\A([SLR][0-9]{1,8}(r[0-9.]{1,8})?[ ,;]?){1,5}\Z"),
     st.from_regex(r"\Arandom [0-9]{1,8}x[0-9]{1,8}(-[0-9]{1,8})?\Z"),
     st.integers(1, 6000).map(lambda digits: "S" + "9" * digits),
