@@ -1,0 +1,84 @@
+"""Run folders whose config or checkpoint has one value changed are resumed or refused in one line."""
+
+import json
+
+import numpy as np
+import pytest
+from hostile_input import accepted, damaged, mutated, profile
+from hypothesis import given
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+
+from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
+from agents.training.recipe import load_recipe
+from agents.training.run_folder import CONFIG
+from agents.training.runs import make_run, resume_run
+
+ENV = "hybrid_env:HybridTrack-v0"
+OPTIONS = {"scheme": "random 2x5-8"}
+RECIPES = {
+    "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
+    "sequence": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
+}
+
+
+def resume(folder):
+    """A run that is resumed has a decider that decides."""
+    run = resume_run(folder)
+    family = run.family("run")
+    rows = np.zeros((2, 28), np.float32)
+    if family.hypotheses in (None, 3):
+        assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
+    assert 0 <= run.num_timesteps
+    return run
+
+
+@pytest.fixture(params=RECIPES)
+def folder(request, tmp_path):
+    folder = tmp_path / "run"
+    make_run(ENV, OPTIONS, load_recipe(request.param, ENV, RECIPES[request.param]), 0, folder, 128).train()
+    (folder / PREVIOUS).unlink(missing_ok=True)  # is used if the last one is damaged
+    resume(folder)
+    return folder
+
+
+@pytest.mark.parametrize("examples", [50, pytest.param(12_500, marks=pytest.mark.study)])
+def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
+    @profile(examples)
+    @given(mutated(json.loads((folder / CONFIG).read_text())))
+    def check(changed):
+        (folder / CONFIG).write_text(json.dumps(changed))
+        accepted(lambda: resume(folder))
+
+    check()
+
+
+@pytest.mark.parametrize("examples", [50, pytest.param(12_500, marks=pytest.mark.study)])
+def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples):
+    path = folder / CHECKPOINT
+    tensors = load_file(path)
+    with safe_open(path, framework="pt") as file:
+        values = json.loads(file.metadata()["values"])
+
+    @profile(examples)
+    @given(mutated(values))
+    def check(changed):
+        text = json.dumps(changed)
+        save_file(tensors, path, {"values": text, "sha256": digest(tensors, text)})
+        accepted(lambda: resume(folder))
+
+    check()
+
+
+@pytest.mark.parametrize("examples", [30, pytest.param(12_500, marks=pytest.mark.study)])
+@pytest.mark.parametrize("name", [CONFIG, CHECKPOINT])
+def test_a_damaged_file_is_used_or_refused(folder, name, examples):
+    content = (folder / name).read_bytes()
+
+    @profile(examples)
+    @given(damaged(content))
+    def check(changed):
+        (folder / name).write_bytes(changed)
+        accepted(lambda: resume(folder))
+
+    check()
