@@ -51,10 +51,10 @@ def outcome(folder):
 
 
 def main(kind, folder, steps, save_every):
-    """Start a training, or continue it if there is one; a line is printed when it begins."""
+    """Start or continue a training; print a line when it begins and after every rollout."""
     run = small_run(kind, folder, steps) if not (folder / CONFIG).exists() else resume_run(folder)
     print("training", flush=True)
-    run.train(save_every=save_every)
+    run.train(lambda now: print(now.steps, flush=True), save_every)
 
 
 if __name__ == "__main__":

@@ -263,7 +263,8 @@ class PPORun(Run):
             writers = [_MetricsWriter(self.folder), _Events(self.folder, self.num_timesteps)]
         model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
         for name, value in self._logged.items():  # by the last update before the checkpoint, not written yet
-            model.logger.record(name, value)
+            excluded = "tensorboard" if name == "train/n_updates" else None  # as Stable-Baselines3 does
+            model.logger.record(name, value, excluded)
         # the generators are global, so they are set here and not when the run is created
         if self._random is not None:
             set_random_state(self._random)

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from agents.interface.input_files import read_json
 from agents.interface.output_files import PART_PREFIX, atomic_file
 from hybrid_env.checks import reject
 
@@ -76,9 +77,9 @@ def read_config(folder: Path) -> dict[str, Any]:
         ArgumentError: the config is missing or damaged.
     """
     try:
-        config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        config = read_json(folder / CONFIG)
         return {name: config[name] for name in ("env", "options", "recipe", "steps", "seed")}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise reject("resume", str(folder), f"a run folder with a readable {CONFIG} ({error})") from None
 
 
