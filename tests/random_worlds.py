@@ -59,6 +59,7 @@ def draw(generator, longest):
         "initial_error": (values["initial_position"], values["initial_velocity"]),
         "bank": bank,
         "reset_covariance": None if bank == "oracle" else generator.choice((None, True, False)),
+        "follow": str(generator.choice(("declared", "bank"))),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
         "actions": str(generator.choice(("all", "best"))),

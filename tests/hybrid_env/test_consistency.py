@@ -43,7 +43,7 @@ CASES = {
 
 
 def run(tracks, seed, **options):
-    """Follow one segment. Returns whitened innovations of the true filter (T, N, 2), and the normalized squared error (N,)."""
+    """Follow one segment. Returns whitened innovations (T, N, 2) and normalized squared errors (N,)."""
     env = HybridTrackVectorEnv(tracks, **options)
     layout = Layout(env.options.hypotheses)
     rows, info = env.reset(seed=seed)

@@ -43,7 +43,7 @@ words = st.one_of(
     st.from_regex(r"\A([SLR][0-9]{1,8}(r[0-9.]{1,8})?[ ,;]?){1,5}\Z"),
     st.from_regex(r"\Arandom [0-9]{1,8}x[0-9]{1,8}(-[0-9]{1,8})?\Z"),
     st.integers(1, 6000).map(lambda digits: "S" + "9" * digits),
-    st.sampled_from(["published", "anchor_aware", "oracle", "exact", "type", "all", "best", "keep"]),
+    st.sampled_from(["published", "anchor_aware", "oracle", "exact", "type", "best", "keep", "declared"]),
 )
 others = st.one_of(
     st.none(),

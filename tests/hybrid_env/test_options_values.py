@@ -94,7 +94,7 @@ NUMBERS = [
     "radii", "speed", "heading", "tau", "process_variance", "measurement_variance", "outliers",
     "initial_error", "delay_cost",
 ]  # fmt: skip
-WORDS = ["scheme", "bank", "reset_covariance", "correctness", "actions", "undecided"]
+WORDS = ["scheme", "bank", "reset_covariance", "follow", "correctness", "actions", "undecided"]
 
 
 def refused(function, *arguments, **keywords):

@@ -90,7 +90,7 @@ INVALID_OPTIONS = [
     ("initial_error", False),
     ("outliers", -0.1), ("outliers", 1.0), ("outliers", None),
     ("bank", "aware"), ("bank", None), ("bank", 1), ("reset_covariance", 1), ("reset_covariance", "yes"),
-    ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
+    ("follow", "both"), ("follow", None), ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
     ("correctness", "approximate"), ("correctness", None),
     ("actions", "some"), ("actions", 2),
     ("undecided", "forget"), ("undecided", None),

@@ -53,5 +53,6 @@ EDGES = {
 
 @pytest.mark.parametrize("name", EDGES)
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_rows_rewards_and_ends_of_extreme_worlds(name, bank):
-    soak_or_report({"bank": bank} | EDGES[name], 64, 20_000, 1)
+@pytest.mark.parametrize("follow", ["declared", "bank"])
+def test_rows_rewards_and_ends_of_extreme_worlds(name, bank, follow):
+    soak_or_report({"bank": bank, "follow": follow} | EDGES[name], 64, 20_000, 1)
