@@ -47,7 +47,7 @@ def label_curves(axes: Any, curves: Sequence[tuple[Any, str]]) -> list[Any]:
         annotation = axes.annotate(
             text, (0, 0), xycoords=axes.transAxes, fontsize=FONT_SIZE, ha="left", va="bottom", zorder=6,
             color=DARKENING * np.array(to_rgb(line.get_color())), annotation_clip=False,
-            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            path_effects=[withStroke(linewidth=2.5, foreground="white")], parse_math=False,
         )  # fmt: skip
         annotation.set_in_layout(False)
         extent = annotation.get_window_extent()

@@ -100,3 +100,11 @@ def test_many_random_curves_are_labelled_without_overlap(seed):
         y = 1 + generator.uniform(2, 8) * (1 - np.exp(-x / generator.uniform(1, 4)))
         curves.append((axes.plot(x, y, marker="o", markersize=4)[0], f"decider {k}"))
     assert_no_overlap(axes, curves, label_curves(axes, curves))
+
+
+def test_a_name_with_dollar_signs_is_no_formula():
+    axes = new_axes()
+    (line,) = axes.plot([0, 5, 10], [1, 5, 9])
+    (annotation,) = label_curves(axes, [(line, r"run $\frac{$")])
+    assert annotation.get_text() == r"run $\frac{$"
+    assert annotation.get_window_extent().width > 0

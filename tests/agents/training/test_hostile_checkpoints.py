@@ -29,7 +29,7 @@ def resume(folder):
     rows = np.zeros((2, 28), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
-    assert 0 <= run.num_timesteps
+    assert run.num_timesteps >= 0
     return run
 
 
