@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import pytest
 import torch
 
 from agents.learned.policy_file import load_policy
@@ -15,6 +16,7 @@ from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
 
+STEPS = 2560
 SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
 SMALL_SEQUENCE = ("n_steps=16", "hidden=8", "worlds=[{n_envs: 20}, {n_envs: 4, env: HybridTrackBank-v0}]")
 KINDS = {
@@ -48,6 +50,26 @@ def outcome(folder):
     card["measured"].pop("seconds")
     card.pop("seconds")
     return json.dumps([rows, card]), {name: value.numpy().tobytes() for name, value in weights.items()}
+
+
+def interrupt_at(steps):
+    def interrupt(progress):
+        if progress.steps >= steps:
+            raise KeyboardInterrupt
+
+    return interrupt
+
+
+def interrupted(kind, folder, at, steps=STEPS):
+    """A folder of a run that was interrupted; checkpoints after every update."""
+    run = small_run(kind, folder, steps)
+    with pytest.raises(KeyboardInterrupt):
+        run.train(interrupt_at(at), save_every=0.0)
+    return folder
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def main(kind, folder, steps, save_every):
