@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from agents.interface.output_files import atomic_file
+from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.figure import RENDER_FPS
 from hybrid_env.rendering.modes import mode_colour, shade
@@ -15,6 +16,7 @@ from hybrid_env.rendering.track_axes import CURRENT_COLOUR
 
 Frame = NDArray[np.uint8]
 
+MAX_FRAMES = 1700  # Pillow has all of them in memory before it writes the file
 PALETTE_SIZE = 255  # a GIF has 256 colours, and Pillow uses one for unchanged pixels
 
 
@@ -23,10 +25,16 @@ def write_gif(path: Path, frames: Iterator[Frame], options: WorldOptions) -> Non
 
     All frames share one palette. With one palette for each frame, which is the default of Pillow, files are
     four to seven times as large and unchanged pixels flicker.
+
+    Raises:
+        ArgumentError: there are too many frames, or the file cannot be written.
     """
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
-    images = (Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    images = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in _bounded(path, frames)
+    )
     with atomic_file(path) as part:
         next(images).save(
             part,
@@ -36,6 +44,13 @@ def write_gif(path: Path, frames: Iterator[Frame], options: WorldOptions) -> Non
             duration=round(1000 / RENDER_FPS),
             loop=0,
         )
+
+
+def _bounded(path: Path, frames: Iterator[Frame]) -> Iterator[Frame]:
+    for number, frame in enumerate(frames, start=1):
+        if number > MAX_FRAMES:
+            raise reject("out", str(path), f"at most {MAX_FRAMES} frames: choose fewer or shorter episodes")
+        yield frame
 
 
 def palette_colours(options: WorldOptions) -> NDArray[np.uint8]:

@@ -211,3 +211,10 @@ def test_the_palette_has_at_most_255_colours_for_every_bank(count):
     colours = palette_colours(options)
     assert len(colours) <= PALETTE_SIZE < 256
     assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, colours.tolist()))
+
+
+def test_a_gif_with_too_many_frames_is_refused_and_not_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("agents.playing.animation.MAX_FRAMES", 5)
+    with pytest.raises(ArgumentError, match="at most 5 frames"):
+        play(out=tmp_path / "episode.gif")
+    assert list(tmp_path.iterdir()) == []
