@@ -1,5 +1,7 @@
 """Evaluation of a decider on fixed episodes: decisions, decision times and confidence intervals."""
 
+import dataclasses
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +17,8 @@ from hybrid_env.registration import make_vector_env
 
 FloatArray = NDArray[np.float64]
 RESAMPLES = 2000  # of the bootstrap
-LARGEST_EVALUATION = 700_000_000  # bytes
+LARGEST_BATCH = 700_000_000  # bytes
+LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
 COMPACTION_FRACTION = 0.8  # finished tracks are dropped once fewer than this fraction are unfinished
 
 
@@ -136,18 +139,44 @@ def evaluate(
         decider: see `baselines.deciders.decider.Decider`. If it has a method
             `select_tracks(state, mask)`, finished tracks are dropped.
         env_id: registered id.
-        episodes: E; all run in parallel, one per track.
+        episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
         seed: of the first episode.
         on_progress: called repeatedly with the fraction of finished segments.
         options: environment options that override those of the id.
 
     Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses, or so many episodes
-            would need more than a gigabyte.
+        ArgumentError: the actions of the environment are not declarations of hypotheses.
     """
     world = make_vector_env(env_id, 1, **options).options
-    bytes_per_episode = 2500 + 2800 * world.hypotheses + 100 * world.segments  # measured, with a network
-    check_integer("episodes", episodes, maximum=max(1, LARGEST_EVALUATION // bytes_per_episode))
+    check_integer("episodes", episodes, maximum=max(1, LARGEST_RESULT // world.segments))
+    bytes_per_episode = 2500 + 2800 * world.hypotheses  # measured, with a network
+    size = min(episodes, max(1, LARGEST_BATCH // bytes_per_episode))
+
+    def show(finished: int, count: int, share: float) -> None:
+        if on_progress is not None:
+            on_progress((finished + count * share) / episodes)
+
+    batches = []
+    for first in range(0, episodes, size):
+        count = min(size, episodes - first)
+        progress = functools.partial(show, first, count)
+        batches.append(_evaluate_batch(decider, env_id, count, seed + first, progress, options))
+    arrays = {
+        field.name: np.concatenate([getattr(batch, field.name) for batch in batches])
+        for field in dataclasses.fields(Decisions)
+        if field.name != "delay_cost"
+    }
+    return Decisions(**arrays, delay_cost=world.delay_cost)
+
+
+def _evaluate_batch(
+    decider: Decider,
+    env_id: str,
+    episodes: int,
+    seed: int,
+    on_progress: Callable[[float], None],
+    options: dict[str, Any],
+) -> Decisions:
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
@@ -184,8 +213,7 @@ def evaluate(
         for name in fields:
             recorded[name][new, finished[new]] = info[name][new]
         finished[new] += 1
-        if on_progress is not None:
-            on_progress(float(finished.sum()) / recorded["ticks"].size)
+        on_progress(float(finished.sum()) / recorded["ticks"].size)
         if (finished == segments).all():
             break
     return Decisions(

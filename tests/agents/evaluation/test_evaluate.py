@@ -1,9 +1,12 @@
 """Evaluation and operating curves on cases with known results."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from agents.comparison.episode_figure import record_episode
+from agents.evaluation import evaluate as evaluation
 from agents.evaluation.deciders import FIXED_TIME, DeciderFamily, load_decider
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import (
@@ -140,7 +143,17 @@ def test_dropping_finished_tracks_does_not_change_decisions(monkeypatch):
     np.testing.assert_array_equal(found[0].decided_mode, found[1].decided_mode)
 
 
-@pytest.mark.parametrize("options", [{}, {"radii": range(1, 500)}, {"scheme": "random 100000x5"}])
-def test_so_many_episodes_that_they_fill_the_memory_are_refused(options):
+def test_so_many_episodes_that_they_fill_the_memory_are_refused():
     with pytest.raises(ArgumentError, match="episodes=200000"):
-        evaluate(FixedTimeDecider(1), ENV, episodes=200_000, **options)
+        evaluate(FixedTimeDecider(1), ENV, episodes=200_000, scheme="random 100000x5")
+
+
+def test_batches_do_not_change_decisions(monkeypatch):
+    shares, found = [], []
+    for size in (700_000_000, 100_000):
+        monkeypatch.setattr(evaluation, "LARGEST_BATCH", size)
+        found.append(evaluate(SPRTDecider(0.01), ENV, episodes=30, seed=3, on_progress=shares.append))
+    for field in dataclasses.fields(found[0]):
+        np.testing.assert_array_equal(getattr(found[0], field.name), getattr(found[1], field.name))
+    assert shares[-1] == 1.0
+    assert max(shares) == 1.0
