@@ -33,15 +33,15 @@ Command = (
 )
 
 
-MAX_MESSAGE = 285  # characters; the middle of a longer message is left out
+MAX_MESSAGE = 270  # characters; the middle of a longer message is left out
 
 
 def one_line(message: str) -> str:
     """A message without line breaks, and without the frame and help hints of tyro's messages."""
     body = [line for line in message.splitlines() if not line.startswith(("╭", "╰"))]
-    words = " ".join(re.sub("[\u2500-\u257f]", " ", " ".join(body)).split())
+    words = " ".join(re.sub("[\u2500-\u257f]|-{3,}", " ", " ".join(body)).split())
     text = re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
-    return text if len(text) <= MAX_MESSAGE else f"{text[:180]} ... {text[185 - MAX_MESSAGE :]}"
+    return text if len(text) <= MAX_MESSAGE else f"{text[:180]} ... {text[-85:]}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

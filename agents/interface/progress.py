@@ -9,7 +9,7 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
 
     Args:
         console: to print on.
-        transient: remove the display at the end.
+        transient: remove the display at the end; outside a terminal there is none.
     """
     return Progress(
         TextColumn("{task.description:<12}"),
@@ -20,4 +20,5 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
         TextColumn("{task.fields[note]}", markup=False),  # names of deciders may contain brackets
         console=console,
         transient=transient,
+        disable=transient and not console.is_terminal,
     )

@@ -4,6 +4,7 @@
 - `policy`: an actor of Stable-Baselines3 as a decider.
 - `stopping`: an actor that decides when to stop, from the belief state of the sequence network.
 - `features`: selects the quantities that an actor observes.
+- `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.
 - `shipped/`: the weights that come with the package.
 

@@ -30,7 +30,7 @@ def read_and_track(path):
     return recording
 
 
-@pytest.mark.parametrize("examples", [250, STUDY])
+@pytest.mark.parametrize("examples", [80, STUDY])
 @pytest.mark.parametrize("content", ["t,x,y\n" + ROWS, ROWS.replace(",", ";"), '"T","x",y\n' + ROWS])
 def test_a_damaged_recording_is_read_or_refused(content, examples, tmp_path):
     path = tmp_path / "flight.csv"

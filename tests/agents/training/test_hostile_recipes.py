@@ -81,7 +81,7 @@ def test_values_of_the_sequence_agent_are_bounded(change):
     assert accepted(lambda: load("sequence", [change])) is None
 
 
-@pytest.mark.parametrize("examples", [100, STUDY])
+@pytest.mark.parametrize("examples", [50, STUDY])
 @pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "sequence-all"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
@@ -95,7 +95,7 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
     check()
 
 
-@pytest.mark.parametrize("examples", [100, STUDY])
+@pytest.mark.parametrize("examples", [50, STUDY])
 @pytest.mark.parametrize("name", ["stopping", "sequence-all"])
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
