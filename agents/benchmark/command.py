@@ -64,4 +64,4 @@ class Bench:
         with atomic_file(folder / "bench.md") as part:
             part.write_text(markdown(found, title), encoding="utf-8")
         draw(found, title, folder / "bench.png")
-        console.print(f"Files in {folder}: bench.json, bench.md, bench.png", highlight=False)
+        console.print(f"Files in {folder}: bench.json, bench.md, bench.png", markup=False, highlight=False)

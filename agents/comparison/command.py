@@ -96,16 +96,16 @@ class Compare(WorldArguments):
             result = compare(plan, progress)
         console.print(comparison_table(result))
         for line in summary_lines(result):
-            console.print(line, highlight=False, soft_wrap=True)
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
         for line in unreached_accuracy_lines(result):
-            console.print(line, highlight=False)
+            console.print(line, markup=False, highlight=False)
         console.print(error_table(result))
         console.print(calibration_table(result))
         draw_operating_curves(result, folder / "compare.png")
         self._draw_episode(result, folder)
         write_json(folder / "compare.json", result.as_json())
         pictures = "compare.png, episode.png" if result.learned else "compare.png"
-        console.print(f"Files in {folder}: {pictures}, compare.json", highlight=False)
+        console.print(f"Files in {folder}: {pictures}, compare.json", markup=False, highlight=False)
 
     def _draw_episode(self, result: "Comparison", folder: Path) -> None:
         from agents.comparison.episode_figure import draw_episode, record_episode
@@ -120,7 +120,8 @@ class Compare(WorldArguments):
             family = entry.curve.family
             decider = family.make(family.thresholds[entry.chosen])
             options = plan.options | family.options
-            records.append(record_episode(entry.name, decider, plan.env_id, seed, **options))
+            name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
+            records.append(record_episode(name, decider, plan.env_id, seed, **options))
         title = (
             f"{plan.env_id.rpartition(':')[2]}, seed {seed}: "
             f"largest difference in reward among {plan.episodes:,} episodes"

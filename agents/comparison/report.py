@@ -2,6 +2,7 @@
 
 import numpy as np
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
@@ -21,7 +22,7 @@ def comparison_table(result: Comparison) -> Table:
     )
     if result.plan.curves:
         caption += (
-            f"\n{result.reference_ticks:.1f} ticks: mean time of {first.name} at its default threshold."
+            f"\n{result.reference_ticks:.1f} ticks: mean time of {escape(first.name)} at its default threshold."
         )
     title = f"{result.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} common segments"
     table = Table(
@@ -43,7 +44,7 @@ def comparison_table(result: Comparison) -> Table:
         threshold = family.thresholds[entry.chosen]
         shown = f"{family.symbol} {threshold:g}" if threshold < NO_EARLY_DECISION else "no threshold"
         table.add_row(
-            f"{entry.name}\n[bright_black]{shown}[/]",
+            f"{escape(entry.name)}\n[bright_black]{shown}[/]",
             _cell(entry.accuracy, 100, 1), _cell(entry.ticks, 1, 1), _cell(entry.reward, 1, 3),
             _cell(entry.rmse, 1, 3), *_curve_cells(result, entry),
         )  # fmt: skip
@@ -74,7 +75,7 @@ def error_table(result: Comparison) -> Table:
         table.add_column(head, justify="left" if head == "decider" else "right")
     for entry in result.entries:
         cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in entry.error_after]
-        table.add_row(entry.name, *cells)
+        table.add_row(escape(entry.name), *cells)
     return table
 
 

@@ -93,4 +93,4 @@ class Limits:
             },
         )
         draw_decision_times(found, folder / "limits.png")
-        console.print(f"Files in {folder}: limits.md, limits.json, limits.png", highlight=False)
+        console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)

@@ -70,8 +70,9 @@ class Reproduce:
             files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
             console.print(
                 f"{describe_runs(result)} Computed in {seconds[paper]:.2f} s. Files in {folder}: {files}\n",
+                markup=False,
                 highlight=False,
             )
         with atomic_file(folder / "reproduction.md") as part:
             part.write_text(summary_markdown(results), encoding="utf-8")
-        console.print(f"Summary: {folder / 'reproduction.md'}", highlight=False)
+        console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)

@@ -66,5 +66,5 @@ class Train(WorldArguments):
         for line in summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning_curve(folder, folder / "learning.png")
-        console.print(f"Run {folder}: {run.num_timesteps:,} steps, learning.png", highlight=False)
-        console.print(f"Next: hybridtrack evaluate {folder}", highlight=False)
+        console.print(f"Run {folder}: {run.num_timesteps:,} steps, learning.png", markup=False, highlight=False)
+        console.print(f"Next: hybridtrack evaluate {folder}", markup=False, highlight=False)
