@@ -31,7 +31,7 @@ VALUES.append(NESTED)
 def profile(examples):
     """Settings of a property test with so many examples."""
     return settings(
-        max_examples=examples, deadline=None, derandomize=examples < 10_000, database=None,
+        max_examples=examples, deadline=None, derandomize=examples < 1_000, database=None,
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
 

@@ -45,7 +45,7 @@ class Bench:
         from agents.interface.progress import progress_display
 
         folder = output_folder("out", self.out)
-        console = Console()
+        console = Console(emoji=False)
         machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
         title = f"{datetime.date.today():%Y-%m-%d}, {machine}"
         if importlib.util.find_spec("filterpy") is None:

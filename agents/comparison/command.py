@@ -91,7 +91,7 @@ class Compare(WorldArguments):
         )
         plan.families()  # reject invalid deciders before any file is written
         folder = output_folder("out", self.out)
-        console = Console()
+        console = Console(emoji=False)
         with progress_display(console) as progress:
             result = compare(plan, progress)
         console.print(comparison_table(result))

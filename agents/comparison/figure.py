@@ -69,9 +69,10 @@ def operating_curves(result: Comparison) -> Canvas:
         axes.set_xlabel("mean decision time, ticks")
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
+    variances = " and ".join(f"{variance:g}" for variance in result.world.variances)
     canvas.suptitle(
         f"{result.plan.env_id.removeprefix('hybrid_env:')}: {result.world.hypotheses} hypotheses, "
-        f"R = {result.world.measurement_variance:g} m²"
+        f"R = {variances} m²"
     )
     canvas.supxlabel(
         "Filled markers: thresholds selected on other episodes. "

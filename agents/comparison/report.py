@@ -21,9 +21,8 @@ def comparison_table(result: Comparison) -> Table:
         f"Thresholds {criterion}, selected on other episodes.\n± half width of the 95 % confidence interval."
     )
     if result.plan.curves:
-        caption += (
-            f"\n{result.reference_ticks:.1f} ticks: mean time of {escape(first.name)} at its default threshold."
-        )
+        time = f"{result.reference_ticks:.1f} ticks"
+        caption += f"\n{time}: mean time of {escape(first.name)} at its default threshold."
     title = f"{result.plan.env_id.removeprefix('hybrid_env:')}: {segments:,} common segments"
     table = Table(
         title=title,

@@ -57,7 +57,7 @@ class Limits:
         )
 
         folder = output_folder("out", self.out)
-        console = Console()
+        console = Console(emoji=False)
         rules = sum(map(len, RULES.values()))
         with progress_display(console) as progress:
             total = len(NOISE_LEVELS) * (len(BANKS) * rules + len(CALIBRATION_BANKS) + 2)

@@ -49,7 +49,7 @@ class Reproduce:
         from agents.reproduction.report import describe_runs, summary_markdown, tables, to_json, to_markdown
 
         folder = output_folder("out", self.out)
-        console = Console()
+        console = Console(emoji=False)
         results, seconds = [], {}
         with progress_display(console) as progress:
             task = progress.add_task("Reproducing", total=len(self.papers), note="")

@@ -55,7 +55,7 @@ class Train(WorldArguments):
         from agents.training.learning_figure import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
-        console = Console()
+        console = Console(emoji=False)
         with progress_display(console) as display:
             task = display.add_task("Training", total=run.steps, note="")
 
@@ -66,5 +66,6 @@ class Train(WorldArguments):
         for line in summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning_curve(folder, folder / "learning.png")
-        console.print(f"Run {folder}: {run.num_timesteps:,} steps, learning.png", markup=False, highlight=False)
+        steps = f"{run.num_timesteps:,} steps"
+        console.print(f"Run {folder}: {steps}, learning.png", markup=False, highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", markup=False, highlight=False)

@@ -6,7 +6,7 @@ blocks.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from hybrid_env.core import bank_operations
 from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
+from hybrid_env.core.kernel_arrays import Arrays, arrays_of
 from hybrid_env.core.memory import array_at
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
-from hybrid_env.core.observation_row import compare_hypotheses, row_width, write_segment, write_tick
+from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
 from hybrid_env.core.published_bank import (
     IDENTITY,
     estimate_of,
@@ -28,61 +29,19 @@ from hybrid_env.core.published_bank import (
     published_banks,
 )
 from hybrid_env.core.records import (
-    BLOCK,
     DECISION,
     DECISION_FLAGS,
     LANES,
     PARAMETERS,
-    SCRATCH,
     SEGMENT_COLUMNS,
-    TRACE_COLUMNS,
 )
 from hybrid_env.core.true_object import begin_motion, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
-TRACE_WIDTH, SEGMENT_WIDTH = len(TRACE_COLUMNS), len(SEGMENT_COLUMNS)
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
-DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, DECIDED_SQUARED_ERROR = range(len(DECISION))
+DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, _ = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
-
-
-class Arrays(NamedTuple):
-    """The arrays of a `hybrid_env.world.World` except its banks, for N tracks in B blocks."""
-
-    actions: NDArray[np.int64]  # (N,)
-    blocks: NDArray[Any]  # (B,) records `BLOCK`
-    scratch: NDArray[Any]  # (1,) record `SCRATCH`
-    radii: NDArray[np.float64]  # (n,) [m]
-    table: NDArray[np.float64]  # (rows, SEGMENT_WIDTH), see `scheme.segment_table`
-    trace: NDArray[np.float64]  # (N, trace rows, TRACE_WIDTH)
-    observations: NDArray[np.float32]  # (N, width)
-    rewards: NDArray[np.float64]  # (N,)
-    terminated: NDArray[np.bool_]  # (N,)
-    decisions: NDArray[np.int64]  # (len(DECISION), N)
-    squared_errors: NDArray[np.float64]  # (N,), the last row of decisions
-    flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
-
-
-@inlined
-def _arrays_of(setting: Any) -> Arrays:
-    """Return the arrays at the addresses in a record `PARAMETERS`."""
-    tracks, n = setting.tracks, setting.radii_count
-    decisions = array_at(setting.decisions, (len(DECISION), tracks), np.int64)
-    return Arrays(
-        array_at(setting.actions, (tracks,), np.int64),
-        array_at(setting.blocks, (setting.blocks_count,), BLOCK),
-        array_at(setting.scratch, (1,), SCRATCH),
-        array_at(setting.radii, (n,), np.float64),
-        array_at(setting.table, (setting.table_rows, SEGMENT_WIDTH), np.float64),
-        array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64),
-        array_at(setting.observations, (tracks, row_width(2 * n + 1)), np.float32),
-        array_at(setting.rewards, (tracks,), np.float64),
-        array_at(setting.terminated, (tracks,), np.bool_),
-        decisions,
-        array_at(setting.decisions, decisions.shape, np.float64)[DECIDED_SQUARED_ERROR],
-        array_at(setting.decision_flags, (len(DECISION_FLAGS), tracks), np.bool_),
-    )
 
 
 @inlined
@@ -313,7 +272,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
 @inlined
 def _advance(reset: bool, banks: Any, setting: Any) -> int:
     """Check all actions, then step the blocks of this call; see `advance_published`."""
-    arrays = _arrays_of(setting)
+    arrays = arrays_of(setting)
     if not reset:
         for i in range(setting.tracks):
             if arrays.actions[i] < 0 or arrays.actions[i] >= setting.action_count:

@@ -13,7 +13,7 @@ from agents.interface.recording_files import MAX_BYTES, MAX_LINE, read_recording
 from baselines.recordings import ate
 from hybrid_env.checks import ArgumentError
 
-STUDY = pytest.param(50_000, marks=pytest.mark.study)
+STUDY = pytest.param(10_000, marks=pytest.mark.study)
 ROWS = "".join(f"{k / 10},{k * 0.2:.3f},{(k % 7) * 0.1:.3f}\n" for k in range(30))
 
 

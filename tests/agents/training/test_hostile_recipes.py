@@ -12,7 +12,7 @@ from agents.training.recipe import FOLDER, load_recipe, recipe_names, recipe_of
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
-STUDY = pytest.param(20_000, marks=pytest.mark.study)
+STUDY = pytest.param(5_000, marks=pytest.mark.study)
 LAUGHS = "a: &a [x, x]\nb: &b [*a, *a, *a, *a, *a]\n" + "".join(
     f"{chr(c + 1)}: &{chr(c + 1)} [{', '.join(['*' + chr(c)] * 9)}]\n" for c in range(ord("b"), ord("l"))
 )
