@@ -30,7 +30,8 @@ def _small_evaluations(monkeypatch):
 
 def start(kind, folder, steps, save_every=0.05):
     """Start a training in another process; return when it begins."""
-    line = [sys.executable, small_training.__file__, kind, str(folder), str(steps), str(save_every)]
+    # -P, because the folder of the script has a subfolder named as the package `agents`
+    line = [sys.executable, "-P", small_training.__file__, kind, str(folder), str(steps), str(save_every)]
     process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "training\n"
     return process
