@@ -19,9 +19,10 @@ class Compare(WorldArguments):
     The defaults train PPO for about half a minute and take about six minutes in total on two cores.
     """
 
-    deciders: tuple[str, ...] = ("ate", "fixed", "msprt")
-    """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'gap', 'ml'
-    (maximum likelihood at the end of the segment), 'bayes' (Bayes risk, fitted during the run)."""
+    deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "msprt-kept", "calibrated")
+    """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
+    the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
+    the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run)."""
     agents: tuple[str, ...] = ("ppo", "shipped")
     """Learned agents: recipes to train during the run ('ppo', 'sequence' ...), 'shipped' (weights in the
     package), or run folders."""

@@ -1,7 +1,7 @@
 """The colour and the marker of each decider, the same in every figure.
 
-The palette contains purples, pinks, yellows and greys only. It therefore stays apart from the colours of the
-motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with red-green colour
+The palette contains purples, pinks, yellows, greys, one green and one dark blue. It stays apart from the
+colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with red-green colour
 blindness.
 """
 
@@ -31,6 +31,9 @@ STYLES = {
     "fixed time": DeciderStyle("#a0a0a0", "s"),
     "MSPRT": DeciderStyle("#c80f82", "D"),
     "MSPRT of types": DeciderStyle("#ff87f0", "d"),
+    "MSPRT, kept P": DeciderStyle("#0000b4", ">"),
+    "MSPRT, anchor-aware": DeciderStyle("#3c000f", "*"),
+    "calibrated anchor": DeciderStyle("#00e196", "p"),
     "gap rule": DeciderStyle("#695a00", "P"),
     "ML at the end": DeciderStyle("#2d0069", "X"),
     "Bayes risk": DeciderStyle("#780f3c", "h"),

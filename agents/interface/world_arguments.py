@@ -68,6 +68,10 @@ class WorldArguments:
     reset_covariance: Annotated[bool | None, _default("reset_covariance")] = None
     """Reset the covariance to P := I at the start of every segment, as published."""
 
+    follow: Annotated[Literal["declared", "bank"] | None, _default("follow")] = None
+    """What runs on after a decision: the filter of the declared hypothesis, as published, or all filters,
+    whose merged estimate is the next anchor."""
+
     @property
     def env_id(self) -> str:
         """The given id, or the default."""

@@ -11,7 +11,7 @@ from hybrid_env.checks import check_integer, reject
 class Limits:
     """Evaluate every classical rule on every filter bank and noise level.
 
-    The default takes about an hour on one core, 1,500 episodes half an hour.
+    The default takes about two hours on one core, 1,500 episodes one hour.
     """
 
     episodes: int = 3000
@@ -44,6 +44,7 @@ class Limits:
         from agents.interface.progress import progress_display
         from agents.limits.figure import draw_decision_times
         from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
+        from agents.limits.steps import STEPS, evaluate_steps, steps_markdown
         from agents.limits.study import (
             BANK_ENV,
             BANKS,
@@ -60,12 +61,18 @@ class Limits:
         console = Console(emoji=False)
         rules = sum(map(len, RULES.values()))
         with progress_display(console) as progress:
-            total = len(NOISE_LEVELS) * (len(BANKS) * rules + len(CALIBRATION_BANKS) + 2)
+            per_noise = len(BANKS) * rules + 2 * len(STEPS) + len(CALIBRATION_BANKS) + 2
+            total = len(NOISE_LEVELS) * per_noise
             task = progress.add_task("Evaluating", total=total, note="")
 
             def advance(note: str) -> None:
                 progress.update(task, advance=1, note=note)
 
+            steps = [
+                one
+                for env_id in (THREE_MODE_ENV, BANK_ENV)
+                for one in evaluate_steps(env_id, self.episodes, self.seed, advance)
+            ]
             found = [
                 one
                 for env_id in (THREE_MODE_ENV, BANK_ENV)
@@ -75,7 +82,12 @@ class Limits:
             accuracies = type_accuracy_golubkov2018(self.episodes, self.seed, advance)
             progress.update(task, note="")
         text = "\n".join(
-            [rules_markdown(found), calibration_markdown(calibration), type_accuracy_markdown(accuracies)]
+            [
+                steps_markdown(steps),
+                rules_markdown(found),
+                calibration_markdown(calibration),
+                type_accuracy_markdown(accuracies),
+            ]
         )
         console.print(Markdown(text))
         with atomic_file(folder / "limits.md") as part:
@@ -88,6 +100,7 @@ class Limits:
                     | {name: getattr(one, name).as_json() for name in ("time_95", "time_98", "reward")}
                     for one in found
                 ],
+                "steps": [asdict(one) for one in steps],
                 "calibration": [asdict(one) for one in calibration],
                 "golubkov2018": [asdict(one) for one in accuracies],
             },

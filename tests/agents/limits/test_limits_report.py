@@ -8,9 +8,12 @@ import pytest
 
 from agents.evaluation.operating_curve import Estimate
 from agents.interface.decider_colours import STYLES
+from agents.limits import steps
 from agents.limits.figure import decision_times, draw_decision_times
 from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
+from agents.limits.steps import STEPS, evaluate_steps, steps_markdown
 from agents.limits.study import (
+    BANK_ENV,
     BANKS,
     NOISE_LEVELS,
     THREE_MODE_ENV,
@@ -84,3 +87,18 @@ def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeyp
     assert len(notes) == len(found)
     assert all(one.accuracy.value > 0.9 for one in found)
     assert found[0].ticks < found[1].ticks < found[2].ticks
+
+
+def test_each_step_has_a_paired_gain(monkeypatch):
+    monkeypatch.setattr(steps, "NOISE_LEVELS", (0.1,))
+    notes = []
+    found = [
+        one for env_id in (THREE_MODE_ENV, BANK_ENV) for one in evaluate_steps(env_id, 10, 0, notes.append)
+    ]
+    assert len(found) == len(notes) == 2 * len(STEPS)
+    for before, one in itertools.pairwise(found[: len(STEPS)]):
+        assert one.gain.value == pytest.approx(one.reward.value - before.reward.value)
+        assert one.gain.low <= one.gain.value <= one.gain.high
+    rows = [line for line in steps_markdown(found).splitlines() if line.startswith("| ")]
+    assert len(rows) == 2 * (1 + len(STEPS))
+    assert all(line.count("|") == rows[0].count("|") for line in rows)

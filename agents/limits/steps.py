@@ -1,0 +1,95 @@
+"""What each step from ATE to the bound is worth: mean reward and paired differences on the same episodes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from agents.evaluation import seeds
+from agents.evaluation.deciders import decider_family
+from agents.evaluation.evaluate import FloatArray, confidence_interval, evaluate
+from agents.evaluation.operating_curve import Estimate, sweep
+from agents.limits.study import BANK_ENV, NOISE_LEVELS, THREE_MODE_ENV
+from hybrid_env.registration import make_vector_env
+
+AWARE: dict[str, Any] = {"bank": "anchor_aware"}
+STEPS: dict[str, tuple[str, dict[str, Any]]] = {
+    "ATE on the published bank": ("ate", {}),
+    "MSPRT: every hypothesis is compared with every other": ("msprt", {}),
+    "the filters start from the covariance of the estimate": ("msprt-kept", {}),
+    "the distribution of the anchor error is fitted in simulation": ("calibrated", {}),
+    "MSPRT on the anchor-aware bank, which reads the full covariance": ("msprt-aware", AWARE),
+    "all filters run on, and the next anchor is merged": ("msprt-aware", AWARE | {"follow": "bank"}),
+    "the anchor is exact (oracle, not available in practice)": ("msprt", {"bank": "oracle"}),
+}
+"""Decider and changed options of each step, in the order of their information."""
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """Mean reward of one step at one noise level.
+
+    Attributes:
+        env_id: registered id of the environment.
+        noise: variance R of a measured coordinate [m^2].
+        step: key of `STEPS`.
+        threshold: selected on other episodes.
+        reward: mean per segment.
+        gain: difference to the step before on the same episodes, None for the first.
+    """
+
+    env_id: str
+    noise: float
+    step: str
+    threshold: float
+    reward: Estimate
+    gain: Estimate | None
+
+
+def evaluate_steps(
+    env_id: str, episodes: int, seed: int, on_progress: Callable[[str], None]
+) -> list[StepResult]:
+    """Evaluate every step at every noise level on the same episodes; see `study.evaluate_rules`."""
+    found = []
+    for noise in NOISE_LEVELS:
+        before: FloatArray | None = None
+        for step, (name, changes) in STEPS.items():
+            options: dict[str, Any] = {"measurement_variance": noise, **changes}
+            world = make_vector_env(env_id, 1, **options).options
+            by_type = name == "msprt" and world.correctness == "type"
+            family = decider_family("msprt-type" if by_type else name, world)
+            selection = sweep(family, env_id, max(episodes // 3, 50), seeds.SELECTION, **options)
+            threshold = family.thresholds[selection.best_index()]
+            rewards = evaluate(family.make(threshold), env_id, episodes, seed, **options).reward.mean(1)
+            gain = None
+            if before is not None:
+                difference = rewards - before
+                gain = Estimate(float(difference.mean()), *confidence_interval(difference))
+            reward = Estimate(float(rewards.mean()), *confidence_interval(rewards))
+            found.append(StepResult(env_id, noise, step, threshold, reward, gain))
+            before = rewards
+            on_progress(f"{family.name}, R = {noise:g}")
+    return found
+
+
+def steps_markdown(found: Sequence[StepResult]) -> str:
+    """Return one table per environment, with steps in rows and noise levels in columns."""
+    lines = []
+    for env_id in (THREE_MODE_ENV, BANK_ENV):
+        lines += [
+            f"### From ATE to the bound on {env_id.rpartition(':')[2]}", "",
+            "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval.", "",
+            "| step | " + " | ".join(f"R = {noise:g}" for noise in NOISE_LEVELS) + " |",
+            "|---|" + "---|" * len(NOISE_LEVELS),
+        ]  # fmt: skip
+        for step in STEPS:
+            cells = [_cell(one) for one in found if (one.env_id, one.step) == (env_id, step)]
+            lines.append(f"| {step} | " + " | ".join(cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _cell(one: StepResult) -> str:
+    text = f"{one.reward.value:.3f}"
+    if one.gain is None:
+        return text
+    return f"{text} ({one.gain.value:+.3f} [{one.gain.low:+.3f}, {one.gain.high:+.3f}])"
