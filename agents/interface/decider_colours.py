@@ -1,8 +1,8 @@
 """The colour and the marker of each decider, the same in every figure.
 
 The palette contains purples, pinks, yellows, greys, one green and one dark blue. It stays apart from the
-colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with red-green colour
-blindness.
+colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with
+red-green colour blindness.
 """
 
 import re
