@@ -34,7 +34,7 @@ class ReadOnlyAttributes:
     read_only: ClassVar[frozenset[str]] = frozenset()
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in self.read_only and name in self.__dict__:
+        if name in self.read_only and hasattr(self, name):  # reading __dict__ would slow down all attributes
             raise AttributeError(f"{type(self).__name__}.{name} is read-only")
         super().__setattr__(name, value)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
-from hybrid_env.core.kernel import BANKS
+from hybrid_env.core.kernels import BANKS
 from hybrid_env.core.records import PARAMETERS, SEGMENT_COLUMNS
 from hybrid_env.limits import (
     check_initial_error,
@@ -191,7 +191,6 @@ class WorldOptions:
         record["initial_position"], record["initial_velocity"] = self.initial_error
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
-        record["follow_bank"] = self.follow == "bank"
         record["oracle"] = self.bank == "oracle"
         record["exact"] = self.correctness == "exact"
         record["action_count"] = self.action_count

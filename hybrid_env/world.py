@@ -13,8 +13,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
-from hybrid_env.core import kernel
 from hybrid_env.core.compilation import prepare
+from hybrid_env.core.kernels import BANKS, KERNELS
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import (
@@ -77,7 +77,7 @@ class World(ReadOnlyAttributes):
     def _allocate(self, tracks: int, trace_rows: int) -> None:
         """Create all arrays that the kernel reads and writes, except the scratch memory of the threads."""
         blocks = -(-tracks // LANES)
-        allocate = kernel.BANKS[self.options.bank][0]
+        allocate = BANKS[self.options.bank]
         self.bank: Any = allocate(len(self.options.radii), self.options.axes, blocks)
         self.blocks = aligned_zeros((blocks,), BLOCK)
         self.actions = np.zeros(tracks, np.int64)
@@ -93,7 +93,7 @@ class World(ReadOnlyAttributes):
 
     def _bind(self) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
-        self._advance = kernel.BANKS[self.options.bank][1]
+        self._advance = KERNELS[self.options.bank, self.options.follow]
         prepare(self._advance, 0, False)
         arrays = self.bank._asdict() | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,

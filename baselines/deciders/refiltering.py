@@ -23,7 +23,7 @@ from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core import bank_operations
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.kernel import BANKS
+from hybrid_env.core.kernels import BANKS
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES, TRACE_COLUMNS
 from hybrid_env.observation import Layout
@@ -80,7 +80,7 @@ class _Filters:
         self.radii = np.array(world.radii)
         variance = float(np.exp(np.log(world.variances).mean()))
         self.model = FilterModel(world.tau, world.process_variance, variance, variance)
-        self.banks = BANKS[bank][0](self.radii.size, 1, -(-tracks // LANES))
+        self.banks = BANKS[bank](self.radii.size, 1, -(-tracks // LANES))
         self.log_likelihood = np.zeros((tracks, world.hypotheses))
 
     def advance(self, begins: NDArray[np.bool_], anchors: FloatArray, measurements: FloatArray) -> None:

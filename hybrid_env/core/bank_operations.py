@@ -2,7 +2,7 @@
 
 `numba.extending.overload` selects the implementation by the type of the bank when a kernel is compiled, so
 that a compiled kernel contains a single bank. A new bank implements these five functions with the same
-arguments and is listed in `OPERATIONS` and in `kernel.BANKS`.
+arguments and is listed in `OPERATIONS` and in `kernels.BANKS` and `kernels.KERNELS`.
 """
 
 import functools

@@ -12,27 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core import bank_operations
-from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
-from hybrid_env.core.compilation import compiled, inlined, internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.kernel_arrays import Arrays, arrays_of
-from hybrid_env.core.memory import array_at
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
 from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
 from hybrid_env.core.published_bank import (
     IDENTITY,
+    State,
     estimate_of,
     likeliest,
     mode_type,
-    published_arrays,
-    published_banks,
 )
 from hybrid_env.core.records import (
     DECISION,
     DECISION_FLAGS,
     LANES,
-    PARAMETERS,
     SEGMENT_COLUMNS,
 )
 from hybrid_env.core.true_object import begin_motion, move, move_lane
@@ -45,13 +41,9 @@ DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 
 
 @inlined
-def _record_estimate(
-    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], follow_bank: bool
-) -> None:
-    """Record the estimate, its squared error, and a row of the trace if stored."""
-    x, vx, y, vy = estimate_of(hypotheses, block.active_mode[lane], lane)
-    if follow_bank:
-        x, vx, y, vy = merged_estimate(hypotheses, lane)
+def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) -> None:
+    """Record an estimate, its squared error, and a row of the trace if stored."""
+    x, vx, y, vy = estimate
     block.estimate[0, lane], block.estimate[1, lane] = x, vx
     block.estimate[2, lane], block.estimate[3, lane] = y, vy
     error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
@@ -65,6 +57,17 @@ def _record_estimate(
         row[8] = block.active_mode[lane]
         row[9] = block.segment[lane]
         block.trace_length[lane] += 1
+
+
+@inlined
+def _record_estimate(
+    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: Any
+) -> None:
+    """Record the estimate of the active filter, or the merged one."""
+    if merged is None:
+        _record(block, lane, estimate_of(hypotheses, block.active_mode[lane], lane), trace)
+    else:
+        _record(block, lane, merged_estimate(hypotheses, lane), trace)
 
 
 @internal
@@ -141,21 +144,22 @@ def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) ->
 
 
 @inlined
-def _set_anchor(block: Any, lane: int, bank: Any, chosen: int, setting: Any) -> None:
+def _set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
-    mean = estimate_of(bank.hypotheses, chosen, lane)
-    if setting.follow_bank:
-        mean = merged_estimate(bank.hypotheses, lane)
-        write_merged_covariance(bank, lane, mean, block.kept_covariance)
-    else:
+    if merged is None:
+        for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
+            block.estimate[k, lane] = value
         for k, value in enumerate(bank_operations.covariance(bank, chosen, lane)):
             block.kept_covariance[k, lane] = value
-    for k, value in enumerate(mean):
-        block.estimate[k, lane] = value
+    else:
+        mean = merged_estimate(bank.hypotheses, lane)
+        for k, value in enumerate(mean):
+            block.estimate[k, lane] = value
+        write_merged_covariance(bank, lane, mean, block.kept_covariance)
 
 
 @internal
-def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> None:
+def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
     n = bank.hypotheses.size // 2
@@ -179,23 +183,23 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
         draw_noise_ahead(block.random_state, lane, noise, ticks, setting.outliers)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
-            if setting.follow_bank:
-                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
-            else:
+            if merged is None:
                 bank_operations.follow(bank, lane, chosen, block.measurement, setting)
-            _record_estimate(block, lane, bank.hypotheses, trace, setting.follow_bank)
-    _set_anchor(block, lane, bank, chosen, setting)
+            else:
+                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
+            _record_estimate(block, lane, bank.hypotheses, trace, merged)
+    _set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
     arrays.squared_errors[i] = block.squared_error[lane]
 
 
 @inlined
-def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any) -> int:
+def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> int:
     """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
     if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
         arrays.rewards[i] = -setting.delay_cost
         return 0
-    _decide(block, lane, i, bank, arrays, setting)
+    _decide(block, lane, i, bank, arrays, setting, merged)
     if block.segment[lane] + 1 == setting.segments:
         arrays.terminated[i] = True
         return DECIDED + TERMINATED
@@ -224,8 +228,8 @@ def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: A
 
 
 @inlined
-def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any) -> int:
-    """Step the tracks of a block; see `advance_published`. Returns their events, combined as bits."""
+def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> int:
+    """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
     events = 0
@@ -246,7 +250,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins
         else:
-            event = _act(block, lane, i, bank, arrays, setting)
+            event = _act(block, lane, i, bank, arrays, setting, merged)
             events |= event
         if event & TERMINATED:
             scratch.running[lane] = 0
@@ -262,7 +266,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), setting)
         for lane in range(first, last):
             i = b * LANES + lane
-            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.follow_bank)
+            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], merged)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
@@ -270,8 +274,12 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any)
 
 
 @inlined
-def _advance(reset: bool, banks: Any, setting: Any) -> int:
-    """Check all actions, then step the blocks of this call; see `advance_published`."""
+def advance(reset: bool, banks: Any, setting: Any, merged: Any) -> int:
+    """Check all actions, then step the blocks of this call; see `kernels.advance_published`.
+
+    `merged` is None if the declared filter is followed, True if all filters are. numba compiles only the
+    branches of the one that is given, so that the usual kernel is as fast as without the other.
+    """
     arrays = arrays_of(setting)
     if not reset:
         for i in range(setting.tracks):
@@ -280,40 +288,5 @@ def _advance(reset: bool, banks: Any, setting: Any) -> int:
     events = 0
     for b in range(setting.first_block, setting.last_block):
         bank = bank_operations.bank_of_block(banks, b)
-        events |= _advance_block(reset, b, bank, arrays, setting)
+        events |= _advance_block(reset, b, bank, arrays, setting, merged)
     return events
-
-
-@compiled
-def advance_published(address: int, reset: bool) -> int:
-    """Step every track, or with `reset` begin a new episode on every track whose action is not 0.
-
-    In a step, a terminated track begins its next episode. The observation of a track that terminates is not
-    changed: it is the one on which the last decision was made.
-
-    Args:
-        address: address of a record `records.PARAMETERS`, whose arrays must exist during the call. Only its
-            blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
-        reset: True begins new episodes, False steps.
-
-    Returns:
-        `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
-        is outside the space, -1 - i; then no track is stepped.
-    """
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return _advance(reset, published_banks(setting), setting)
-
-
-@compiled
-def advance_aware(address: int, reset: bool) -> int:
-    """Like `advance_published`, with the anchor-aware bank."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return _advance(reset, aware_banks(setting), setting)
-
-
-BANKS: dict[str, tuple[Any, Any]] = {
-    "published": (published_arrays, advance_published),
-    "oracle": (published_arrays, advance_published),
-    "anchor_aware": (aware_arrays, advance_aware),
-}
-"""Allocation function and kernel of each bank, by the value of the option `bank`."""

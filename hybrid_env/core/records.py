@@ -104,7 +104,6 @@ PARAMETERS = np.dtype(
         ("declare_best", np.bool_),  # action 1 declares the most likely hypothesis
         ("keep_undecided", np.bool_),
         ("reset_covariance", np.bool_),
-        ("follow_bank", np.bool_),  # all filters run on after a decision, and their merged estimate counts
         ("oracle", np.bool_),  # the bank is anchored at the true state
         ("random_scheme", np.bool_),
         ("segments", np.int64),
