@@ -65,7 +65,7 @@ BAD_POSITIONS = [
     RAGGED,
     "text",
     None,
-    object(),
+    Ellipsis,
 ]
 
 
