@@ -30,6 +30,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--correctness rough", "correctness"),
     ("--undecided shrug", "undecided"),
     ("--reset-covariance 2", "reset-covariance"),
+    ("--follow both", "follow"),
     ("--seed -1", "seed=-1"),
     ("--seed half", "half"),
     ("--tua 3", "--tua"),
@@ -252,7 +253,9 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
     ):
         assert name in printed
     data = json.loads((out / "compare.json").read_text())
-    assert [entry["name"] for entry in data["deciders"]] == ["ATE (SPRT)", "fixed time", "MSPRT", "ppo"]
+    assert [entry["name"] for entry in data["deciders"]] == [
+        "ATE (SPRT)", "fixed time", "MSPRT", "MSPRT, kept P", "calibrated anchor", "ppo",
+    ]  # fmt: skip
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}

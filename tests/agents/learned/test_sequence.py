@@ -144,7 +144,7 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         ({"worlds": [{"n_envs": 0}]}, "n_envs=0"),
         ({"worlds": [{"tracks": 3}]}, "worlds="),
         ({"worlds": [{"n_envs": 3, "options": 3}]}, "options=3"),
-        ({"worlds": [{"n_envs": 3, "options": {"bad": 1}}]}, "options="),
+        ({"worlds": [{"n_envs": 3, "options": {"bad": 1}}]}, "option='bad'"),
         ({"worlds": [{"n_envs": 3, "env": 3}]}, "env=3"),
         ({"hidden": 1.5}, "hidden=1.5"),
         ({"learning_rate": -1.0}, "learning_rate=-1.0"),
