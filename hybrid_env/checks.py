@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 LONGEST_VALUE = 120  # characters of a value in a message
 LONGEST_MESSAGE = 300  # characters
+LARGEST_NUMBER = 1e30  # magnitude of an element of an array; its square must not overflow
 
 _short = reprlib.Repr()  # does not print all of a nested or a large value
 _short.maxstring = _short.maxother = _short.maxlong = LONGEST_VALUE
@@ -150,11 +151,12 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> N
         for length, size in zip(array.shape, shape, strict=True)
     ):
         raise ArgumentError(f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0")
-    bad = np.argwhere(~np.isfinite(array))
+    bad = np.argwhere(~(np.abs(array) <= LARGEST_NUMBER))  # also NaN
     if bad.size:
         index = tuple(int(i) for i in bad[0])
         raise ArgumentError(
-            f"{name}[{', '.join(map(str, index))}]={array[index]} is not allowed: expected finite numbers"
+            f"{name}[{', '.join(map(str, index))}]={array[index]} is not allowed: "
+            f"expected finite numbers up to {LARGEST_NUMBER:g}"
         )
     return array
 
@@ -167,39 +169,12 @@ def dimensions(value: ArrayLike) -> int:
         return -1
 
 
-def check_radii(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return (n,) distinct turn radii > 0 [m]."""
-    radii = _real_array(value)
-    if radii is not None:
-        radii = np.atleast_1d(radii)
-    if (
-        radii is None
-        or radii.ndim != 1
-        or radii.size == 0
-        or not np.isfinite(radii).all()
-        or (radii <= 0).any()
-        or np.unique(radii).size != radii.size
-    ):
-        raise reject(name, value, "one or more distinct finite radii > 0")
-    return radii
-
-
 def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array
 
 
-def axis_variances(measurement_variance: float | ArrayLike) -> NDArray[np.float64]:
-    """Return the measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
-    values = _real_array(measurement_variance)
-    if (
-        values is None
-        or values.shape not in ((), (1,), (2,))
-        or not (np.isfinite(values) & (values > 0.0)).all()
-    ):
-        raise reject(
-            "measurement_variance", measurement_variance, "a finite number > 0, or two of them, for x and y"
-        )
-    pair = np.atleast_1d(values)
-    return pair[:1].copy() if pair[0] == pair[-1] else pair
+def axis_variances(measurement_variance: float | tuple[float, float]) -> NDArray[np.float64]:
+    """Return checked measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
+    return np.atleast_1d(np.array(measurement_variance, np.float64))

@@ -9,8 +9,6 @@ from hybrid_env.checks import (
     ReadOnlyAttributes,
     axis_variances,
     check_array,
-    check_positive,
-    check_radii,
     frozen,
 )
 from hybrid_env.core.compilation import compiled, prepare
@@ -23,6 +21,7 @@ from hybrid_env.core.published_bank import (
     step_published,
 )
 from hybrid_env.core.records import LANES
+from hybrid_env.limits import check_variances, check_within, distinct_radii
 
 
 @compiled
@@ -70,10 +69,10 @@ class KalmanBank(ReadOnlyAttributes):
         process_variance: float = 0.001,
         measurement_variance: float | ArrayLike = 0.1,
     ):
-        self.radii = frozen(check_radii("radii", radii))
-        self.tau = check_positive("tau", tau)
-        self.process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-        self.variances = frozen(axis_variances(measurement_variance))
+        self.radii = frozen(np.array(distinct_radii("radii", radii)))
+        self.tau = check_within("tau", tau)
+        self.process_variance = check_within("process_variance", process_variance)
+        self.variances = frozen(axis_variances(check_variances(measurement_variance)))
         self._bank = published_arrays(self.radii.size, self.variances.size)
         self._model = FilterModel(
             self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])

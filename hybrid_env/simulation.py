@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, reject
+from hybrid_env.checks import axis_variances, check_array, check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import BLOCK, LANES
 from hybrid_env.core.true_object import begin_motion, move
+from hybrid_env.limits import check_variances, check_within
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
 
@@ -107,10 +108,10 @@ def simulate(
     table = segment_table(fixed, radii)
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
-    deviations = np.sqrt(axis_variances(measurement_variance))
-    process_deviation = math.sqrt(check_positive("process_variance", process_variance, allow_zero=True))
+    deviations = np.sqrt(axis_variances(check_variances(measurement_variance)))
+    process_deviation = math.sqrt(check_within("process_variance", process_variance))
     noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
-    arguments = blocks, lengths, table, check_positive("tau", tau), noise, truth, measurements
+    arguments = blocks, lengths, table, check_within("tau", tau), noise, truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
     signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])

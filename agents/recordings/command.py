@@ -26,9 +26,9 @@ from hybrid_env.checks import (
     check_choice,
     check_integer,
     check_positive,
-    check_radii,
     reject,
 )
+from hybrid_env.limits import distinct_radii
 from hybrid_env.rendering.modes import mode_name
 
 DEFAULT_PIECE = 50  # ticks
@@ -191,7 +191,7 @@ class Track:
             check_integer("lengths", length)
         if self.piece is not None:
             check_integer("piece", self.piece)
-        check_radii("radii", self.radii)
+        distinct_radii("radii", self.radii)
         if self.tau is not None:
             check_between("tau", self.tau, *TAU_RANGE)
         check_positive("process_variance", self.process_variance, allow_zero=True)

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
-from hybrid_env.checks import check_array, check_flag, check_positive, reject
+from hybrid_env.checks import check_array, check_flag, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import begin_published, follow_published
 from hybrid_env.core.records import LANES
+from hybrid_env.limits import check_within
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def filter_known_modes(
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    tau = check_positive("tau", tau)
+    tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
     radii = check_array("signed_radii", signed_radii, (None,))
     if radii.size != segment_lengths.size:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import axis_variances, check_array, check_integer, check_positive, dimensions, reject
+from hybrid_env.checks import axis_variances, check_array, check_integer, dimensions, reject
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.published_bank import (
     FilterModel,
@@ -15,6 +15,7 @@ from hybrid_env.core.published_bank import (
     estimate_of,
     published_arrays,
 )
+from hybrid_env.limits import check_variances, check_within
 
 FloatArray = NDArray[np.float64]
 
@@ -47,8 +48,8 @@ def make_filters(
     Raises:
         ArgumentError: a variance has a value that is not allowed.
     """
-    process_variance = check_positive("process_variance", process_variance, allow_zero=True)
-    variances = axis_variances(measurement_variance)
+    process_variance = check_within("process_variance", process_variance)
+    variances = axis_variances(check_variances(measurement_variance))
     model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
     return Filters(published_arrays(radii.size, variances.size), radii, model)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.sprt import sprt_test, sprt_thresholds
 from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
-from hybrid_env.checks import check_choice, check_flag, check_positive, check_radii
+from hybrid_env.checks import check_choice, check_flag
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.published_bank import (
     IDENTITY,
@@ -29,6 +29,7 @@ from hybrid_env.core.published_bank import (
     step_published,
 )
 from hybrid_env.core.records import LANES
+from hybrid_env.limits import check_within, distinct_radii
 
 FloatArray = NDArray[np.float64]
 
@@ -232,10 +233,10 @@ def track(
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    tau = check_positive("tau", tau)
+    tau = check_within("tau", tau)
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
     runs, total = values.shape[:2]
-    bank_radii = check_radii("radii", radii)
+    bank_radii = np.array(distinct_radii("radii", radii))
     filters = make_filters(bank_radii, tau, process_variance, measurement_variance)
     upper, lower = sprt_thresholds(alpha, beta)
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.filters.recording import Filters, check_recording, make_filters
-from hybrid_env.checks import check_flag, check_integer, check_positive, check_radii, dimensions, reject
+from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import (
     IDENTITY,
@@ -35,6 +35,7 @@ from hybrid_env.core.published_bank import (
     step_published,
 )
 from hybrid_env.core.records import LANES
+from hybrid_env.limits import check_within, distinct_radii
 
 FloatArray = NDArray[np.float64]
 UNDETECTED = 0
@@ -142,10 +143,10 @@ def detect_switch(
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    tau = check_positive("tau", tau)
+    tau = check_within("tau", tau)
     total = np.shape(measurements)[-2] if dimensions(measurements) in (2, 3) else 0
     values, _, starts = check_recording(measurements, [max(total, 1)], start, tau)
-    bank_radii = check_radii("radii", radii)
+    bank_radii = np.array(distinct_radii("radii", radii))
     hypotheses = 2 * bank_radii.size + 1
     modes = range(1, hypotheses) if tested is None else [tested] if dimensions(tested) == 0 else tested
     if not isinstance(modes, (Sequence, np.ndarray)) or len(modes) == 0:

@@ -95,7 +95,7 @@ INVALID = [
     ({"process_variance": -1e-9}, "process_variance=-1e-09"),
     ({"process_variance": float("inf")}, "process_variance=inf"),
     ({"measurement_variance": 0.0}, "measurement_variance=0.0"),
-    ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=(0.1, -0.1)"),
+    ({"measurement_variance": (0.1, -0.1)}, "measurement_variance=-0.1"),
     ({"measurement_variance": (0.1, 0.1, 0.1)}, "measurement_variance=(0.1, 0.1, 0.1)"),
     ({"measurement_variance": "loud"}, "measurement_variance='loud'"),
 ]
