@@ -9,7 +9,6 @@ Source: NumPy's SeedSequence, after O'Neill 2015 ("Developing a seed_seq alterna
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -36,8 +35,10 @@ def random_states(seeds: Sequence[int | None]) -> Words:
     Args:
         seeds: (n,) integers >= 0; None draws a state from the entropy of the system.
     """
-    states: NDArray[Any] = np.random.SeedSequence().generate_state(4 * len(seeds), np.uint64)
-    states = states.reshape(-1, 4)
+    states = np.empty((len(seeds), 4), np.uint64)
+    unseeded = np.array([seed is None for seed in seeds], np.bool_)
+    words_of_system = 4 * int(unseeded.sum())
+    states[unseeded] = np.random.SeedSequence().generate_state(words_of_system, np.uint64).reshape(-1, 4)
     small = np.array([seed is not None and seed < 2**64 for seed in seeds], np.bool_)
     words = [seed for seed in seeds if seed is not None and seed < 2**64]
     states[small] = _states_of(np.array(words, np.uint64))

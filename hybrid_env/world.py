@@ -30,9 +30,6 @@ from hybrid_env.core.records import (
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-_INDICES = ("segment", "true_mode", "active_mode", "trace_length")
-"""Fields of `BLOCK` that the kernel uses as indices."""
-
 
 class World(ReadOnlyAttributes):
     """State of N tracks under one set of options.
@@ -163,14 +160,33 @@ class World(ReadOnlyAttributes):
                     f"and shape {array.shape}: it was saved by another version of hybrid_env or with other "
                     "options"
                 )
-        modes = self.options.hypotheses
-        limits = (self.options.segments, modes, modes, self.trace.shape[1] + 1)
-        for name, limit in zip(_INDICES, limits, strict=True):
-            values = arrays["blocks"][name]
-            if (values < 0).any() or (values >= limit).any():
-                raise reject(f"blocks.{name}", values, f"integers from 0 to {limit - 1}")
+        self.check_blocks(arrays["blocks"], arrays["seeded"])
         for name, array in own.items():
             array[...] = arrays[name]
+
+    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
+        """Check the fields of blocks that the kernel uses as indices, as lengths of loops and as seeds.
+
+        Args:
+            blocks: (B,) records `BLOCK`.
+            seeded: (N,) tracks whose random stream has been seeded.
+
+        Raises:
+            ArgumentError: a value is out of range, which the kernel would not notice.
+        """
+        modes, longest = self.options.hypotheses, self.options.longest_segment
+        largest = {
+            "segment": self.options.segments - 1, "true_mode": modes - 1, "active_mode": modes - 1,
+            "length": longest, "tick": longest, "trace_length": self.trace.shape[1],
+        }  # fmt: skip
+        for name, last in largest.items():
+            values = blocks[name]
+            if (values < 0).any() or (values > last).any():
+                raise reject(f"blocks.{name}", values, f"integers from 0 to {last}")
+        if (blocks["tick"] > blocks["length"]).any():
+            raise reject("blocks.tick", blocks["tick"], "at most the length of the segment")
+        if not self._flatten_blocks(blocks["random_state"])[seeded].any(1).all():
+            raise reject("blocks.random_state", 0, "a state that is not zero")
 
     def __getstate__(self) -> dict[str, Any]:
         size = {"tracks": self.actions.size, "trace_rows": self.trace.shape[1], "threads": self.threads}

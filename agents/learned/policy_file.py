@@ -69,12 +69,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
         OSError, SafetensorError: the file cannot be read or is damaged.
         ValueError: it is too large, or a tensor is not of finite float32 numbers.
     """
-    if not path.is_file():  # a named pipe would wait for its writer
-        raise ValueError(f"{path.name} is missing or not a file")
-    with path.open("rb") as start:
-        header = int.from_bytes(start.read(8), "little")
-    if path.stat().st_size > LARGEST_FILE or header > LARGEST_HEADER:
-        raise ValueError(f"{path.name} is larger than {LARGEST_FILE:,} bytes, or its header is too large")
+    check_tensor_file(path, LARGEST_FILE)
     tensors = {}
     with safe_open(path, framework="pt") as file:
         for name in file.keys():  # noqa: SIM118
@@ -86,6 +81,21 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
                     f"{name} in {path.name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
                 )
         return tensors, file.metadata() or {}
+
+
+def check_tensor_file(path: Path, largest: int) -> None:
+    """Check the size of a safetensors file and of its header, in bytes, before it is read.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is missing or too large.
+    """
+    if not path.is_file():  # a named pipe would wait for its writer
+        raise ValueError(f"{path.name} is missing or not a file")
+    with path.open("rb") as start:
+        header = int.from_bytes(start.read(8), "little")
+    if path.stat().st_size > largest or header > LARGEST_HEADER:
+        raise ValueError(f"{path.name} is larger than {largest:,} bytes, or its header is too large")
 
 
 def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:

@@ -21,11 +21,12 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from agents.interface.output_files import atomic_file
-from agents.learned.policy_file import LARGEST_WEIGHT, first_line
+from agents.learned.policy_file import LARGEST_WEIGHT, check_tensor_file, first_line
 from hybrid_env.checks import ArgumentError, check_integer, check_positive, reject
 
 CHECKPOINT = "checkpoint.safetensors"
 PREVIOUS = "checkpoint-previous.safetensors"
+LARGEST_CHECKPOINT = 2**29  # bytes
 DAMAGE = (
     OSError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RuntimeError,
     SafetensorError,
@@ -57,11 +58,13 @@ def write_checkpoint(folder: Path, tensors: Mapping[str, Tensor], values: Mappin
     """Write a checkpoint atomically; the one before becomes the previous one.
 
     Raises:
-        ArgumentError: the file cannot be written.
+        ArgumentError: the state is too large, or the file cannot be written.
     """
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
     text = json.dumps(values)
     content = safetensors.torch.save(tensors, {"values": text, "sha256": digest(tensors, text)})
+    if len(content) > LARGEST_CHECKPOINT:  # at the start of a training: a checkpoint is saved before it
+        raise reject("checkpoint", len(content), f"at most {LARGEST_CHECKPOINT:,} bytes: use fewer n_envs")
     with atomic_file(folder / CHECKPOINT) as part:
         part.write_bytes(content)
         with suppress(FileNotFoundError):
@@ -93,8 +96,7 @@ def digest(tensors: Mapping[str, Tensor], text: str) -> str:
 
 
 def _read(path: Path) -> Checkpoint:
-    if not path.is_file():
-        raise ValueError(f"{path.name} is missing or not a file")
+    check_tensor_file(path, LARGEST_CHECKPOINT)
     with safe_open(path, framework="pt") as file:
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         metadata = file.metadata()

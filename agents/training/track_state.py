@@ -17,20 +17,5 @@ def track_arrays(env: HybridTrackVectorEnv) -> dict[str, NDArray[Any]]:
 
 
 def check_tracks(env: HybridTrackVectorEnv) -> None:
-    """Check the fields that the compiled core uses as indices or as lengths of loops.
-
-    Raises:
-        ValueError: a field is out of range, which the core would not notice.
-    """
-    world, options = env.world, env.options
-    blocks = world.blocks
-    last = {
-        "segment": options.segments - 1, "true_mode": options.hypotheses - 1,
-        "active_mode": options.hypotheses - 1, "length": options.longest_segment,
-        "tick": blocks["length"], "trace_length": world.trace.shape[1],
-    }  # fmt: skip
-    for name, largest in last.items():
-        if (blocks[name] < 0).any() or (blocks[name] > largest).any():
-            raise ValueError(f"{name} of a track is out of range")
-    if not world.field("random_state").any(1).all():
-        raise ValueError("random_state of a track is zero")
+    """Check restored arrays; see `hybrid_env.world.World.check_blocks`."""
+    env.world.check_blocks(env.world.blocks, env.world.seeded)

@@ -82,12 +82,12 @@ class _Filters:
         self.model = FilterModel(world.tau, world.process_variance, variance, variance)
         self.banks = BANKS[bank](self.radii.size, 1, -(-tracks // LANES))
         self.log_likelihood = np.zeros((tracks, world.hypotheses))
+        none = np.zeros(0, np.bool_), np.zeros((0, 14)), np.zeros((0, 2))
+        prepare(_filter_tick, self.banks, *none, self.radii, self.model, self.log_likelihood)
 
     def advance(self, begins: NDArray[np.bool_], anchors: FloatArray, measurements: FloatArray) -> None:
         """See `_filter_tick`."""
-        arguments = self.banks, begins, anchors, measurements, self.radii, self.model, self.log_likelihood
-        prepare(_filter_tick, *arguments)
-        _filter_tick(*arguments)
+        _filter_tick(self.banks, begins, anchors, measurements, self.radii, self.model, self.log_likelihood)
 
 
 @dataclass
@@ -228,7 +228,7 @@ class KeptCovarianceDecider(RefilteringDecider):
 
 
 class CalibratedAnchorDecider(RefilteringDecider):
-    """MSPRT of extended Kalman filters started from a mixture of two normal distributions.
+    """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
     Args:
         world: see `RefilteringDecider`.

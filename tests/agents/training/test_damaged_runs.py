@@ -1,6 +1,7 @@
 """Damaged or wrong files of a run are refused in one line, and nothing is lost."""
 
 import json
+import os
 
 import pytest
 import safetensors.torch
@@ -9,6 +10,7 @@ from safetensors import safe_open
 from small_training import contents, interrupted, log_often, outcome, small_run
 
 from agents.cli import main
+from agents.training import checkpoint
 from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
 from agents.training.run_folder import CONFIG
 from agents.training.runs import resume_run
@@ -30,6 +32,20 @@ def test_a_damaged_checkpoint_is_replaced_by_the_previous_one(tmp_path):
     assert run.num_timesteps == 1152
     run.train()
     assert outcome(folder) == outcome(tmp_path / "whole")
+
+
+def test_a_checkpoint_of_another_size_is_not_read_into_memory(tmp_path):
+    folder = interrupted("sequence", tmp_path / "run", 1920, 1920)
+    for name in (CHECKPOINT, PREVIOUS):
+        os.truncate(folder / name, 2**40)  # sparse: it needs no space
+    with pytest.raises(ArgumentError, match="larger than 536,870,912 bytes"):
+        resume_run(folder)
+
+
+def test_a_state_too_large_to_be_read_again_is_not_saved(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "LARGEST_CHECKPOINT", 1000)
+    with pytest.raises(ArgumentError, match="at most 1,000 bytes: use fewer n_envs"):
+        small_run("sequence", tmp_path / "run", 1920).train()
 
 
 def change(path, edit):
