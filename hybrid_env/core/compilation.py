@@ -52,7 +52,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces a compilation. Without a writable cache every process compiles. Cached files
+    One line on stderr announces the first compilation of a process. Without a writable cache every process compiles. Cached files
     that are damaged or cannot be loaded are removed.
 
     Raises:
@@ -67,7 +67,7 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     cache.remove_damaged()
     found = cache.paths() != []
     if not found:
-        print("HybridTrack: compiling once, about 10 s", file=sys.stderr)
+        _announce()
     try:
         with _collector_paused():
             dispatcher.compile(types)
@@ -80,6 +80,12 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
         prepare(dispatcher, *arguments)
         return
     cache.save_checksums()
+
+
+@functools.cache
+def _announce() -> None:
+    """Announce a compilation, once in a process, although a command may compile several functions."""
+    print("HybridTrack: compiling once, about 10 s", file=sys.stderr)
 
 
 class _CachedFiles:
