@@ -52,8 +52,8 @@ def compiled(function: Callable[..., Any]) -> Any:
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces the first compilation of a process. Without a writable cache every process compiles. Cached files
-    that are damaged or cannot be loaded are removed.
+    One line on stderr announces the first compilation of a process. Without a writable cache every process
+    compiles. Cached files that are damaged or cannot be loaded are removed.
 
     Raises:
         RuntimeError: NUMBA_DISABLE_JIT is set, or a damaged cache cannot be removed.
