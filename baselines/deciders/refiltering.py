@@ -1,8 +1,4 @@
-"""Deciders that run filters of their own on the measurements, which they recover from the observation.
-
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
-frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
-everything that a filter needs except the model, which is that of the world.
+"""Deciders that run filters of their own on the measurements, see `component_filters`.
 
 `KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the
 switch, not from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the
@@ -18,76 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.anchor_prior import AnchorPrior, fit_anchor_prior
+from baselines.deciders.component_filters import (
+    ANCHOR_COLUMNS,
+    ComponentFilters,
+    anchor_rows,
+    stated_covariance,
+)
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
 from hybrid_env.checks import check_number, reject
-from hybrid_env.core import bank_operations
-from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.kernels import BANKS
-from hybrid_env.core.published_bank import FilterModel
-from hybrid_env.core.records import LANES, TRACE_COLUMNS
+from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
-TRIANGLE = np.triu_indices(4)
-
-
-@compiled
-def _filter_tick(
-    banks: Any,
-    begins: NDArray[np.bool_],
-    anchors: FloatArray,
-    measurements: FloatArray,
-    radii: FloatArray,
-    model: FilterModel,
-    log_likelihood: FloatArray,
-) -> None:
-    """Start the filters of some tracks, then advance all by one tick.
-
-    Args:
-        banks: banks of all blocks of tracks.
-        begins: (N,) tracks whose filters start.
-        anchors: (N, 14) initial estimate and upper triangle of its covariance.
-        measurements: (N, 2) [m].
-        radii: (n,) [m].
-        model: model of the filters.
-        log_likelihood: (N, M), written in place.
-    """
-    measurement = np.zeros((2, LANES))
-    for b in range(banks.hypotheses.shape[0]):
-        bank = bank_operations.bank_of_block(banks, b)
-        lanes = min(LANES, begins.size - b * LANES)
-        for lane in range(lanes):
-            i = b * LANES + lane
-            if begins[i]:
-                a = anchors[i]
-                anchor = (a[0], a[1], a[2], a[3])
-                covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                bank_operations.begin(bank, lane, anchor, covariance, radii, model)
-            measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
-        bank_operations.step(bank, 0, lanes, measurement, model)
-        for lane in range(lanes):
-            for h in range(bank.hypotheses.size):
-                log_likelihood[b * LANES + lane, h] = bank.hypotheses[h].log_likelihood[lane]
-
-
-class _Filters:
-    """One bank per track, and the log-likelihood of every hypothesis."""
-
-    def __init__(self, bank: str, tracks: int, world: WorldOptions):
-        self.radii = np.array(world.radii)
-        variance = float(np.exp(np.log(world.variances).mean()))
-        self.model = FilterModel(world.tau, world.process_variance, variance, variance)
-        self.banks = BANKS[bank](self.radii.size, 1, -(-tracks // LANES))
-        self.log_likelihood = np.zeros((tracks, world.hypotheses))
-        none = np.zeros(0, np.bool_), np.zeros((0, 14)), np.zeros((0, 2))
-        prepare(_filter_tick, self.banks, *none, self.radii, self.model, self.log_likelihood)
-
-    def advance(self, begins: NDArray[np.bool_], anchors: FloatArray, measurements: FloatArray) -> None:
-        """See `_filter_tick`."""
-        _filter_tick(self.banks, begins, anchors, measurements, self.radii, self.model, self.log_likelihood)
 
 
 @dataclass
@@ -95,12 +36,12 @@ class _State:
     """Filters of N tracks, one for each component of the distribution of the anchor.
 
     Attributes:
-        components: the filters.
+        filters: one bank for each component.
         log_weights: (N, C) logarithm of the weight of each component.
         posterior: (N, M) posterior of the last row.
     """
 
-    components: list[_Filters]
+    filters: ComponentFilters
     log_weights: FloatArray
     posterior: FloatArray
 
@@ -152,24 +93,19 @@ class RefilteringDecider:
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
         begins = ticks == 1
         if state is None:
-            filters = [_Filters(self.bank, tracks, self.world) for _ in range(self.components)]
+            filters = ComponentFilters(self.bank, self.components, tracks, self.world)
             shape = (tracks, self.world.hypotheses)
             state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
-        anchors = np.zeros((self.components, tracks, 14))
+        anchors = np.zeros((self.components, tracks, ANCHOR_COLUMNS))
         if begins.any():
             decided = layout.read(rows[begins], "previous").argmax(-1)
             correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
-        deviation = np.exp(0.5 * layout.read(rows, "log_noise"))[:, None]
-        names = ("displacement_along", "displacement_across")
-        measurements = deviation * np.stack([layout.read(rows, name) for name in names], axis=-1)
-        for filters, anchor in zip(state.components, anchors, strict=True):
-            filters.advance(begins, anchor, measurements)
-        joint = np.stack([filters.log_likelihood for filters in state.components], axis=1)
-        joint += state.log_weights[..., None]
+        state.filters.advance(rows, begins, anchors)
+        joint = state.filters.log_likelihood.swapaxes(0, 1) + state.log_weights[..., None]
         likelihood = np.exp(joint - joint.max((1, 2), keepdims=True)).sum(1)
         state.posterior = likelihood / likelihood.sum(-1, keepdims=True)
         return self._declare(state.posterior), state
@@ -184,35 +120,6 @@ class RefilteringDecider:
         return np.where(error <= self.alpha, best + 1, 0)
 
 
-def _anchor_rows(
-    layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray
-) -> FloatArray:
-    """Return the estimate in the heading frame with its covariance, (N, 14).
-
-    Args:
-        layout: layout of the rows.
-        rows: (N, width).
-        mean: (N, 4) mean error.
-        covariance: (N, 4, 4).
-    """
-    anchors = np.zeros((len(rows), 14))
-    anchors[:, 1] = layout.read(rows, "speed")
-    anchors[:, :4] += mean
-    anchors[:, 4:] = covariance[:, TRIANGLE[0], TRIANGLE[1]]
-    return anchors
-
-
-def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
-    """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the axes."""
-    noise = np.exp(layout.read(rows, "log_noise"))
-    xx, xv, vv = (noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
-    covariance = np.zeros((len(rows), 4, 4))
-    for k in (0, 2):
-        covariance[:, k, k], covariance[:, k + 1, k + 1] = xx, vv
-        covariance[:, k, k + 1] = covariance[:, k + 1, k] = xv
-    return covariance
-
-
 class KeptCovarianceDecider(RefilteringDecider):
     """MSPRT of the published bank started from the covariance of the estimate at the switch."""
 
@@ -224,7 +131,7 @@ class KeptCovarianceDecider(RefilteringDecider):
     ) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         covariance = stated_covariance(self.layout, rows)
-        return _anchor_rows(self.layout, rows, 0.0, covariance)[None], np.ones((len(rows), 1))
+        return anchor_rows(self.layout, rows, 0.0, covariance)[None], np.ones((len(rows), 1))
 
 
 class CalibratedAnchorDecider(RefilteringDecider):
@@ -260,7 +167,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
             weight[later] = (weights * outcome[..., None]).reshape(-1, 4)
             mean[later] = means.reshape(-1, 4, 4)
             covariance[later] = covariances.reshape(-1, 4, 4, 4)
-        anchors = [_anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(4)]
+        anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(4)]
         return np.stack(anchors), weight
 
 

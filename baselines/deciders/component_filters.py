@@ -1,0 +1,147 @@
+"""Filters that run on the measurements of an observation, one bank for each component of the anchor.
+
+The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
+frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
+everything that a filter needs except the model, which is that of the world.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.deciders.decider import Observations
+from hybrid_env.core import bank_operations
+from hybrid_env.core.compilation import compiled, prepare
+from hybrid_env.core.kernels import BANKS
+from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.records import LANES
+from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
+
+FloatArray = NDArray[np.float64]
+TRIANGLE = np.triu_indices(4)
+ANCHOR_COLUMNS = 14
+"""Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
+
+
+@compiled
+def _filter_tick(
+    banks: Any,
+    begins: NDArray[np.bool_],
+    anchors: FloatArray,
+    measurements: FloatArray,
+    radii: FloatArray,
+    model: FilterModel,
+    log_likelihood: FloatArray,
+    innovations: FloatArray,
+) -> None:
+    """Start the filters of some tracks, then advance all by one tick.
+
+    Args:
+        banks: banks of all blocks of C N lanes; the tracks of one component follow each other.
+        begins: (N,) tracks whose filters start.
+        anchors: (C, N, 14) initial estimate and upper triangle of its covariance.
+        measurements: (N, 2) [m].
+        radii: (n,) [m].
+        model: model of the filters.
+        log_likelihood: (C, N, M), written in place.
+        innovations: (C, N, M, 3), written in place.
+    """
+    tracks = begins.size
+    lanes_total = log_likelihood.shape[0] * tracks
+    measurement = np.zeros((2, LANES))
+    for b in range(banks.hypotheses.shape[0]):
+        bank = bank_operations.bank_of_block(banks, b)
+        lanes = min(LANES, lanes_total - b * LANES)
+        for lane in range(lanes):
+            c, i = divmod(b * LANES + lane, tracks)
+            if begins[i]:
+                a = anchors[c, i]
+                anchor = (a[0], a[1], a[2], a[3])
+                covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
+                bank_operations.begin(bank, lane, anchor, covariance, radii, model)
+            measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
+        bank_operations.step(bank, 0, lanes, measurement, model)
+        for lane in range(lanes):
+            c, i = divmod(b * LANES + lane, tracks)
+            for h in range(bank.hypotheses.size):
+                innovation = bank.innovations[h]
+                log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
+                innovations[c, i, h, 0] = innovation.white_x[lane]
+                innovations[c, i, h, 1] = innovation.white_y[lane]
+                innovations[c, i, h, 2] = innovation.log_variance[lane]
+
+
+class ComponentFilters:
+    """One bank for each track and component of the distribution of its anchor.
+
+    Args:
+        bank: key of `hybrid_env.core.kernels.BANKS`.
+        components: C.
+        tracks: N.
+        world: options of the world, whose model the filters use. They have one measurement variance, the
+            geometric mean of the axes, because the orientation of the heading frame is unknown.
+
+    Attributes:
+        log_likelihood: (C, N, M) of all measurements since the start of the filters.
+        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
+            the logarithm of its variance [m^2].
+    """
+
+    def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions):
+        self.radii = np.array(world.radii)
+        self.layout = Layout(world.hypotheses)
+        variance = float(np.exp(np.log(world.variances).mean()))
+        self.model = FilterModel(world.tau, world.process_variance, variance, variance)
+        self.banks = BANKS[bank](self.radii.size, 1, -(-components * tracks // LANES))
+        shape = (components, tracks, world.hypotheses)
+        self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
+        none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
+        outputs = self.log_likelihood, self.innovations
+        prepare(_filter_tick, self.banks, *none, self.radii, self.model, *outputs)
+
+    def advance(self, rows: Observations, begins: NDArray[np.bool_], anchors: FloatArray) -> None:
+        """Start the filters of some tracks, then advance all by the measurement of their rows.
+
+        Args:
+            rows: (N, width).
+            begins: (N,) tracks whose filters start.
+            anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
+        """
+        deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
+        names = ("displacement_along", "displacement_across")
+        measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
+        _filter_tick(
+            self.banks, begins, anchors, measurements, self.radii, self.model,
+            self.log_likelihood, self.innovations,
+        )  # fmt: skip
+
+
+def anchor_rows(
+    layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray
+) -> FloatArray:
+    """Return the estimate in the heading frame with its covariance, (N, 14).
+
+    Args:
+        layout: layout of the rows.
+        rows: (N, width).
+        mean: (N, 4) mean error.
+        covariance: (N, 4, 4).
+    """
+    anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
+    anchors[:, 1] = layout.read(rows, "speed")
+    anchors[:, :4] += mean
+    anchors[:, 4:] = covariance[:, TRIANGLE[0], TRIANGLE[1]]
+    return anchors
+
+
+def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
+    """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the axes."""
+    noise = np.exp(layout.read(rows, "log_noise"))
+    xx, xv, vv = (noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
+    covariance = np.zeros((len(rows), 4, 4))
+    for k in (0, 2):
+        covariance[:, k, k], covariance[:, k + 1, k + 1] = xx, vv
+        covariance[:, k, k + 1] = covariance[:, k + 1, k] = xv
+    return covariance
