@@ -22,7 +22,6 @@ SMALL_SEQUENCE = ("n_steps=16", "hidden=8", "worlds=[{n_envs: 20}, {n_envs: 4, e
 KINDS = {
     "ppo": ("HybridTrack-v0", SMALL_PPO),
     "sequence": ("HybridTrack-v0", SMALL_SEQUENCE),
-    "stopping": ("HybridTrackBank-v0", SMALL_PPO),
     "recurrent-ppo": ("HybridTrack-v0", (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
 }
 SCHEME = {"scheme": "random 2x20-30"}

@@ -21,12 +21,10 @@ from baselines.deciders.refiltering import (
     KeptCovarianceDecider,
     fit_calibrated_anchor,
 )
-from hybrid_env.checks import ArgumentError, check_positive, reject
+from hybrid_env.checks import check_positive, reject
 from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
-    from stable_baselines3.common.policies import ActorCriticPolicy
-
     from agents.learned.policy import PolicyDecider
     from agents.learned.sequence import SequenceNet
 
@@ -200,26 +198,11 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
-def policy_decider(policy: "ActorCriticPolicy", world: WorldOptions) -> "PolicyDecider":
-    """Return a trained actor as a decider for an environment."""
-    from agents.learned.policy import PolicyDecider, sequence_net_of
-    from agents.learned.stopping import StoppingDecider
-
-    if sequence_net_of(policy) is not None:
-        return StoppingDecider(policy, world.correctness == "type")
-    return PolicyDecider(policy)
-
-
 def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
     """Return the family of a trained sequence agent; its threshold is the posterior error probability."""
     from agents.learned.sequence import SequenceDecider
 
-    radius_weight = 0.0 if world.correctness == "type" else 1.0
-
-    def make(alpha: float) -> Decider:
-        return SequenceDecider(net, alpha, radius_weight)
-
-    return DeciderFamily(name, "alpha", FEW_ALPHAS, 0.02, make)
+    return DeciderFamily(name, "alpha", FEW_ALPHAS, 0.02, lambda alpha: SequenceDecider(net, world, alpha))
 
 
 def _policy_folder(name: str) -> Path:
@@ -253,29 +236,9 @@ def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
         from agents.learned.sequence import load_sequence
 
         return sequence_family(folder.name, load_sequence(folder, weights, card), world)
-    from agents.learned.policy import load_actor
+    from agents.learned.policy import PolicyDecider, load_actor
 
-    return policy_family(folder.name, policy_decider(load_actor(folder, weights, card), world))
-
-
-def load_sequence_net(name: str) -> "SequenceNet":
-    """Return the network of 'shipped' or of the run folder of a sequence agent.
-
-    Raises:
-        ArgumentError: the name is neither.
-    """
-    from agents.learned.policy_file import load_policy
-    from agents.learned.sequence import load_sequence
-
-    folder = _policy_folder(name)
-    refusal = reject("sequence_agent", name, f"{SHIPPED!r} or the run folder of a sequence agent")
-    try:
-        weights, card = load_policy(folder)
-    except ArgumentError:
-        raise refusal from None
-    if card["recipe"]["entry"]["algo"] != "sequence":
-        raise refusal
-    return load_sequence(folder, weights, card)
+    return policy_family(folder.name, PolicyDecider(load_actor(folder, weights, card)))
 
 
 def load_decider(name: str, options: WorldOptions) -> Decider:

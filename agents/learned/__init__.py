@@ -1,8 +1,9 @@
 """Learned deciders: networks, policies and their files.
 
-- `sequence`: the recurrent network that corrects the bank's log-likelihood ratios.
+- `sequence`: the recurrent network that corrects the likelihoods of filters of its own, and its decider.
+- `anchor_net`: the network that predicts the distribution of the anchor error, from which they start.
+- `dimensionless`: the inputs of both networks, without units.
 - `policy`: an actor of Stable-Baselines3 as a decider.
-- `stopping`: an actor that decides when to stop, from the belief state of the sequence network.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.

@@ -4,18 +4,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from hybrid_env.checks import check_flag, check_integer, reject
-from hybrid_env.observation import TRACK_FEATURES
 
 LARGEST_HIDDEN = 512  # hidden state of one hypothesis in the sequence network
 LARGEST_LAYER = 1024
 MOST_LAYERS = 8
 ACTOR_CRITIC_SETTINGS = ("net_arch", "ortho_init")
 LSTM_SETTINGS = ("lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm")
-
-
-def belief_width(hidden: int) -> int:
-    """Return the width of a belief row, see `stopping.BeliefEncoder`."""
-    return 3 + len(TRACK_FEATURES) + hidden
 
 
 def check_policy_kwargs(policy_kwargs: Any, recurrent: bool) -> None:

@@ -11,9 +11,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.network_settings import LARGEST_HIDDEN, belief_width, check_policy_kwargs
+from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
-from agents.learned.sequence import SequenceNet
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout
@@ -49,14 +48,6 @@ def make_policy(
         observation_space, action_space, lambda _: 0.0, **policy_kwargs_with_features(policy_kwargs, observe)
     )
     return policy
-
-
-def sequence_net_of(policy: ActorCriticPolicy) -> SequenceNet | None:
-    """Return the sequence network that computes a policy's belief state; None if it reads observation rows.
-
-    See `agents.learned.stopping`.
-    """
-    return getattr(policy, "beliefs", None)
 
 
 class PolicyDecider:
@@ -149,9 +140,6 @@ def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) ->
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
-    net = sequence_net_of(policy)
-    if net is not None:
-        card["beliefs_hidden"] = net.hidden
     save_policy(folder, policy.state_dict(), card)
 
 
@@ -165,8 +153,7 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         entry = card["recipe"]["entry"]
         recurrent = entry["algo"] == "recurrent_ppo"
         check_policy_kwargs(entry["policy_kwargs"], recurrent)
-        hidden = card.get("beliefs_hidden")
-        space, actions = _spaces(card, hidden)
+        space, actions = _spaces(card)
         # the limits on widths and layers keep this below 200 MB, whatever the card says
         policy = make_policy(
             space,
@@ -175,8 +162,6 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             tuple(entry.get("observe", ())),
             recurrent,
         )
-        if hidden is not None:
-            policy.beliefs = SequenceNet(hidden)
         load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
@@ -186,17 +171,11 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
     return policy
 
 
-def _spaces(card: dict[str, Any], hidden: int | None) -> tuple[spaces.Box, spaces.Discrete]:
+def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
     """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
     width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
     actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    allowed = [2]
-    if hidden is None:
-        allowed.append(Layout.of_width(width).hypotheses + 1)
-    else:
-        expected = belief_width(check_integer("beliefs_hidden", hidden, maximum=LARGEST_HIDDEN))
-        if width != expected:
-            raise reject("observation_width", width, str(expected))
+    allowed = 2, Layout.of_width(width).hypotheses + 1
     if actions not in allowed:
         raise reject("actions", actions, " or ".join(map(str, allowed)))
     return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)

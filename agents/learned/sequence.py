@@ -1,12 +1,17 @@
-"""A recurrent network that corrects the bank's log-likelihood ratios, as a decider, and its file.
+"""A recurrent network that corrects the likelihoods of filters of its own, as a decider, and its file.
 
-The bank treats its anchor as exact, so its likelihoods are biased. Over a segment the bias shows in the
-innovations, the displacement and the covariance of the anchor. A gated recurrent unit (GRU) reads them for
-every hypothesis with shared weights and corrects the log-likelihood ratio; the decider stops on the resulting
-posterior. The weights are shared over hypotheses, and lateral features are mirrored to the side of the turn,
-so one network applies to a bank of any size.
+At every switch `anchor_net` predicts the distribution of the anchor error, from which extended Kalman filters
+start. Where the model holds, their likelihoods are accurate. A gated recurrent unit (GRU) reads their
+innovations for every hypothesis with shared weights and corrects the log-likelihood for what the model lacks:
+outliers, motion that the filters follow badly, a wrong measurement variance. Without training the decider
+is an MSPRT.
+
+All inputs are without units (`dimensionless`), and the weights are shared over hypotheses and over left and
+right turns. One network therefore applies to objects of any size and to banks of any size.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,100 +20,250 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.learned.anchor_net import COMPONENTS, AnchorNet, stated_factor
+from agents.learned.dimensionless import (
+    HYPOTHESIS_INPUTS,
+    TRACK_INPUTS,
+    LastRow,
+    Scales,
+    anchor_inputs,
+    declared_side,
+    tick_inputs,
+)
 from agents.learned.network_settings import LARGEST_HIDDEN
 from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
+from baselines.deciders.component_filters import (
+    ANCHOR_COLUMNS,
+    ComponentFilters,
+    anchor_rows,
+    stated_covariance,
+)
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
-from hybrid_env.checks import check_between, check_integer, reject
-from hybrid_env.observation import HYPOTHESIS_FEATURES, LOG_SCALE, TICK_SCALE, TRACK_FEATURES, Layout
+from hybrid_env.checks import check_integer, reject
+from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 
-HYPOTHESIS_NAMES, TRACK_NAMES = list(HYPOTHESIS_FEATURES), list(TRACK_FEATURES)
+FloatArray = NDArray[np.float64]
+ANCHOR_HIDDEN = 48  # units of the layers of the anchor network
 
 
 class SequenceNet(nn.Module):
-    """Recurrent network that scores the hypotheses at every tick, with the same weights for each hypothesis.
+    """Recurrent network that corrects log-likelihoods, with the same weights for each hypothesis.
 
     Args:
         hidden: size of the hidden state of one hypothesis.
     """
 
-    def __init__(self, hidden: int = 40):
+    def __init__(self, hidden: int = 24):
         super().__init__()
         self.hidden = hidden
-        self.encoder = nn.Linear(len(HYPOTHESIS_NAMES) + len(TRACK_NAMES) + 1, hidden)
+        self.anchor = AnchorNet(ANCHOR_HIDDEN)
+        self.encoder = nn.Linear(len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS), hidden)
         self.memory = nn.GRUCell(2 * hidden, hidden)
+        self.carry = nn.Linear(hidden, hidden, bias=False)
         self.mix = nn.Linear(2 * hidden, hidden)
-        self.score = nn.Linear(hidden, 1)
-        self.trust = nn.Parameter(torch.tensor(0.5))  # weight of the bank's log-likelihood ratio
-        nn.init.zeros_(self.score.weight)
+        self.score = nn.Linear(hidden, 3)
+        for layer in (self.score, self.carry):
+            nn.init.zeros_(layer.weight)
         nn.init.zeros_(self.score.bias)
 
-    def features(self, rows: Tensor) -> Tensor:
-        """Return the features (..., M, 2 hidden) of each hypothesis from observation rows (..., 6 M + 10).
+    def features(self, own: Tensor, track: Tensor, weights: Tensor) -> Tensor:
+        """Return the features (..., M, 2 hidden) of each hypothesis.
 
-        Lateral quantities ("across") are mirrored to the side of the turn, so that left and right turns share
-        one representation. The mean over hypotheses is appended to the features of each.
+        The mean over hypotheses is appended to the features of each.
+
+        Args:
+            own: (..., M, 9) inputs of the hypotheses, see `dimensionless.HYPOTHESIS_INPUTS`.
+            track: (..., 10) inputs of the track.
+            weights: (..., M) of the mean.
         """
-        count = (rows.shape[-1] - len(TRACK_NAMES)) // len(HYPOTHESIS_NAMES)
-        own = rows[..., : len(HYPOTHESIS_NAMES) * count]
-        own = own.unflatten(-1, (len(HYPOTHESIS_NAMES), count)).transpose(-1, -2)
-        shared = rows[..., len(HYPOTHESIS_NAMES) * count :].unsqueeze(-2)
-        shared = shared.expand(*own.shape[:-1], len(TRACK_NAMES))
-        curvature = own[..., HYPOTHESIS_NAMES.index("curvature")].unsqueeze(-1)
-        side = torch.where(curvature < 0, -1.0, 1.0)
-        own = torch.where(_mask(HYPOTHESIS_NAMES, "innovation_across", "curvature"), own * side, own)
-        innovations = _mask(HYPOTHESIS_NAMES, "innovation_across", "innovation_along")
-        own = torch.where(innovations, torch.asinh(own), own)
-        shared = torch.where(_mask(TRACK_NAMES, "displacement_across"), shared * side, shared)
-        return _with_mean(
-            torch.tanh(self.encoder(torch.cat([own, shared, (curvature == 0).float()], dim=-1)))
-        )
+        shared = track.unsqueeze(-2).expand(*own.shape[:-1], track.shape[-1])
+        return _with_mean(torch.tanh(self.encoder(torch.cat([own, shared], dim=-1))), weights)
 
-    def next_hidden_state(self, features: Tensor, hidden_state: Tensor) -> Tensor:
-        """Return the next hidden state (N, M, hidden) from features (N, M, 2 hidden)."""
+    def next_hidden_state(
+        self, features: Tensor, hidden_state: Tensor, begins: Tensor, first: Tensor
+    ) -> Tensor:
+        """Return the next hidden state (N, M, hidden).
+
+        Args:
+            features: (N, M, 2 hidden).
+            hidden_state: (N, M, hidden).
+            begins: (N,) the first tick of a segment: the hypotheses start from the mean of their states.
+            first: (N,) the first tick of an episode: they start from zero.
+        """
+        mean = self.carry(hidden_state.mean(-2, keepdim=True) * ~first[:, None, None])
+        mean = mean.expand_as(hidden_state)
+        hidden_state = torch.where(begins[:, None, None], mean, hidden_state)
         flat = self.memory(features.flatten(0, 1), hidden_state.flatten(0, 1))
         return flat.unflatten(0, hidden_state.shape[:2])
 
-    def log_posterior(self, rows: Tensor, hidden_state: Tensor) -> Tensor:
-        """Return the log-posterior (..., M) from observation rows and the hidden state updated with them."""
-        ratio = rows[..., : hidden_state.shape[-2]] / LOG_SCALE
-        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state)))).squeeze(-1)
-        return torch.log_softmax(score + self.trust * ratio, dim=-1)
-
-    @torch.no_grad()
-    def predict_posterior(
-        self, observation: Observations, hidden_state: Tensor | None
-    ) -> tuple[NDArray[np.float32], Tensor]:
-        """Process one tick of N tracks.
+    def log_posterior(self, ratios: Tensor, hidden_state: Tensor, weights: Tensor) -> Tensor:
+        """Return the log-posterior (..., M).
 
         Args:
-            observation: (N, 6 M + 10).
-            hidden_state: (N, M, hidden) after the previous tick; None before the first.
-
-        Returns:
-            Posterior (N, M) and hidden state (N, M, hidden) after the tick.
+            ratios: (..., M, 2) log-likelihood ratios of the own filters and of the bank.
+            hidden_state: (..., M, hidden) updated with the tick.
+            weights: (..., M) of the mean over hypotheses.
         """
-        rows = torch.as_tensor(observation)
-        if hidden_state is None:
-            hidden_state = torch.zeros(len(rows), Layout.of_rows(observation).hypotheses, self.hidden)
-        reset = first_ticks(rows)[:, None, None]
-        hidden_state = self.next_hidden_state(self.features(rows), hidden_state * ~reset)
-        return self.log_posterior(rows, hidden_state).exp().numpy(), hidden_state
+        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state, weights))))
+        shared = (weights.unsqueeze(-1) * score[..., 1:]).sum(-2)
+        trust, of_bank = shared.unbind(-1)
+        corrected = torch.exp(trust).unsqueeze(-1) * ratios[..., 0] + of_bank.unsqueeze(-1) * ratios[..., 1]
+        return torch.log_softmax(score[..., 0] + corrected, dim=-1)
 
 
-def _with_mean(values: Tensor) -> Tensor:
-    """Return (..., M, 2 F): the values (..., M, F) of each hypothesis and their mean over hypotheses."""
-    return torch.cat([values, values.mean(-2, keepdim=True).expand_as(values)], dim=-1)
+def _with_mean(values: Tensor, weights: Tensor) -> Tensor:
+    """Return (..., M, 2 F): the values (..., M, F) of each hypothesis and their weighted mean."""
+    mean = (weights.unsqueeze(-1) * values).sum(-2, keepdim=True)
+    return torch.cat([values, mean.expand_as(values)], dim=-1)
 
 
-def _mask(names: list[str], *selected: str) -> Tensor:
-    return torch.tensor([name in selected for name in names])
+@dataclass
+class TickInputs:
+    """Inputs of the network in one tick of N tracks.
+
+    Attributes:
+        own: (N, M, 9), track: (N, 10), see `dimensionless.tick_inputs`.
+        ratios: (N, M, 2) log-likelihood ratios of the own filters and of the bank.
+        weights: (N, M) posterior of the own filters.
+        begins: (N,) first tick of a segment.
+        first: (N,) first tick of an episode.
+    """
+
+    own: Tensor
+    track: Tensor
+    ratios: Tensor
+    weights: Tensor
+    begins: Tensor
+    first: Tensor
 
 
-def first_ticks(rows: Tensor) -> Tensor:
-    """Return (...) True at the first tick of a segment, where the hidden state is reset."""
-    return rows[..., -len(TRACK_NAMES) + TRACK_NAMES.index("ticks")] < 1.5 * TICK_SCALE
+class TrackFilters:
+    """The filters of N tracks in one or several worlds, started as the network predicts.
+
+    Args:
+        worlds: options, all with the same number of hypotheses.
+        tracks: number of tracks of each.
+
+    Attributes:
+        last: what is remembered of the last row.
+        anchor_samples: inputs (n, 20 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
+            last tick.
+    """
+
+    def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
+        self.layout = Layout(worlds[0].hypotheses)
+        self.filters = [
+            ComponentFilters("anchor_aware", COMPONENTS, count, world)
+            for world, count in zip(worlds, tracks, strict=True)
+        ]
+        self.splits = np.cumsum(tracks)[:-1]
+        self.scales = Scales.of(worlds, tracks)
+        total, M = int(sum(tracks)), self.layout.hypotheses
+        self.log_weights = np.zeros((total, COMPONENTS))
+        self.log_likelihood = np.zeros((total, M))
+        zeros = [np.zeros(total) for _ in range(3)]
+        self.last = LastRow(np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS), *zeros)
+        self.anchor_samples: tuple[NDArray[np.float32], FloatArray, NDArray[np.int64]] | None = None
+
+    def advance(self, net: SequenceNet, rows: Observations, first: NDArray[np.bool_]) -> TickInputs:
+        """Process one row of every track.
+
+        Args:
+            net: predicts the anchors.
+            rows: (N, width).
+            first: (N,) True at the first tick of an episode, whose anchor is as the options say.
+        """
+        layout = self.layout
+        ticks = layout.read(rows, "ticks")
+        begins = ticks < 1.5
+        anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
+        self.anchor_samples = None
+        if begins.any():
+            anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
+        log_likelihood, innovations = [], []
+        parts = zip(
+            self.filters, np.split(rows, self.splits), np.split(begins, self.splits),
+            np.split(anchors, self.splits, axis=1), strict=True,
+        )  # fmt: skip
+        for filters, own_rows, own_begins, own_anchors in parts:
+            filters.advance(own_rows, own_begins, own_anchors)
+            log_likelihood.append(filters.log_likelihood)
+            innovations.append(filters.innovations)
+        joint = np.concatenate(log_likelihood, axis=1) + self.log_weights.T[..., None]
+        largest = joint.max(0)
+        share = np.exp(joint - largest)
+        total = share.sum(0)
+        share /= total
+        previous = np.where(begins[:, None], 0.0, self.log_likelihood)
+        self.log_likelihood = largest + np.log(total)
+        mixed = (share[..., None] * np.concatenate(innovations, axis=1)).sum(0)
+        own, track = tick_inputs(
+            layout, rows, self.scales, self.log_likelihood, self.log_likelihood - previous, mixed
+        )
+        ratio = self.log_likelihood - self.log_likelihood.max(-1, keepdims=True)
+        weights = np.exp(ratio)
+        weights /= weights.sum(-1, keepdims=True)
+        self.last = LastRow(
+            weights, (share * weights).sum(-1).T, ticks, layout.read(rows, "ticks_left"),
+            layout.read(rows, "speed"),
+        )  # fmt: skip
+        ratios = np.stack([np.maximum(ratio, 2 * LOG_FLOOR), layout.read(rows, "log_ratio")], axis=-1)
+        return TickInputs(
+            torch.from_numpy(own), torch.from_numpy(track), torch.from_numpy(ratios.astype(np.float32)),
+            torch.from_numpy(weights.astype(np.float32)), torch.from_numpy(begins), torch.from_numpy(first),
+        )  # fmt: skip
+
+    def select_tracks(self, tracks: NDArray[np.bool_]) -> "TrackFilters":
+        """Return the filters of the tracks selected by a mask (N,)."""
+        parts = np.split(tracks, self.splits)
+        selected = TrackFilters([filters.world for filters in self.filters], [int(one.sum()) for one in parts])
+        selected.filters = [
+            filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
+        ]
+        selected.log_weights, selected.log_likelihood = self.log_weights[tracks], self.log_likelihood[tracks]
+        selected.last = self.last.select(tracks)
+        return selected
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next ticks; writing into them changes the filters."""
+        arrays = {f"last.{name}": array for name, array in vars(self.last).items()}
+        arrays |= {"log_weights": self.log_weights, "log_likelihood": self.log_likelihood}
+        for k, filters in enumerate(self.filters):
+            for name, records in filters.banks._asdict().items():
+                arrays |= {f"filters.{k}.{name}.{field}": records[field] for field in records.dtype.names}
+        return arrays
+
+    def _anchors(
+        self, net: SequenceNet, rows: Observations, begins: NDArray[np.bool_], first: NDArray[np.bool_]
+    ) -> FloatArray:
+        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their weights."""
+        layout, scales, last = self.layout, self.scales.select(begins), self.last.select(begins)
+        log_weights = np.full((len(rows), COMPONENTS), -1e3)
+        log_weights[:, 0] = 0.0
+        mean = np.zeros((len(rows), COMPONENTS, 4))
+        covariance = np.repeat(stated_covariance(layout, rows)[:, None], COMPONENTS, axis=1)
+        later = np.flatnonzero(~first)
+        if later.size:
+            side = declared_side(layout, rows, last)
+            inputs = anchor_inputs(layout, rows, scales, last, side)[later]
+            factor = stated_factor(layout, rows, scales.tau, side)[later]
+            log_weights[later], mean[later], covariance[later] = net.anchor.anchors(inputs, factor)
+            self.anchor_samples = inputs, factor, np.flatnonzero(begins)[later]
+        self.log_weights[begins] = log_weights
+        return np.stack([anchor_rows(layout, rows, mean[:, k], covariance[:, k]) for k in range(COMPONENTS)])
+
+
+@torch.no_grad()
+def posterior_of_tick(
+    net: SequenceNet, inputs: TickInputs, hidden_state: Tensor
+) -> tuple[NDArray[np.float64], Tensor]:
+    """Return the posterior (N, M) and the hidden state (N, M, hidden) after one tick."""
+    features = net.features(inputs.own, inputs.track, inputs.weights)
+    hidden_state = net.next_hidden_state(features, hidden_state, inputs.begins, inputs.first)
+    log_posterior = net.log_posterior(inputs.ratios, hidden_state, inputs.weights)
+    return log_posterior.double().exp().numpy(), hidden_state
 
 
 def error_probabilities_and_best(
@@ -133,18 +288,19 @@ def error_probabilities_and_best(
     return other_types_sum(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
 
 
-def error_probability_and_best(
-    posterior: NDArray[np.floating], radius_weight: float | NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the posterior error probability of a declaration and the hypothesis to declare, each (N,).
+@dataclass
+class SequenceState:
+    """State of the decider for N tracks.
 
-    Args:
-        posterior: (N, M).
-        radius_weight: weight of a wrong radius of the right type, from 0 (no error) to 1 (same as a wrong
-            type); one value for all tracks, or (N,).
+    Attributes:
+        filters: of the tracks; changed in place.
+        hidden_state: (N, M, hidden) of the network.
+        starting: (N,) an episode starts with the next first tick of a segment.
     """
-    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, np.asarray(radius_weight) < 1.0)
-    return wrong_type + radius_weight * wrong_radius, best
+
+    filters: TrackFilters
+    hidden_state: Tensor
+    starting: NDArray[np.bool_]
 
 
 class SequenceDecider:
@@ -152,20 +308,38 @@ class SequenceDecider:
 
     Args:
         net: trained network.
+        world: options of the world; the filters use its model.
         alpha: threshold on the posterior error probability, in (0, 1].
-        radius_weight: weight of a wrong radius of the right type in the error probability, from 0 to 1. A
-            wrong radius degrades the next anchor even where only the type is rewarded.
 
     Raises:
-        ArgumentError: alpha or radius_weight is out of range.
+        ArgumentError: alpha is out of range.
     """
 
-    def __init__(self, net: SequenceNet, alpha: float = 0.02, radius_weight: float = 1.0):
+    def __init__(self, net: SequenceNet, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
-        if radius_weight not in (0.0, 1.0):
-            check_between("radius_weight", radius_weight, 0.0, 1.0)
-        self.net, self.alpha, self.radius_weight = net, alpha, radius_weight
+        self.net, self.world, self.alpha = net, world, alpha
+        self.by_type = world.correctness == "type"
+
+    def posterior(
+        self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None
+    ) -> tuple[FloatArray, SequenceState]:
+        """Return the posterior (N, M) after one tick, and the state."""
+        rows = np.asarray(observation)
+        tracks = len(rows)
+        if state is None:
+            state = SequenceState(
+                TrackFilters([self.world], [tracks]),
+                torch.zeros(tracks, self.world.hypotheses, self.net.hidden),
+                np.ones(tracks, np.bool_),
+            )
+        starting = state.starting if episode_start is None else state.starting | episode_start
+        first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
+        state.starting = starting & ~first
+        inputs = state.filters.advance(self.net, rows, first)
+        posterior, state.hidden_state = posterior_of_tick(self.net, inputs, state.hidden_state)
+        state.filters.last.posterior = posterior
+        return posterior, state
 
     def predict(
         self,
@@ -173,15 +347,17 @@ class SequenceDecider:
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Actions, Tensor]:
-        """See `Decider.predict`. The state is the hidden state of every hypothesis, (N, M, hidden)."""
-        posterior, state = self.net.predict_posterior(observation, state)
-        error_probability, best = error_probability_and_best(posterior, self.radius_weight)
-        return np.where(error_probability <= self.alpha, best + 1, 0), state
+    ) -> tuple[Actions, SequenceState]:
+        """See `Decider.predict`. The state is a `SequenceState`."""
+        posterior, state = self.posterior(observation, state, episode_start)
+        wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, self.by_type)
+        error = wrong_type if self.by_type else wrong_type + wrong_radius
+        return np.where(error <= self.alpha, best + 1, 0), state
 
-    def select_tracks(self, state: Tensor, tracks: NDArray[np.bool_]) -> Tensor:
+    def select_tracks(self, state: SequenceState, tracks: NDArray[np.bool_]) -> SequenceState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
-        return state[torch.from_numpy(tracks)]
+        hidden_state = state.hidden_state[torch.from_numpy(tracks)]
+        return SequenceState(state.filters.select_tracks(tracks), hidden_state, state.starting[tracks])
 
 
 def check_declares_hypotheses(world: WorldOptions) -> None:

@@ -1,5 +1,6 @@
 """The evidence of a decider: the quantity that it compares with its threshold, for the evidence panel."""
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -80,23 +81,17 @@ def learned_evidence(decider: Decider) -> DeciderEvidence:
     """Return the evidence of a learned decider. PyTorch is imported only here, because it loads slowly."""
     from agents.learned.policy import PolicyDecider
     from agents.learned.sequence import SequenceDecider
-    from agents.learned.stopping import StoppingDecider
 
     match decider:
         case SequenceDecider():
-            by_type = decider.radius_weight < 1.0
+            by_type = decider.by_type
             panel = posterior_panel("neural network", by_type, np.array([decider.alpha]))
             return DeciderEvidence(
                 panel,
                 lambda observation, state, start: posterior_evidence(
-                    decider.net.predict_posterior(observation, state)[0], by_type
-                ),
-            )
-        case StoppingDecider():
-            return DeciderEvidence(
-                log_odds_panel(decider.threshold, single=True),
-                lambda observation, state, start: log_odds_evidence(
-                    decider.logits(decider.encoder.encode(observation, state)[0])[0], observation
+                    # a copy, because the decider changes its state in place
+                    decider.posterior(observation, copy.deepcopy(state), start)[0],
+                    by_type,
                 ),
             )
         case PolicyDecider():

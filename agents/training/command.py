@@ -13,7 +13,7 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many environments),
-    'stopping' (PPO on the belief state of the shipped network), 'recurrent-ppo', three ablations
+    'recurrent-ppo', three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: tuple[str, ...] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""

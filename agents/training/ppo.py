@@ -18,17 +18,15 @@ from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation import seeds
-from agents.evaluation.deciders import DeciderFamily, load_sequence_net, policy_decider, policy_family
+from agents.evaluation.deciders import DeciderFamily, policy_family
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import PolicyDecider, save_actor
 from agents.learned.policy_file import first_line
-from agents.learned.sequence import SequenceNet
 from agents.training import run_folder
-from agents.training.checkpoint import Checkpoint, check_scalars
+from agents.training.checkpoint import check_scalars
 from agents.training.random_state import check_random_state, random_state, set_random_state
 from agents.training.recipe import PPOSettings, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
-from agents.training.stopping_vec_env import StoppingVecEnv
 from agents.training.track_state import check_tracks
 from agents.training.vec_env import HybridTrackVecEnv
 from hybrid_env.checks import ArgumentError, check_integer, reject
@@ -118,12 +116,6 @@ class _RunCallback(BaseCallback):
             self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
 
 
-def _saved_net(saved: Checkpoint) -> SequenceNet:
-    """Return a network of the size of that in a checkpoint, whose weights are restored later."""
-    biases = saved.tensors.get("network.beliefs.encoder.bias", torch.zeros(0))
-    return SequenceNet(max(1, biases.numel()))
-
-
 def _model_class(algo: str) -> Any:
     if algo == "ppo":
         return PPO
@@ -149,7 +141,7 @@ class PPORun(Run):
         assert isinstance(settings, PPOSettings)
         self.settings = settings
         kind = _model_class(self.recipe.algo)
-        env, sequence_net = self._make_env()
+        env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
         self.segments = env.env.options.segments
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
@@ -170,9 +162,6 @@ class PPORun(Run):
             ) from None
         with torch.no_grad():
             self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
-        if sequence_net is not None:
-            # saved with the policy under this name; not trained, because the optimizer already exists
-            self.model.policy.beliefs = sequence_net
         # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
         env.seed(self.track_seeds()[0])
         self.model._last_obs = env.reset()
@@ -181,13 +170,6 @@ class PPORun(Run):
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self._random: dict[str, Any] | None = None
         self._logged: dict[str, float] = {}
-
-    def _make_env(self) -> tuple[HybridTrackVecEnv, SequenceNet | None]:
-        settings = self.settings
-        if settings.sequence_agent is None:
-            return HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options), None
-        net = load_sequence_net(settings.sequence_agent) if self.saved is None else _saved_net(self.saved)
-        return StoppingVecEnv(net, self.env_id, settings.n_envs, **self.options), net
 
     @property
     def network(self) -> nn.Module:
@@ -218,7 +200,7 @@ class PPORun(Run):
     @property
     def decider(self) -> PolicyDecider:
         """The current policy as a decider."""
-        return policy_decider(self.model.policy, self.model.env.env.options)
+        return PolicyDecider(self.model.policy)
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current policy as a family of deciders."""

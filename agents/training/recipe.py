@@ -17,6 +17,7 @@ from typing import Any
 from agents.interface.input_files import parse_yaml, read_text
 from agents.learned.network_settings import LARGEST_HIDDEN, check_policy_kwargs
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.limits import MAX_RADII
 from hybrid_env.options import WorldOptions
 
 FOLDER = Path(__file__).parent / "recipes"
@@ -24,6 +25,7 @@ POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
 LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
 LARGEST_UNROLLING = 2**22  # ticks x tracks x hidden state of an update of the sequence agent
 MOST_WORLDS = 100
+MOST_DRAWN = 1000
 LARGEST_COUNT = 100_000  # tracks, steps or passes
 LARGEST_WEIGHT = 100.0  # of the entropy in the loss, and of the initial bias
 LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the sequence agent declares
@@ -50,9 +52,6 @@ class PPOSettings:
         wait_bias: initial logit bias of the waiting action. With 0 an untrained policy declares immediately
             and does not learn to wait.
         observe: names of the observed quantities, see `agents.learned.features`; all if empty.
-        sequence_agent: "shipped" or the run folder of a sequence agent. The policy then observes the belief
-            state of that agent and decides when to stop, see `agents.learned.stopping`. None observes the
-            observation rows.
     """
 
     n_envs: int
@@ -67,7 +66,6 @@ class PPOSettings:
     gamma: float = 1.0
     wait_bias: float = 5.0
     observe: tuple[str, ...] = ()
-    sequence_agent: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("n_envs", "n_steps", "n_epochs"):
@@ -86,13 +84,6 @@ class PPOSettings:
             raise reject("n_steps", self.n_steps, f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}")
         if samples % self.batch_size:
             raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
-        if self.sequence_agent is not None:
-            if not isinstance(self.sequence_agent, str):
-                raise reject(
-                    "sequence_agent", self.sequence_agent, "'shipped' or the run folder of a sequence agent"
-                )
-            if self.observe:
-                raise reject("observe", self.observe, "no value together with sequence_agent")
         check_policy_kwargs(self.policy_kwargs, self.policy == POLICIES["recurrent_ppo"])
 
 
@@ -122,6 +113,26 @@ class TrainingWorld:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DrawnWorlds:
+    """Random environments that the sequence agent is trained in, see `drawn_worlds.draw_world`.
+
+    Attributes:
+        radii: number of radii of each bank.
+        worlds: number of environments at the same time.
+        n_envs: number of parallel tracks in each.
+    """
+
+    radii: int
+    worlds: int
+    n_envs: int
+
+    def __post_init__(self) -> None:
+        check_integer("radii", self.radii, maximum=MAX_RADII)
+        check_integer("worlds", self.worlds, maximum=MOST_DRAWN)
+        check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SequenceSettings:
     """Hyper-parameters of the sequence agent.
 
@@ -136,6 +147,8 @@ class SequenceSettings:
         random_declarations: probability that a declaration is replaced by a random hypothesis. Anchors after
             a wrong decision are rare under a good policy; without such training, decisions from them take
             three times as long.
+        drawn_worlds: random environments besides `worlds`.
+        updates_per_world: updates after which the random environments are drawn anew.
     """
 
     worlds: tuple[TrainingWorld, ...]
@@ -145,13 +158,20 @@ class SequenceSettings:
     smallest_alpha: float
     last_tick: int
     random_declarations: float
+    drawn_worlds: tuple[DrawnWorlds, ...] = ()
+    updates_per_world: int = 32
 
     def __post_init__(self) -> None:
-        for name, largest in (("n_steps", 10_000), ("hidden", LARGEST_HIDDEN), ("last_tick", 10**6)):
+        for name, largest in (
+            ("n_steps", 10_000), ("hidden", LARGEST_HIDDEN), ("last_tick", 10**6), ("updates_per_world", 10**6),
+        ):  # fmt: skip
             check_integer(name, getattr(self, name), maximum=largest)
         if not 1 <= len(self.worlds) <= MOST_WORLDS:
             raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")
+        if len(self.drawn_worlds) > MOST_WORLDS:
+            raise reject("drawn_worlds", self.drawn_worlds, f"at most {MOST_WORLDS} entries")
         tracks = sum(world.n_envs for world in self.worlds)
+        tracks += sum(drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds)
         if self.n_steps * tracks * self.hidden > LARGEST_UNROLLING:
             allowed = f"n_steps x tracks x hidden of at most {LARGEST_UNROLLING:,}"
             raise reject("n_steps", self.n_steps, allowed)
@@ -285,7 +305,9 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     if missing:
         raise reject("recipe", name, f"an entry with {', '.join(missing)}")
     if "worlds" in entry:
-        entry["worlds"] = _worlds(entry["worlds"])
+        entry["worlds"] = _worlds("worlds", TrainingWorld, entry["worlds"])
+    if "drawn_worlds" in entry:
+        entry["drawn_worlds"] = _worlds("drawn_worlds", DrawnWorlds, entry["drawn_worlds"])
     if "observe" in entry:
         names = entry["observe"]
         if not isinstance(names, (list, tuple)) or not all(isinstance(one, str) for one in names):
@@ -293,8 +315,6 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         entry["observe"] = tuple(names)
     if "policy" in entry and entry["policy"] != POLICIES[algo]:
         raise reject("policy", entry["policy"], POLICIES[algo])
-    if entry.get("sequence_agent") is not None and algo != "ppo":
-        raise reject("sequence_agent", entry["sequence_agent"], "no value for a recurrent policy")
     recipe = Recipe(name, algo, steps, kind(**entry))
     try:
         json.dumps(recipe.as_json(), allow_nan=False)
@@ -303,10 +323,9 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     return recipe
 
 
-def _worlds(value: Any) -> tuple[TrainingWorld, ...]:
+def _worlds(name: str, kind: type[TrainingWorld | DrawnWorlds], value: Any) -> tuple[Any, ...]:
     try:
-        return tuple(TrainingWorld(**world) for world in value)
+        return tuple(kind(**world) for world in value)
     except TypeError:
-        raise reject(
-            "worlds", value, "a list of mappings with n_envs, and optionally env and options"
-        ) from None
+        names = ", ".join(one.name for one in dataclasses.fields(kind))
+        raise reject(name, value, f"a list of mappings with some of {names}") from None

@@ -1,19 +1,21 @@
-"""Training of the sequence agent with a cross-entropy loss at every tick.
+"""Training of the sequence agent: cross-entropy of the modes at every tick, likelihood of the anchor errors.
 
 The network itself makes the decisions during training. The threshold on the error probability is drawn at
 random after each declaration, and a fraction of the declarations is replaced by random hypotheses. The
 anchors therefore include those after early, late and wrong decisions. Each rollout is one step of truncated
-backpropagation through time.
+backpropagation through time. Besides fixed worlds there are random ones, which are drawn anew regularly.
 """
 
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -21,16 +23,20 @@ from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, sequence_family
 from agents.learned.sequence import (
     SequenceNet,
+    TickInputs,
+    TrackFilters,
     check_declares_hypotheses,
-    error_probability_and_best,
-    first_ticks,
+    error_probabilities_and_best,
+    posterior_of_tick,
     save_sequence,
 )
 from agents.training import run_folder
+from agents.training.drawn_worlds import draw_world
 from agents.training.recipe import LARGEST_ALPHA, SequenceSettings, TrainingWorld, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
 from agents.training.track_state import check_tracks, track_arrays
-from hybrid_env.observation import TICK_SCALE
+from baselines.deciders.anchor_prior import anchor_errors
+from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
@@ -39,14 +45,48 @@ LOG_EVERY = 10  # updates
 RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
 
 
-class _Stream:
-    """Parallel tracks of environments with the same number of hypotheses, and their hidden state.
+@dataclass
+class _Rollout:
+    """What the tracks of a stream met in T ticks.
 
     Attributes:
+        inputs: of the network, one item per tick.
+        modes: true modes (N,), one item per tick.
+        anchor_inputs, anchor_errors: (n, 20 + C) and (n, 4) of the predicted anchors, one item per tick that
+            has any.
+        decisions: mean reward and decision time, one item per tick and environment with decisions.
+    """
+
+    inputs: list[TickInputs] = field(default_factory=list)
+    modes: list[Tensor] = field(default_factory=list)
+    anchor_inputs: list[Tensor] = field(default_factory=list)
+    anchor_errors: list[Tensor] = field(default_factory=list)
+    decisions: list[tuple[float, float]] = field(default_factory=list)
+
+
+@dataclass
+class _Gradient:
+    """Contribution of one stream to an update.
+
+    Attributes:
+        parts: gradient of each parameter; None if the loss does not depend on it.
+        losses: weighted, of modes and of anchors.
+        decisions: see `_Rollout`.
+    """
+
+    parts: list[Tensor | None]
+    losses: list[float]
+    decisions: list[tuple[float, float]]
+
+
+class _Stream:
+    """Parallel tracks of environments with the same number of hypotheses, their filters and hidden state.
+
+    Attributes:
+        first: (N,) first row of an episode.
         hidden_state: (N, M, hidden) after the last update.
+        errors: (N, 4) error of the anchor in the heading frame, of the tracks that begin a segment.
         alpha: (N,) error probability at which a track declares.
-        radius_weight: (N,) weight of a wrong radius in that error probability.
-        redraw: (N,) alpha and radius_weight are drawn again, because the track has just declared.
     """
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int, hidden: int):
@@ -60,73 +100,86 @@ class _Stream:
             first_seed += count
         self.tracks = sum(counts)
         self.layout = envs[0].world.layout
+        self.filters = TrackFilters([env.options for env in envs], counts)
         self.hidden_state = torch.zeros(self.tracks, self.layout.hypotheses, hidden)
-        by_type = [env.options.correctness == "type" for env in envs]
-        self.by_type = np.repeat(by_type, counts)
-        self.alpha, self.radius_weight = np.zeros(self.tracks), np.ones(self.tracks)
+        self.by_type = np.repeat([env.options.correctness == "type" for env in envs], counts)
+        self.first = np.ones(self.tracks, np.bool_)
+        self.errors = np.zeros((self.tracks, 4))
+        self.alpha = np.zeros(self.tracks)
         self.redraw = np.ones(self.tracks, np.bool_)
 
-    def rollout(
-        self, net: SequenceNet, settings: SequenceSettings
-    ) -> tuple[Tensor, Tensor, list[tuple[float, float]]]:
-        """Step all tracks T times with the current network.
-
-        Returns:
-            Observation rows (T, N, width), true modes (T, N), and mean reward and decision time of the
-            decisions, one pair per step and environment with decisions.
-        """
+    def rollout(self, net: SequenceNet, settings: SequenceSettings) -> _Rollout:
+        """Step all tracks T times with the current network."""
         hidden_state = self.hidden_state
-        rows, modes, decisions = [], [], []
+        rollout = _Rollout()
         for _ in range(settings.n_steps):
             self._draw_thresholds(settings)
             observation = np.concatenate(self.rows)
-            rows.append(torch.from_numpy(observation))
+            inputs = self.filters.advance(net, observation, self.first)
+            rollout.inputs.append(inputs)
             true_modes = np.concatenate([env.world.field("true_mode") for env in self.envs])
-            modes.append(torch.from_numpy(true_modes))
-            posterior, hidden_state = net.predict_posterior(observation, hidden_state)
-            error_probability, best = error_probability_and_best(posterior, self.radius_weight)
-            at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick - TICK_SCALE
+            rollout.modes.append(torch.from_numpy(true_modes))
+            if self.filters.anchor_samples is not None:
+                of_anchor, factor, tracks = self.filters.anchor_samples
+                white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]
+                rollout.anchor_inputs.append(torch.from_numpy(of_anchor))
+                rollout.anchor_errors.append(torch.from_numpy(white.astype(np.float32)))
+            posterior, hidden_state = posterior_of_tick(net, inputs, hidden_state)
+            self.filters.last.posterior = posterior
+            wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, self.by_type)
+            error_probability = np.where(self.by_type, wrong_type, wrong_type + wrong_radius)
+            at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick
             declares = (error_probability <= self.alpha) | at_last_tick
             replaced = self.generator.random(self.tracks) < settings.random_declarations
             random_mode = self.generator.integers(self.layout.hypotheses, size=self.tracks)
             actions = np.where(declares, np.where(replaced, random_mode, best) + 1, 0)
             self.redraw = declares
+            start = 0
+            truths = [env.world.field("truth") for env in self.envs]
             for k, (env, part) in enumerate(zip(self.envs, np.split(actions, self.splits), strict=True)):
-                self.rows[k], _, _, _, info = env.step(part)
+                self.rows[k], _, terminated, _, info = env.step(part)
+                self.first[start : start + len(part)] = terminated
                 if "correct" in info:
-                    decisions.append(_mean_reward_and_ticks(info, env.options.delay_cost))
-        return torch.stack(rows), torch.stack(modes), decisions
+                    rollout.decisions.append(_mean_reward_and_ticks(info, env.options.delay_cost))
+                    switched = np.flatnonzero(info["_correct"] & ~terminated)
+                    self.errors[start + switched] = anchor_errors(env, switched, truths[k][switched])
+                start += len(part)
+        return rollout
 
-    def loss(self, net: SequenceNet, rows: Tensor, modes: Tensor) -> Tensor:
-        """Return the mean negative log-posterior of the true mode; stores the final hidden state, detached.
+    def loss(self, net: SequenceNet, rollout: _Rollout) -> tuple[Tensor, Tensor]:
+        """Return the mean negative log-posterior of the true mode and the mean loss of the anchors.
 
-        Args:
-            net: the network.
-            rows: (T, N, width).
-            modes: (T, N) true modes.
+        The final hidden state is stored, detached.
         """
-        features = net.features(rows)
-        reset = first_ticks(rows)[..., None, None]
+        own, track, ratios, weights = (
+            torch.stack([getattr(one, name) for one in rollout.inputs])
+            for name in ("own", "track", "ratios", "weights")
+        )
+        features = net.features(own, track, weights)
         hidden_state, hidden_states = self.hidden_state, []
-        for tick in range(len(rows)):
-            hidden_state = net.next_hidden_state(features[tick], hidden_state * ~reset[tick])
+        for one, feature in zip(rollout.inputs, features, strict=True):
+            hidden_state = net.next_hidden_state(feature, hidden_state, one.begins, one.first)
             hidden_states.append(hidden_state)
         self.hidden_state = hidden_state.detach()
-        log_posterior = net.log_posterior(rows, torch.stack(hidden_states))
-        return nn.functional.nll_loss(log_posterior.flatten(0, 1), modes.flatten())
+        log_posterior = net.log_posterior(ratios, torch.stack(hidden_states), weights)
+        modes = torch.stack(rollout.modes)
+        of_modes = nn.functional.nll_loss(log_posterior.flatten(0, 1), modes.flatten())
+        if not rollout.anchor_inputs:
+            return of_modes, torch.zeros(())
+        of_anchors = net.anchor.loss(torch.cat(rollout.anchor_inputs), torch.cat(rollout.anchor_errors))
+        return of_modes, of_anchors
 
-    def learn(
-        self, net: SequenceNet, settings: SequenceSettings, weight: float
-    ) -> tuple[list[Tensor], float, list[tuple[float, float]]]:
-        """Return the gradient of the weighted loss of a rollout, the weighted loss, and the decisions."""
-        rows, modes, decisions = self.rollout(net, settings)
-        loss = self.loss(net, rows, modes)
-        gradient = torch.autograd.grad(weight * loss, list(net.parameters()))
-        return list(gradient), weight * float(loss.detach()), decisions
+    def learn(self, net: SequenceNet, settings: SequenceSettings, weight: float) -> _Gradient:
+        """Return the gradient of the weighted losses of a rollout."""
+        rollout = self.rollout(net, settings)
+        losses = self.loss(net, rollout)
+        gradient = torch.autograd.grad(weight * sum(losses), list(net.parameters()), allow_unused=True)
+        return _Gradient(list(gradient), [weight * float(one.detach()) for one in losses], rollout.decisions)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """Return all tensors that determine the next rollout; writing into them changes the stream."""
-        arrays = {"alpha": self.alpha, "radius_weight": self.radius_weight, "redraw": self.redraw}
+        arrays = {"first": self.first, "errors": self.errors, "alpha": self.alpha, "redraw": self.redraw}
+        arrays |= self.filters.state_arrays()
         for k, env in enumerate(self.envs):
             arrays |= {f"{k}.{name}": array for name, array in track_arrays(env).items()}
             arrays[f"{k}.rows"] = self.rows[k]
@@ -134,12 +187,9 @@ class _Stream:
         return tensors | {"hidden_state": self.hidden_state}
 
     def _draw_thresholds(self, settings: SequenceSettings) -> None:
-        generator, new = self.generator, self.redraw
-        count = int(new.sum())
+        new = self.redraw
         low, high = math.log(settings.smallest_alpha), math.log(LARGEST_ALPHA)
-        self.alpha[new] = np.exp(generator.uniform(low, high, count))
-        weight = generator.random(count) ** 2  # small weights are more frequent: only the type is rewarded
-        self.radius_weight[new] = np.where(self.by_type[new], weight, 1.0)
+        self.alpha[new] = np.exp(self.generator.uniform(low, high, int(new.sum())))
 
 
 def _mean_reward_and_ticks(info: dict[str, Any], delay_cost: float) -> tuple[float, float]:
@@ -166,11 +216,13 @@ class SequenceRun(Run):
         self.rate, self.decays = learning_rate_schedule(self.settings.learning_rate)
         self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
         self.world = make_vector_env(self.env_id, 1, **self.options).options
-        self._envs = [self._make(world) for world in self.settings.worlds]
-        for world in (self.world, *(env.options for env in self._envs)):
+        self._fixed = [self._options_of(world) for world in self.settings.worlds]
+        for world in (self.world, *(world for world, _ in self._fixed)):
             check_declares_hypotheses(world)
         self._num_timesteps = 0
-        self._streams = self._group(self._envs)
+        self._generation = 0
+        self._streams = self._draw_streams()
+        self._tracks = sum(stream.tracks for stream in self._streams)
 
     @property
     def num_timesteps(self) -> int:
@@ -180,6 +232,10 @@ class SequenceRun(Run):
     @num_timesteps.setter
     def num_timesteps(self, steps: int) -> None:
         self._num_timesteps = steps
+        generation = steps // (self.settings.n_steps * self._tracks) // self.settings.updates_per_world
+        if self.settings.drawn_worlds and generation != self._generation:
+            self._generation = generation
+            self._streams = self._draw_streams()
 
     @property
     def network(self) -> SequenceNet:
@@ -191,19 +247,27 @@ class SequenceRun(Run):
         """Its optimizer."""
         return self._optimizer
 
-    def _group(self, envs: list[HybridTrackVectorEnv]) -> list[_Stream]:
-        """Group environments with equal numbers of hypotheses."""
+    def _draw_streams(self) -> list[_Stream]:
+        """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
+        first = seeds.TRAINING + self.seed * 10**9 + self._generation * 10**5
+        generator = np.random.default_rng(first)
+        worlds = list(self._fixed)
+        for drawn in self.settings.drawn_worlds:
+            options = [draw_world(generator, drawn.radii) for _ in range(drawn.worlds)]
+            worlds += [(WorldOptions.of(**one), drawn.n_envs) for one in options]
         groups: dict[int, list[HybridTrackVectorEnv]] = {}
-        for env in envs:
-            groups.setdefault(env.options.hypotheses, []).append(env)
-        first = seeds.TRAINING + self.seed * 10**9
+        for world, count in worlds:
+            env = HybridTrackVectorEnv(
+                count, AutoresetMode.SAME_STEP, False, world.longest_segment + 1, **vars(world)
+            )
+            groups.setdefault(world.hypotheses, []).append(env)
         return [
-            _Stream(group, first + k * 10**6, self.settings.hidden) for k, group in enumerate(groups.values())
+            _Stream(group, first + k * 10**4, self.settings.hidden) for k, group in enumerate(groups.values())
         ]
 
-    def _make(self, world: TrainingWorld) -> HybridTrackVectorEnv:
+    def _options_of(self, world: TrainingWorld) -> tuple[WorldOptions, int]:
         options = self.options | dict(world.options)
-        return make_vector_env(world.env or self.env_id, world.n_envs, tick_info=False, **options)
+        return make_vector_env(world.env or self.env_id, 1, **options).options, world.n_envs
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
@@ -223,42 +287,46 @@ class SequenceRun(Run):
             stream.generator.bit_generator.state = state
             if stream.generator.bit_generator.state != state:  # NumPy rounds fractions
                 raise ValueError("the state of a generator is invalid")
-        for env in self._envs:
-            check_tracks(env)
+        for stream in self._streams:
+            for env in stream.envs:
+                check_tracks(env)
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train for the remaining steps; see `Run.learn`."""
-        streams = self._streams
-        tracks = sum(stream.tracks for stream in streams)
         parameters = list(self.net.parameters())
+        of_anchors = set(self.net.anchor.parameters())
+        others = [one for one in parameters if one not in of_anchors]
         recent: list[tuple[float, float]] = []
         # one thread per stream; the sum of the gradients does not depend on the order of completion
-        with ThreadPoolExecutor(len(streams)) as pool:
+        with ThreadPoolExecutor(len(self._streams)) as pool:
             while self.num_timesteps < self.steps:
                 self.between_updates()
                 remaining = 1.0 - self.num_timesteps / self.steps
                 factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
                 for group in self.optimizer.param_groups:
                     group["lr"] = self.rate * factor
-                results = pool.map(
-                    lambda stream: stream.learn(self.net, self.settings, stream.tracks / tracks), streams
-                )
-                gradients, losses, decisions = zip(*results, strict=True)
-                for parameter, *parts in zip(parameters, *gradients, strict=True):
-                    parameter.grad = torch.stack(parts).sum(0)
-                for of_stream in decisions:
-                    recent = (recent + of_stream)[-RECENT_STEPS:]
-                nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+                gradients = list(pool.map(self._gradient, self._streams))
+                for k, parameter in enumerate(parameters):
+                    parts = [one.parts[k] for one in gradients if one.parts[k] is not None]
+                    parameter.grad = torch.stack(parts).sum(0) if parts else None
+                for one in gradients:
+                    recent = (recent + one.decisions)[-RECENT_STEPS:]
+                nn.utils.clip_grad_norm_(of_anchors, 1.0)
+                nn.utils.clip_grad_norm_(others, 1.0)
                 self.optimizer.step()
-                self.num_timesteps += self.settings.n_steps * tracks
+                self.num_timesteps += self.settings.n_steps * self._tracks
                 reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
                 if on_progress is not None:
                     progress = TrainingProgress(self.num_timesteps, self.steps, float(reward), float(ticks))
                     on_progress(progress)
-                updates = self.num_timesteps // (self.settings.n_steps * tracks)
+                updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
                 if self.folder is not None and updates % LOG_EVERY == 0:
-                    metrics = {"loss": sum(losses), "seconds": self.seconds}
+                    of_modes, of_anchor = np.sum([one.losses for one in gradients], axis=0).tolist()
+                    metrics = {"loss": of_modes, "anchor_loss": of_anchor, "seconds": self.seconds}
                     run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
+
+    def _gradient(self, stream: _Stream) -> _Gradient:
+        return stream.learn(self.net, self.settings, stream.tracks / self._tracks)
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders for the environment of the run."""

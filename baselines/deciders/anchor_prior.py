@@ -11,7 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.records import TRACE_COLUMNS
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
 FloatArray = NDArray[np.float64]
+TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
 """Signs of [x, vx, y, vy] in a frame whose across axis points to the right."""
 
@@ -48,6 +52,26 @@ class AnchorPrior:
         signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None, None]
         covariance = self.covariance[turn] * signs[..., None] * signs[..., None, :]
         return self.weight[turn], self.mean[turn] * signs, covariance
+
+
+def anchor_errors(env: HybridTrackVectorEnv, tracks: NDArray[np.int64], before: FloatArray) -> FloatArray:
+    """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading frame.
+
+    Args:
+        env: with a trace that is longer than the longest segment.
+        tracks: (n,) indices.
+        before: (n, 4) true state before the step.
+    """
+    last = env.world.field("trace_length")[tracks] - 2  # the last tick of the segment
+    anchor = env.world.field("anchor")[tracks]
+    truth = np.where((last < 0)[:, None], before, env.world.trace[tracks, last][:, TRUTH])
+    errors = truth - anchor
+    along = anchor[:, [1, 3]] / np.maximum(np.hypot(anchor[:, 1], anchor[:, 3]), 1e-300)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    position, velocity = errors[:, [0, 2]], errors[:, [1, 3]]
+    return np.stack(
+        [(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)], axis=-1
+    )
 
 
 def fit_anchor_prior(errors: FloatArray, types: NDArray[np.int64], correct: NDArray[np.bool_]) -> AnchorPrior:

@@ -90,6 +90,7 @@ class ComponentFilters:
     """
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions):
+        self.bank, self.world = bank, world
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
         variance = float(np.exp(np.log(world.variances).mean()))
@@ -116,6 +117,18 @@ class ComponentFilters:
             self.banks, begins, anchors, measurements, self.radii, self.model,
             self.log_likelihood, self.innovations,
         )  # fmt: skip
+
+    def select_tracks(self, tracks: NDArray[np.bool_]) -> "ComponentFilters":
+        """Return the filters of the tracks selected by a mask (N,)."""
+        components, count = self.log_likelihood.shape[:2]
+        selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world)
+        lanes = np.flatnonzero(np.tile(tracks, components))
+        blocks, lane = np.divmod(np.arange(lanes.size), LANES)
+        for old, new in zip(self.banks, selected.banks, strict=True):
+            if old.ndim > 1 and len(old) == len(self.banks.hypotheses):  # the others are temporary memory
+                for name in old.dtype.names:
+                    new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
+        return selected
 
 
 def anchor_rows(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.deciders.anchor_prior import AnchorPrior, fit_anchor_prior
+from baselines.deciders.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
 from baselines.deciders.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
@@ -23,7 +23,6 @@ from baselines.deciders.component_filters import (
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
 from hybrid_env.checks import check_number, reject
-from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -109,6 +108,10 @@ class RefilteringDecider:
         likelihood = np.exp(joint - joint.max((1, 2), keepdims=True)).sum(1)
         state.posterior = likelihood / likelihood.sum(-1, keepdims=True)
         return self._declare(state.posterior), state
+
+    def select_tracks(self, state: _State, tracks: NDArray[np.bool_]) -> _State:
+        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
+        return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
 
     def _declare(self, posterior: FloatArray) -> Actions:
         if self.by_type:
@@ -206,7 +209,6 @@ def _anchor_errors(
     world = decider.world
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
     env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
-    columns = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
     observation, _ = env.reset(seed=seed)
     state: Any = None
     start = np.ones(episodes, np.bool_)
@@ -214,23 +216,12 @@ def _anchor_errors(
     errors, types, correct = [], [], []
     while running.any():
         actions, state = decider.predict(observation, state, start)
+        truth = env.world.field("truth")
         observation, _, start, _, info = env.step(actions)
         running &= ~start
         decided = np.flatnonzero(running & info.get("_decided_mode", False))
         if decided.size:
-            last = env.world.field("trace_length")[decided] - 2  # the last tick of the segment
-            anchor = env.world.field("anchor")[decided]
-            errors.append(_in_heading_frame(env.world.trace[decided, last][:, columns] - anchor, anchor))
+            errors.append(anchor_errors(env, decided, truth[decided]))
             types.append(mode_types(world.hypotheses)[info["decided_mode"][decided]])
             correct.append(info["decided_mode"][decided] == info["decided_true_mode"][decided])
     return np.concatenate(errors), np.concatenate(types), np.concatenate(correct)
-
-
-def _in_heading_frame(errors: FloatArray, anchor: FloatArray) -> FloatArray:
-    """Return the components of errors [x, vx, y, vy] along and across the heading of the anchor, (n, 4)."""
-    along = anchor[:, [1, 3]] / np.maximum(np.hypot(anchor[:, 1], anchor[:, 3]), 1e-300)[:, None]
-    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    position, velocity = errors[:, [0, 2]], errors[:, [1, 3]]
-    return np.stack(
-        [(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)], axis=-1
-    )

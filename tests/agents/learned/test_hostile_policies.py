@@ -42,23 +42,12 @@ def save_small_actor(folder, recipe="ppo", **policy_kwargs):
     save_actor(folder, policy, card_of(recipe, *changes))
 
 
-def save_small_stopping(folder):
-    from agents.training.stopping_vec_env import StoppingVecEnv
-
-    torch.manual_seed(0)
-    net = SequenceNet(4)
-    env = StoppingVecEnv(net, ENV, 1, **OPTIONS)
-    policy = make_policy(env.observation_space, env.action_space, {"net_arch": [6]})
-    policy.beliefs = net
-    save_actor(folder, policy, card_of("stopping", "policy_kwargs.net_arch=[6]"))
-
-
 def save_small_recurrent(folder):
     pytest.importorskip("sb3_contrib")
     save_small_actor(folder, "recurrent-ppo", lstm_hidden_size=4)
 
 
-KINDS = [save_small_sequence, save_small_actor, save_small_stopping, save_small_recurrent]
+KINDS = [save_small_sequence, save_small_actor, save_small_recurrent]
 
 
 def decide(folder):

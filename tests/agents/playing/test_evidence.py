@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from agents.evaluation.deciders import load_decider, load_sequence_net
+from agents.evaluation.deciders import load_decider
 from agents.learned.policy import PolicyDecider, make_policy
-from agents.learned.sequence import SequenceDecider
-from agents.learned.stopping import BeliefEncoder, StoppingDecider
 from agents.playing.evidence import decider_evidence
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
@@ -40,14 +38,6 @@ def levels_at(threshold, observation):
 def policy_decider(actions, threshold):
     space = spaces.Box(-np.inf, np.inf, (Layout(7).width,), np.float32)
     return PolicyDecider(make_policy(space, spaces.Discrete(actions), {}), threshold)
-
-
-def stopping_decider():
-    net = load_sequence_net("shipped")
-    width = BeliefEncoder(net, by_type=False).width
-    policy = make_policy(spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(2), {})
-    policy.beliefs = net
-    return StoppingDecider(policy, by_type=False)
 
 
 @pytest.mark.parametrize("correctness", ["exact", "type"])
@@ -100,14 +90,6 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
         )
 
 
-def test_a_stopping_policy_has_a_single_curve():
-    decider = stopping_decider()
-    assert decider_evidence(decider).panel.curves == "single"
-    for _, actions, values in ticks_of(make_env(), decider):
-        assert (np.ptp(values, axis=1) == 0.0).all()
-        np.testing.assert_array_equal(actions > 0, values[:, 0] > 0.0)
-
-
 def test_a_fixed_time_has_the_posterior_without_a_threshold():
     env = make_env()
     decider = load_decider("fixed:20", env.options)
@@ -122,11 +104,11 @@ def test_a_fixed_time_has_the_posterior_without_a_threshold():
 
 @pytest.mark.parametrize("by_type", [True, False])
 def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_type):
-    decider = SequenceDecider(load_sequence_net("shipped"), alpha=0.03, radius_weight=0.0 if by_type else 1.0)
+    env = make_env("type" if by_type else "exact")
+    decider = load_decider("shipped:0.03", env.options)
     panel = decider_evidence(decider).panel
     assert panel.curves == ("type" if by_type else "hypothesis")
     assert panel.legend == "1 - alpha at alpha = 0.03"
-    env = make_env("type" if by_type else "exact")
     for _, _, values in ticks_of(env, decider, 10):
         own = values[:, [0, 1, 4]] if by_type else values
         np.testing.assert_allclose(own.sum(axis=1), 1.0)

@@ -1,0 +1,117 @@
+"""A network that predicts the distribution of the anchor error from what is known at a switch.
+
+The bank states a covariance of the anchor that is too small after turns and after wrong declarations. The
+network predicts a mixture of normal distributions instead: the filters of every component start from one of
+them. It is the learned counterpart of `baselines.deciders.anchor_prior`, for all worlds at once.
+"""
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.learned.dimensionless import ANCHOR_INPUTS
+from baselines.deciders.anchor_prior import MIRROR
+from baselines.deciders.component_filters import stated_covariance
+from baselines.deciders.decider import Observations
+from hybrid_env.observation import Layout
+
+FloatArray = NDArray[np.float64]
+COMPONENTS = 4
+INITIAL_LOG_SCALES = (
+    0.0,
+    1.2,
+    2.4,
+    3.6,
+)  # of the standard deviations, relative to those that the bank states
+INITIAL_LOG_WEIGHTS = (0.0, -1.0, -3.0, -5.0)
+LOWER = torch.tril_indices(4, 4, -1)
+SMALLEST_SCALE, LARGEST_SCALE = -6.0, 9.0
+NUMBERS = 1 + 4 + 4 + LOWER.shape[1]  # weight, mean, scales and correlations of a component
+FLOOR = 1e-3  # of the stated variances, relative to R and to R / tau^2 of the thousandth part
+
+
+class AnchorNet(nn.Module):
+    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states.
+
+    Args:
+        hidden: units of each of the two hidden layers.
+    """
+
+    def __init__(self, hidden: int):
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(len(ANCHOR_INPUTS) + COMPONENTS, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, hidden),
+            nn.Tanh(),
+        )
+        self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
+        nn.init.zeros_(self.output.weight)
+        bias = torch.zeros(COMPONENTS, NUMBERS)
+        bias[:, 0] = torch.tensor(INITIAL_LOG_WEIGHTS)
+        bias[:, 5:9] = torch.tensor(INITIAL_LOG_SCALES)[:, None]
+        with torch.no_grad():
+            self.output.bias.copy_(bias.flatten())
+
+    def forward(self, inputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the covariances.
+
+        Args:
+            inputs: (n, 20 + C), see `dimensionless.anchor_inputs`.
+        """
+        numbers = self.output(self.layers(inputs)).unflatten(-1, (COMPONENTS, NUMBERS))
+        scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
+        factor = torch.diag_embed(torch.ones_like(scale))
+        factor[..., LOWER[0], LOWER[1]] = numbers[..., 9:]
+        return (
+            torch.log_softmax(numbers[..., 0], dim=-1),
+            scale * numbers[..., 1:5],
+            scale[..., None] * factor,
+        )
+
+    def loss(self, inputs: Tensor, errors: Tensor) -> Tensor:
+        """Return the mean negative log-density of whitened errors, (n, 4)."""
+        log_weight, mean, factor = self(inputs)
+        white = torch.linalg.solve_triangular(factor, (errors[:, None] - mean)[..., None], upper=False)
+        log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        log_density = -0.5 * white[..., 0].square().sum(-1) - log_determinant - 2.0 * math.log(2.0 * math.pi)
+        return -torch.logsumexp(log_weight + log_density, dim=-1).mean()
+
+    @torch.no_grad()
+    def anchors(
+        self, inputs: NDArray[np.float32], whitener: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
+
+        Args:
+            inputs: (n, 20 + C), see `dimensionless.anchor_inputs`.
+            whitener: (n, 4, 4), see `stated_factor`.
+        """
+        log_weight, mean, factor = (part.double().numpy() for part in self(torch.from_numpy(inputs)))
+        root = whitener[:, None] @ factor
+        return log_weight, (whitener[:, None] @ mean[..., None])[..., 0], root @ root.swapaxes(-1, -2)
+
+
+def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: FloatArray) -> FloatArray:
+    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4).
+
+    Args:
+        layout: of the rows.
+        rows: (n, width) first rows of a segment.
+        tau: (n,) length of a tick [s].
+        side: (n,) of the turn, 1 or -1, see `dimensionless.declared_side`.
+    """
+    covariance = stated_covariance(layout, rows)
+    noise = np.exp(layout.read(rows, "log_noise"))
+    for k, floor in ((0, FLOOR * noise), (1, FLOOR * noise / (1000.0 * tau**2))):
+        for axis in (k, k + 2):
+            covariance[:, axis, axis] = np.maximum(covariance[:, axis, axis], floor)
+    limit = 0.99 * np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])
+    for i, j in ((0, 1), (1, 0), (2, 3), (3, 2)):
+        covariance[:, i, j] = np.clip(covariance[:, i, j], -limit, limit)
+    signs = np.where(side[:, None] < 0, MIRROR, 1.0)
+    factor: FloatArray = signs[..., None] * np.linalg.cholesky(covariance)
+    return factor

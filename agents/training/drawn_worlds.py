@@ -1,0 +1,68 @@
+"""Random worlds for training: objects, sensors and banks of many kinds, drawn in ratios without units."""
+
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+LENGTH_UNITS = (0.03, 1000.0)  # standard deviation of a measurement [m], where units are drawn
+TICKS = (0.01, 60.0)  # length of a tick [s], likewise
+MOTION = (0.08, 8.0)  # way of a tick over the deviation of a measurement
+TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
+WIDEST_BANK = 25.0  # largest over smallest radius
+PROCESS = (0.003, 0.08)  # deviation of process noise per tick over the speed
+MOST_OUTLIERS = 0.1
+LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
+SHORTEST = (20, 100)  # ticks of the shortest segment
+LONGEST_OVER_SHORTEST = 2.5
+
+
+def _log_uniform(generator: Generator, limits: tuple[float, float]) -> float:
+    return float(np.exp(generator.uniform(*np.log(limits))))
+
+
+def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
+    """Return options of a random world.
+
+    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the
+    covariance to the identity depends on the units. In each, some properties differ from their usual values.
+
+    Args:
+        generator: source of randomness.
+        radii_count: number of radii of the bank.
+    """
+    tau, deviation = 0.1, 0.0
+    motion = _log_uniform(generator, MOTION)
+    if generator.random() < 0.5:
+        deviation = 0.2 / motion
+    else:
+        tau, deviation = _log_uniform(generator, TICKS), _log_uniform(generator, LENGTH_UNITS)
+    speed = motion * deviation / tau
+    smallest = speed * tau / _log_uniform(generator, TURN)
+    largest = smallest * _log_uniform(generator, (1.5, WIDEST_BANK)) if radii_count > 1 else smallest
+    if generator.random() < 0.5:
+        radii = np.linspace(smallest, largest, radii_count)
+    else:
+        radii = np.geomspace(smallest, largest, radii_count)
+    noise = _log_uniform(generator, PROCESS) if generator.random() < 0.6 else 0.0158
+    ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO))
+    axes = ratio**0.5 if generator.random() < 0.3 else 1.0
+    shortest = int(generator.integers(*SHORTEST)) if generator.random() < 0.6 else 50
+    longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
+    velocity = speed * _log_uniform(generator, (0.01, 0.3))
+    bank, follow = [
+        ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),
+    ][generator.choice(4, p=[0.55, 0.2, 0.1, 0.15])]  # fmt: skip
+    return {
+        "scheme": f"random 6x{shortest}-{longest}",
+        "radii": tuple(radii.tolist()),
+        "speed": speed,
+        "tau": tau,
+        "process_variance": (noise * speed) ** 2,
+        "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
+        "outliers": generator.uniform(0.0, MOST_OUTLIERS) if generator.random() < 0.35 else 0.0,
+        "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
+        "bank": bank,
+        "follow": follow,
+        "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
+    }
