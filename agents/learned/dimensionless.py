@@ -7,6 +7,7 @@ mirrored trajectory gives the same inputs for the mirrored hypotheses.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,8 +98,8 @@ class Scales:
         ]
         return cls(*np.repeat(np.array(values, np.float64), tracks, axis=0).T)
 
-    def select(self, tracks: NDArray[np.bool_]) -> "Scales":
-        """Return the scales of the tracks selected by a mask (N,)."""
+    def select(self, tracks: NDArray[Any]) -> "Scales":
+        """Return the scales of selected tracks, by a mask (N,) or indices."""
         return Scales(
             self.tau[tracks], self.process_deviation[tracks], self.follows_bank[tracks],
             self.anchor_aware[tracks],
@@ -135,7 +136,12 @@ def _log_odds(probability: FloatArray) -> FloatArray:
     return np.log(clipped) - np.log1p(-clipped)
 
 
-def _ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArray, ...]:
+def turns_per_tick(layout: Layout, rows: Observations, scales: Scales) -> FloatArray:
+    """Return the turn angle per tick of each hypothesis at the speed of the anchor, (N, M) [rad]."""
+    return layout.read(rows, "curvature") * (layout.read(rows, "speed") * scales.tau)[:, None]
+
+
+def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArray, ...]:
     """Return the logarithms of way of a tick over sqrt(R), of sqrt(Q) over the speed, of sqrt(Q) over sqrt(R)
     per tick, and of the variances of the anchor over R; each (N,).
     """
@@ -173,12 +179,12 @@ def tick_inputs(
         surprise: (N, M) increment of the log-likelihood in this tick.
         innovations: (N, M, 3), see `ComponentFilters`, mixed over the components of the anchor.
     """
-    speed, log_noise = layout.read(rows, "speed"), layout.read(rows, "log_noise")
-    motion, process, _, position, velocity = _ratios(layout, rows, scales)
+    log_noise = layout.read(rows, "log_noise")
+    motion, process, _, position, velocity = ratios(layout, rows, scales)
     ratio = log_likelihood - log_likelihood.max(-1, keepdims=True)
     others = np.exp(ratio).sum(-1) - 1.0
     best = ratio.argmax(-1)
-    turn = layout.read(rows, "curvature") * (speed * scales.tau)[:, None]
+    turn = turns_per_tick(layout, rows, scales)
     side = np.sign(turn)
     n = layout.hypotheses // 2
     left, right = ratio[:, 1 : n + 1].max(-1), ratio[:, n + 1 :].max(-1)
@@ -246,13 +252,13 @@ def anchor_inputs(
     of_type = np.stack([posterior[:, kind == one].sum(-1) for one in range(3)], axis=-1)
     same, other = np.where(side > 0, 1, 2), np.where(side > 0, 2, 1)
     speed = layout.read(rows, "speed")
-    turn = layout.read(rows, "curvature") * (speed * scales.tau * side)[:, None]
+    turn = turns_per_tick(layout, rows, scales) * side[:, None]
     within = np.where(kind == kind[decided][:, None], posterior, 0.0)
     within /= np.maximum(within.sum(-1, keepdims=True), SMALLEST)
     deviation = turn - turn[tracks, decided][:, None]
     mean = (within * deviation).sum(-1)
     spread = np.sqrt((within * deviation**2).sum(-1))
-    motion, process, noise, position, velocity = _ratios(layout, rows, scales)
+    motion, process, noise, position, velocity = ratios(layout, rows, scales)
     xx, xv, vv = (layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
     variance = layout.read(rows, "anchor_vv") * np.exp(layout.read(rows, "log_noise"))
     variance = variance + scales.process_deviation**2 * (last.ticks + last.ticks_left)

@@ -28,10 +28,13 @@ from agents.learned.dimensionless import (
     Scales,
     anchor_inputs,
     declared_side,
+    ratios,
     tick_inputs,
+    turns_per_tick,
 )
 from agents.learned.network_settings import LARGEST_HIDDEN
 from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
+from agents.learned.regret_net import RegretNet, regret_inputs
 from baselines.deciders.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
@@ -41,11 +44,14 @@ from baselines.deciders.component_filters import (
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
 from hybrid_env.checks import check_integer, reject
-from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 ANCHOR_HIDDEN = 48  # units of the layers of the anchor network
+REGRET_HIDDEN = 32  # units of those of the regret network
+LEAST_LOG_WEIGHT = -60.0
+REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
 
 
 class SequenceNet(nn.Module):
@@ -59,14 +65,14 @@ class SequenceNet(nn.Module):
         super().__init__()
         self.hidden = hidden
         self.anchor = AnchorNet(ANCHOR_HIDDEN)
+        self.regret = RegretNet(REGRET_HIDDEN)
         self.encoder = nn.Linear(len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS), hidden)
         self.memory = nn.GRUCell(2 * hidden, hidden)
         self.carry = nn.Linear(hidden, hidden, bias=False)
         self.mix = nn.Linear(2 * hidden, hidden)
-        self.score = nn.Linear(hidden, 3)
-        for layer in (self.score, self.carry):
+        self.score = nn.Linear(hidden, 1, bias=False)
+        for layer in (self.carry, self.score):
             nn.init.zeros_(layer.weight)
-        nn.init.zeros_(self.score.bias)
 
     def features(self, own: Tensor, track: Tensor, weights: Tensor) -> Tensor:
         """Return the features (..., M, 2 hidden) of each hypothesis.
@@ -81,36 +87,30 @@ class SequenceNet(nn.Module):
         shared = track.unsqueeze(-2).expand(*own.shape[:-1], track.shape[-1])
         return _with_mean(torch.tanh(self.encoder(torch.cat([own, shared], dim=-1))), weights)
 
-    def next_hidden_state(
-        self, features: Tensor, hidden_state: Tensor, begins: Tensor, first: Tensor
-    ) -> Tensor:
+    def next_hidden_state(self, features: Tensor, hidden_state: Tensor, inputs: "TickInputs") -> Tensor:
         """Return the next hidden state (N, M, hidden).
 
         Args:
             features: (N, M, 2 hidden).
-            hidden_state: (N, M, hidden).
-            begins: (N,) the first tick of a segment: the hypotheses start from the mean of their states.
-            first: (N,) the first tick of an episode: they start from zero.
+            hidden_state: (N, M, hidden) after the previous tick.
+            inputs: of the tick. Where a segment begins, the hypotheses start from the mean of their states;
+                where an episode begins, from zero.
         """
-        mean = self.carry(hidden_state.mean(-2, keepdim=True) * ~first[:, None, None])
-        mean = mean.expand_as(hidden_state)
-        hidden_state = torch.where(begins[:, None, None], mean, hidden_state)
+        mean = self.carry(hidden_state.mean(-2, keepdim=True) * ~inputs.first[:, None, None])
+        begins = inputs.begins[:, None, None]
+        hidden_state = torch.where(begins, mean.expand_as(hidden_state), hidden_state)
         flat = self.memory(features.flatten(0, 1), hidden_state.flatten(0, 1))
         return flat.unflatten(0, hidden_state.shape[:2])
 
-    def log_posterior(self, ratios: Tensor, hidden_state: Tensor, weights: Tensor) -> Tensor:
+    def log_posterior(self, log_weights: Tensor, hidden_state: Tensor) -> Tensor:
         """Return the log-posterior (..., M).
 
         Args:
-            ratios: (..., M, 2) log-likelihood ratios of the own filters and of the bank.
+            log_weights: (..., M) log-posterior of the own filters.
             hidden_state: (..., M, hidden) updated with the tick.
-            weights: (..., M) of the mean over hypotheses.
         """
-        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state, weights))))
-        shared = (weights.unsqueeze(-1) * score[..., 1:]).sum(-2)
-        trust, of_bank = shared.unbind(-1)
-        corrected = torch.exp(trust).unsqueeze(-1) * ratios[..., 0] + of_bank.unsqueeze(-1) * ratios[..., 1]
-        return torch.log_softmax(score[..., 0] + corrected, dim=-1)
+        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state, log_weights.exp()))))
+        return torch.log_softmax(score.squeeze(-1) + log_weights, dim=-1)
 
 
 def _with_mean(values: Tensor, weights: Tensor) -> Tensor:
@@ -125,16 +125,14 @@ class TickInputs:
 
     Attributes:
         own: (N, M, 9), track: (N, 10), see `dimensionless.tick_inputs`.
-        ratios: (N, M, 2) log-likelihood ratios of the own filters and of the bank.
-        weights: (N, M) posterior of the own filters.
+        log_weights: (N, M) log-posterior of the own filters.
         begins: (N,) first tick of a segment.
         first: (N,) first tick of an episode.
     """
 
     own: Tensor
     track: Tensor
-    ratios: Tensor
-    weights: Tensor
+    log_weights: Tensor
     begins: Tensor
     first: Tensor
 
@@ -155,7 +153,7 @@ class TrackFilters:
     def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
         self.layout = Layout(worlds[0].hypotheses)
         self.filters = [
-            ComponentFilters("anchor_aware", COMPONENTS, count, world)
+            ComponentFilters("anchor_aware", COMPONENTS, count, world, robust=True)
             for world, count in zip(worlds, tracks, strict=True)
         ]
         self.splits = np.cumsum(tracks)[:-1]
@@ -203,22 +201,23 @@ class TrackFilters:
             layout, rows, self.scales, self.log_likelihood, self.log_likelihood - previous, mixed
         )
         ratio = self.log_likelihood - self.log_likelihood.max(-1, keepdims=True)
-        weights = np.exp(ratio)
-        weights /= weights.sum(-1, keepdims=True)
+        log_weights = np.maximum(ratio - np.log(np.exp(ratio).sum(-1, keepdims=True)), LEAST_LOG_WEIGHT)
+        weights = np.exp(log_weights)
         self.last = LastRow(
             weights, (share * weights).sum(-1).T, ticks, layout.read(rows, "ticks_left"),
             layout.read(rows, "speed"),
         )  # fmt: skip
-        ratios = np.stack([np.maximum(ratio, 2 * LOG_FLOOR), layout.read(rows, "log_ratio")], axis=-1)
         return TickInputs(
-            torch.from_numpy(own), torch.from_numpy(track), torch.from_numpy(ratios.astype(np.float32)),
-            torch.from_numpy(weights.astype(np.float32)), torch.from_numpy(begins), torch.from_numpy(first),
+            torch.from_numpy(own), torch.from_numpy(track), torch.from_numpy(log_weights.astype(np.float32)),
+            torch.from_numpy(begins), torch.from_numpy(first),
         )  # fmt: skip
 
     def select_tracks(self, tracks: NDArray[np.bool_]) -> "TrackFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         parts = np.split(tracks, self.splits)
-        selected = TrackFilters([filters.world for filters in self.filters], [int(one.sum()) for one in parts])
+        selected = TrackFilters(
+            [filters.world for filters in self.filters], [int(one.sum()) for one in parts]
+        )
         selected.filters = [
             filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
         ]
@@ -231,8 +230,7 @@ class TrackFilters:
         arrays = {f"last.{name}": array for name, array in vars(self.last).items()}
         arrays |= {"log_weights": self.log_weights, "log_likelihood": self.log_likelihood}
         for k, filters in enumerate(self.filters):
-            for name, records in filters.banks._asdict().items():
-                arrays |= {f"filters.{k}.{name}.{field}": records[field] for field in records.dtype.names}
+            arrays |= {f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()}
         return arrays
 
     def _anchors(
@@ -258,12 +256,11 @@ class TrackFilters:
 @torch.no_grad()
 def posterior_of_tick(
     net: SequenceNet, inputs: TickInputs, hidden_state: Tensor
-) -> tuple[NDArray[np.float64], Tensor]:
+) -> tuple[FloatArray, Tensor]:
     """Return the posterior (N, M) and the hidden state (N, M, hidden) after one tick."""
-    features = net.features(inputs.own, inputs.track, inputs.weights)
-    hidden_state = net.next_hidden_state(features, hidden_state, inputs.begins, inputs.first)
-    log_posterior = net.log_posterior(inputs.ratios, hidden_state, inputs.weights)
-    return log_posterior.double().exp().numpy(), hidden_state
+    features = net.features(inputs.own, inputs.track, inputs.log_weights.exp())
+    hidden_state = net.next_hidden_state(features, hidden_state, inputs)
+    return net.log_posterior(inputs.log_weights, hidden_state).double().exp().numpy(), hidden_state
 
 
 def error_probabilities_and_best(
@@ -286,6 +283,60 @@ def error_probabilities_and_best(
     same_type = kind == kind[best][:, None]
     same_type[np.arange(len(best)), best] = False
     return other_types_sum(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
+
+
+@torch.no_grad()
+def errors_and_best(
+    net: SequenceNet,
+    rows: Observations,
+    scales: Scales,
+    posterior: FloatArray,
+    by_type: NDArray[np.bool_],
+    alpha: FloatArray,
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the expected loss of a declaration in units of a wrong one, and the hypothesis to declare.
+
+    If the hypothesis is rewarded, the loss is the posterior error probability of the most likely one. If only
+    the type is rewarded, a wrong radius costs nothing at once, but the next anchor is less accurate. Its
+    expected cost is added, and the radius may be the mean one instead of the most likely one.
+
+    Args:
+        net: predicts the cost in the next segment.
+        rows: (N, width).
+        scales: of the worlds.
+        posterior: (N, M).
+        by_type: (N,) only the type is rewarded.
+        alpha: (N,) the cost is added where the error probability is at most alpha.
+
+    Returns:
+        Loss (N,) and hypothesis (N,).
+    """
+    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, by_type)
+    error = np.where(by_type, wrong_type, wrong_type + wrong_radius)
+    chosen = np.flatnonzero(by_type & (error <= alpha)) if posterior.shape[1] > 3 else []
+    if len(chosen) == 0:
+        return error, best
+    layout = Layout.of_rows(rows)
+    rows, scales, posterior = rows[chosen], scales.select(chosen), posterior[chosen]
+    turn = turns_per_tick(layout, rows, scales)
+    kind = mode_types(layout.hypotheses)
+    same = kind == kind[best[chosen]][:, None]
+    mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)
+    candidates = [best[chosen], np.where(same, np.abs(turn - mean[:, None]), np.inf).argmin(-1)]
+    motion, process, *_ = (np.broadcast_to(one[:, None], turn.shape) for one in ratios(layout, rows, scales))
+    shared = [
+        np.broadcast_to(one[:, None], turn.shape)
+        for one in (layout.read(rows, "ticks_left"), scales.follows_bank, scales.anchor_aware)
+    ]
+    costs = []
+    for candidate in candidates:
+        declared = np.broadcast_to(turn[np.arange(len(turn)), candidate][:, None], turn.shape)
+        regret = net.regret.regret(*regret_inputs(declared, turn, motion, process, *shared))
+        costs.append((posterior * regret.numpy()).sum(-1))
+    second = costs[1] < costs[0]
+    best[chosen] = np.where(second, candidates[1], candidates[0])
+    error[chosen] += REGRET_SHARE * np.where(second, costs[1], costs[0])
+    return error, best
 
 
 @dataclass
@@ -350,8 +401,11 @@ class SequenceDecider:
     ) -> tuple[Actions, SequenceState]:
         """See `Decider.predict`. The state is a `SequenceState`."""
         posterior, state = self.posterior(observation, state, episode_start)
-        wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, self.by_type)
-        error = wrong_type if self.by_type else wrong_type + wrong_radius
+        tracks = len(posterior)
+        error, best = errors_and_best(
+            self.net, observation, state.filters.scales, posterior,
+            np.full(tracks, self.by_type), np.full(tracks, self.alpha),
+        )  # fmt: skip
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def select_tracks(self, state: SequenceState, tracks: NDArray[np.bool_]) -> SequenceState:

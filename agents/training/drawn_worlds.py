@@ -10,11 +10,14 @@ TICKS = (0.01, 60.0)  # length of a tick [s], likewise
 MOTION = (0.08, 8.0)  # way of a tick over the deviation of a measurement
 TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
 WIDEST_BANK = 25.0  # largest over smallest radius
-PROCESS = (0.003, 0.08)  # deviation of process noise per tick over the speed
+PROCESS = (0.003, 0.06)  # deviation of process noise per tick over the speed
 MOST_OUTLIERS = 0.1
 LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
 SHORTEST = (20, 100)  # ticks of the shortest segment
 LONGEST_OVER_SHORTEST = 2.5
+LEAST_DEVIATION = (
+    3.0  # of the widest turn from a straight line after half a segment, in deviations of a measurement
+)
 
 
 def _log_uniform(generator: Generator, limits: tuple[float, float]) -> float:
@@ -31,15 +34,20 @@ def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
         generator: source of randomness.
         radii_count: number of radii of the bank.
     """
+    shortest = int(generator.integers(*SHORTEST)) if generator.random() < 0.6 else 50
+    longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
+    spread = _log_uniform(generator, (1.5, WIDEST_BANK)) if radii_count > 1 else 1.0
+    motion, turn = 0.0, 0.0
+    while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < LEAST_DEVIATION:
+        motion, turn = _log_uniform(generator, MOTION), _log_uniform(generator, TURN)
     tau, deviation = 0.1, 0.0
-    motion = _log_uniform(generator, MOTION)
     if generator.random() < 0.5:
         deviation = 0.2 / motion
     else:
         tau, deviation = _log_uniform(generator, TICKS), _log_uniform(generator, LENGTH_UNITS)
     speed = motion * deviation / tau
-    smallest = speed * tau / _log_uniform(generator, TURN)
-    largest = smallest * _log_uniform(generator, (1.5, WIDEST_BANK)) if radii_count > 1 else smallest
+    smallest = speed * tau / turn
+    largest = smallest * spread
     if generator.random() < 0.5:
         radii = np.linspace(smallest, largest, radii_count)
     else:
@@ -47,8 +55,6 @@ def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
     noise = _log_uniform(generator, PROCESS) if generator.random() < 0.6 else 0.0158
     ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO))
     axes = ratio**0.5 if generator.random() < 0.3 else 1.0
-    shortest = int(generator.integers(*SHORTEST)) if generator.random() < 0.6 else 50
-    longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
     velocity = speed * _log_uniform(generator, (0.01, 0.3))
     bank, follow = [
         ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),

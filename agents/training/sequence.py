@@ -21,12 +21,14 @@ from torch import Tensor, nn
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, sequence_family
+from agents.learned.dimensionless import ratios, turns_per_tick
+from agents.learned.regret_net import regret_inputs
 from agents.learned.sequence import (
     SequenceNet,
     TickInputs,
     TrackFilters,
     check_declares_hypotheses,
-    error_probabilities_and_best,
+    errors_and_best,
     posterior_of_tick,
     save_sequence,
 )
@@ -40,8 +42,12 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
+FloatArray = NDArray[np.float64]
 MIN_LEARNING_RATE_FACTOR = 0.02  # lower bound of the linear decay
 LOG_EVERY = 10  # updates
+UNDECIDED_WEIGHT = 0.1  # of ticks at which the filters are too uncertain for a declaration
+TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
+DECLARATION = 7  # values that describe a declaration, see `regret_net.regret_inputs`
 RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
 
 
@@ -62,6 +68,7 @@ class _Rollout:
     anchor_inputs: list[Tensor] = field(default_factory=list)
     anchor_errors: list[Tensor] = field(default_factory=list)
     decisions: list[tuple[float, float]] = field(default_factory=list)
+    declarations: list[FloatArray] = field(default_factory=list)
 
 
 @dataclass
@@ -84,7 +91,7 @@ class _Stream:
 
     Attributes:
         first: (N,) first row of an episode.
-        hidden_state: (N, M, hidden) after the last update.
+        hidden_state: (N, M, hidden) of the network after the last update.
         errors: (N, 4) error of the anchor in the heading frame, of the tracks that begin a segment.
         alpha: (N,) error probability at which a track declares.
     """
@@ -107,6 +114,41 @@ class _Stream:
         self.errors = np.zeros((self.tracks, 4))
         self.alpha = np.zeros(self.tracks)
         self.redraw = np.ones(self.tracks, np.bool_)
+        self.declaration = np.full((self.tracks, DECLARATION), np.nan)
+
+    def _observe_losses(
+        self,
+        rollout: _Rollout,
+        observation: NDArray[np.float32],
+        start: int,
+        info: dict[str, Any],
+        terminated: NDArray[np.bool_],
+        delay_cost: float,
+    ) -> None:
+        """Record the losses of decisions together with the declarations before them."""
+        decided = np.flatnonzero(info["_correct"])
+        tracks = start + decided
+        loss = np.where(info["correct"][decided], 0.0, 2.0) + delay_cost * info["ticks"][decided]
+        low, high = TYPICAL_ALPHAS
+        known = (
+            ~np.isnan(self.declaration[tracks, 0]) & (low < self.alpha[tracks]) & (self.alpha[tracks] < high)
+        )
+        if known.any():
+            pairs = np.concatenate([self.declaration[tracks], loss[:, None]], axis=1)
+            rollout.declarations.append(pairs[known])
+        rows, scales = observation[tracks], self.filters.scales.select(tracks)
+        turn = turns_per_tick(self.layout, rows, scales)
+        motion, process, *_ = ratios(self.layout, rows, scales)
+        each = np.arange(len(tracks))
+        new = np.stack(
+            [
+                turn[each, info["decided_mode"][decided]], turn[each, info["decided_true_mode"][decided]],
+                motion, process, info["decided_length"][decided] - info["ticks"][decided],
+                scales.follows_bank, scales.anchor_aware,
+            ], axis=-1,
+        )  # fmt: skip
+        new[terminated[decided]] = np.nan
+        self.declaration[tracks] = new
 
     def rollout(self, net: SequenceNet, settings: SequenceSettings) -> _Rollout:
         """Step all tracks T times with the current network."""
@@ -126,10 +168,11 @@ class _Stream:
                 rollout.anchor_errors.append(torch.from_numpy(white.astype(np.float32)))
             posterior, hidden_state = posterior_of_tick(net, inputs, hidden_state)
             self.filters.last.posterior = posterior
-            wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, self.by_type)
-            error_probability = np.where(self.by_type, wrong_type, wrong_type + wrong_radius)
+            error, best = errors_and_best(
+                net, observation, self.filters.scales, posterior, self.by_type, self.alpha
+            )
             at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick
-            declares = (error_probability <= self.alpha) | at_last_tick
+            declares = (error <= self.alpha) | at_last_tick
             replaced = self.generator.random(self.tracks) < settings.random_declarations
             random_mode = self.generator.integers(self.layout.hypotheses, size=self.tracks)
             actions = np.where(declares, np.where(replaced, random_mode, best) + 1, 0)
@@ -141,33 +184,42 @@ class _Stream:
                 self.first[start : start + len(part)] = terminated
                 if "correct" in info:
                     rollout.decisions.append(_mean_reward_and_ticks(info, env.options.delay_cost))
+                    self._observe_losses(
+                        rollout, observation, start, info, terminated, env.options.delay_cost
+                    )
                     switched = np.flatnonzero(info["_correct"] & ~terminated)
                     self.errors[start + switched] = anchor_errors(env, switched, truths[k][switched])
                 start += len(part)
         return rollout
 
-    def loss(self, net: SequenceNet, rollout: _Rollout) -> tuple[Tensor, Tensor]:
+    def loss(self, net: SequenceNet, rollout: _Rollout) -> tuple[Tensor, Tensor, Tensor]:
         """Return the mean negative log-posterior of the true mode and the mean loss of the anchors.
 
         The final hidden state is stored, detached.
         """
-        own, track, ratios, weights = (
+        own, track, log_weights = (
             torch.stack([getattr(one, name) for one in rollout.inputs])
-            for name in ("own", "track", "ratios", "weights")
+            for name in ("own", "track", "log_weights")
         )
-        features = net.features(own, track, weights)
+        features = net.features(own, track, log_weights.exp())
         hidden_state, hidden_states = self.hidden_state, []
         for one, feature in zip(rollout.inputs, features, strict=True):
-            hidden_state = net.next_hidden_state(feature, hidden_state, one.begins, one.first)
+            hidden_state = net.next_hidden_state(feature, hidden_state, one)
             hidden_states.append(hidden_state)
         self.hidden_state = hidden_state.detach()
-        log_posterior = net.log_posterior(ratios, torch.stack(hidden_states), weights)
+        log_posterior = net.log_posterior(log_weights, torch.stack(hidden_states))
         modes = torch.stack(rollout.modes)
-        of_modes = nn.functional.nll_loss(log_posterior.flatten(0, 1), modes.flatten())
-        if not rollout.anchor_inputs:
-            return of_modes, torch.zeros(())
-        of_anchors = net.anchor.loss(torch.cat(rollout.anchor_inputs), torch.cat(rollout.anchor_errors))
-        return of_modes, of_anchors
+        losses = nn.functional.nll_loss(log_posterior.flatten(0, 1), modes.flatten(), reduction="none")
+        error = 1.0 - log_weights.exp().amax(-1).flatten()
+        relevance = torch.where(error < LARGEST_ALPHA, 1.0, UNDECIDED_WEIGHT)
+        of_modes = (relevance * losses).sum() / relevance.sum()
+        of_anchors = of_regrets = torch.zeros(())
+        if rollout.anchor_inputs:
+            of_anchors = net.anchor.loss(torch.cat(rollout.anchor_inputs), torch.cat(rollout.anchor_errors))
+        if rollout.declarations:
+            *values, losses = np.concatenate(rollout.declarations).T
+            of_regrets = net.regret.loss(*regret_inputs(*values), torch.from_numpy(losses.astype(np.float32)))
+        return of_modes, of_anchors, of_regrets
 
     def learn(self, net: SequenceNet, settings: SequenceSettings, weight: float) -> _Gradient:
         """Return the gradient of the weighted losses of a rollout."""
@@ -179,6 +231,7 @@ class _Stream:
     def state_tensors(self) -> dict[str, Tensor]:
         """Return all tensors that determine the next rollout; writing into them changes the stream."""
         arrays = {"first": self.first, "errors": self.errors, "alpha": self.alpha, "redraw": self.redraw}
+        arrays["declaration"] = self.declaration
         arrays |= self.filters.state_arrays()
         for k, env in enumerate(self.envs):
             arrays |= {f"{k}.{name}": array for name, array in track_arrays(env).items()}
@@ -294,8 +347,9 @@ class SequenceRun(Run):
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train for the remaining steps; see `Run.learn`."""
         parameters = list(self.net.parameters())
-        of_anchors = set(self.net.anchor.parameters())
-        others = [one for one in parameters if one not in of_anchors]
+        of_anchors, of_regrets = (list(part.parameters()) for part in (self.net.anchor, self.net.regret))
+        apart = {id(one) for one in of_anchors + of_regrets}
+        of_modes = [one for one in parameters if id(one) not in apart]
         recent: list[tuple[float, float]] = []
         # one thread per stream; the sum of the gradients does not depend on the order of completion
         with ThreadPoolExecutor(len(self._streams)) as pool:
@@ -303,16 +357,16 @@ class SequenceRun(Run):
                 self.between_updates()
                 remaining = 1.0 - self.num_timesteps / self.steps
                 factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
-                for group in self.optimizer.param_groups:
-                    group["lr"] = self.rate * factor
+                for options in self.optimizer.param_groups:
+                    options["lr"] = self.rate * factor
                 gradients = list(pool.map(self._gradient, self._streams))
                 for k, parameter in enumerate(parameters):
                     parts = [one.parts[k] for one in gradients if one.parts[k] is not None]
                     parameter.grad = torch.stack(parts).sum(0) if parts else None
                 for one in gradients:
                     recent = (recent + one.decisions)[-RECENT_STEPS:]
-                nn.utils.clip_grad_norm_(of_anchors, 1.0)
-                nn.utils.clip_grad_norm_(others, 1.0)
+                for group in (of_modes, of_anchors, of_regrets):
+                    nn.utils.clip_grad_norm_(group, 1.0)
                 self.optimizer.step()
                 self.num_timesteps += self.settings.n_steps * self._tracks
                 reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
@@ -321,8 +375,9 @@ class SequenceRun(Run):
                     on_progress(progress)
                 updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
                 if self.folder is not None and updates % LOG_EVERY == 0:
-                    of_modes, of_anchor = np.sum([one.losses for one in gradients], axis=0).tolist()
-                    metrics = {"loss": of_modes, "anchor_loss": of_anchor, "seconds": self.seconds}
+                    totals = np.sum([one.losses for one in gradients], axis=0).tolist()
+                    metrics = dict(zip(("loss", "anchor_loss", "regret_loss"), totals, strict=True))
+                    metrics["seconds"] = self.seconds
                     run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
 
     def _gradient(self, stream: _Stream) -> _Gradient:

@@ -5,14 +5,14 @@ frame the anchor is at the origin and its velocity is (speed, 0), so that the ob
 everything that a filter needs except the model, which is that of the world.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Observations
 from hybrid_env.core import bank_operations
-from hybrid_env.core.compilation import compiled, prepare
+from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.kernels import BANKS
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES
@@ -21,8 +21,35 @@ from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 TRIANGLE = np.triu_indices(4)
+OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
+OUTLIER_VARIANCE = 25.0  # assumed of outliers, relative to R
+LOG_OUTLIER_ODDS = -4.6  # logarithm of the assumed share of outliers, one in a hundred
 ANCHOR_COLUMNS = 14
 """Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
+
+
+class _Orientation(NamedTuple):
+    """Filters that assume an orientation of the heading frame; see `_filter_tick` for the fields."""
+
+    banks: Any
+    model: FilterModel
+    outlier_model: FilterModel
+    log_likelihood: FloatArray
+    innovations: FloatArray
+
+
+@internal
+def _any_outlier(bank: Any, lanes: int, outlier: NDArray[np.bool_]) -> bool:
+    """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
+    found = False
+    for lane in range(lanes):
+        smallest = OUTLIER_DISTANCE
+        for h in range(bank.hypotheses.size):
+            innovation = bank.innovations[h]
+            smallest = min(smallest, innovation.white_x[lane] ** 2 + innovation.white_y[lane] ** 2)
+        outlier[lane] = smallest >= OUTLIER_DISTANCE
+        found = found or outlier[lane]
+    return found
 
 
 @compiled
@@ -33,8 +60,10 @@ def _filter_tick(
     measurements: FloatArray,
     radii: FloatArray,
     model: FilterModel,
+    outlier_model: FilterModel,
     log_likelihood: FloatArray,
     innovations: FloatArray,
+    saved: NDArray[Any],
 ) -> None:
     """Start the filters of some tracks, then advance all by one tick.
 
@@ -45,12 +74,15 @@ def _filter_tick(
         measurements: (N, 2) [m].
         radii: (n,) [m].
         model: model of the filters.
+        outlier_model: of measurements that no hypothesis explains.
         log_likelihood: (C, N, M), written in place.
         innovations: (C, N, M, 3), written in place.
+        saved: (M,) temporary memory for the hypotheses of a block; (0,) if there are no outliers.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
     measurement = np.zeros((2, LANES))
+    outlier = np.zeros(LANES, np.bool_)
     for b in range(banks.hypotheses.shape[0]):
         bank = bank_operations.bank_of_block(banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
@@ -62,7 +94,19 @@ def _filter_tick(
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
                 bank_operations.begin(bank, lane, anchor, covariance, radii, model)
             measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
+        for h in range(saved.size):
+            saved[h] = bank.hypotheses[h]
         bank_operations.step(bank, 0, lanes, measurement, model)
+        if saved.size > 0 and _any_outlier(bank, lanes, outlier):
+            for h in range(saved.size):
+                bank.hypotheses[h] = saved[h]
+            for lane in range(lanes):
+                if outlier[lane]:
+                    bank_operations.step(bank, lane, lane + 1, measurement, outlier_model)
+                    for h in range(saved.size):
+                        bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
+                else:
+                    bank_operations.step(bank, lane, lane + 1, measurement, model)
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
@@ -82,6 +126,8 @@ class ComponentFilters:
         tracks: N.
         world: options of the world, whose model the filters use. They have one measurement variance, the
             geometric mean of the axes, because the orientation of the heading frame is unknown.
+        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance. If
+            the axes have different variances, there are filters for three orientations of the heading frame.
 
     Attributes:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
@@ -89,18 +135,29 @@ class ComponentFilters:
             the logarithm of its variance [m^2].
     """
 
-    def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions):
-        self.bank, self.world = bank, world
+    def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
+        self.bank, self.world, self.robust = bank, world, robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
-        variance = float(np.exp(np.log(world.variances).mean()))
-        self.model = FilterModel(world.tau, world.process_variance, variance, variance)
-        self.banks = BANKS[bank](self.radii.size, 1, -(-components * tracks // LANES))
+        x, y = np.broadcast_to(world.variances, 2).tolist()
+        variances = [(float(np.sqrt(x * y)),) * 2]
+        if robust and x != y:
+            variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape = (components, tracks, world.hypotheses)
+        self.orientations = [
+            _Orientation(
+                BANKS[bank](self.radii.size, 1 if x == y else 2, -(-components * tracks // LANES)),
+                FilterModel(world.tau, world.process_variance, x, y),
+                FilterModel(world.tau, world.process_variance, OUTLIER_VARIANCE * x, OUTLIER_VARIANCE * y),
+                np.zeros(shape), np.zeros((*shape, 3)),
+            )
+            for x, y in variances
+        ]  # fmt: skip
+        self.saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        outputs = self.log_likelihood, self.innovations
-        prepare(_filter_tick, self.banks, *none, self.radii, self.model, *outputs)
+        banks, *rest = self.orientations[0]
+        prepare(_filter_tick, banks, *none, self.radii, *rest, self.saved)
 
     def advance(self, rows: Observations, begins: NDArray[np.bool_], anchors: FloatArray) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
@@ -113,21 +170,39 @@ class ComponentFilters:
         deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
         names = ("displacement_along", "displacement_across")
         measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
-        _filter_tick(
-            self.banks, begins, anchors, measurements, self.radii, self.model,
-            self.log_likelihood, self.innovations,
-        )  # fmt: skip
+        for banks, *rest in self.orientations:
+            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, self.saved)
+        if len(self.orientations) == 1:
+            self.log_likelihood, self.innovations = self.orientations[0][3:]
+            return
+        joint = np.stack([one.log_likelihood for one in self.orientations])
+        largest = joint.max(0)
+        share = np.exp(joint - largest)
+        self.log_likelihood = largest + np.log(share.mean(0))
+        share /= share.sum(0)
+        each = np.stack([one.innovations for one in self.orientations])
+        self.innovations = (share[..., None] * each).sum(0)
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next ticks; writing into them changes the filters."""
+        return {
+            f"{k}.{name}.{field}": records[field]
+            for k, one in enumerate(self.orientations)
+            for name, records in one.banks._asdict().items()
+            for field in records.dtype.names
+        }
 
     def select_tracks(self, tracks: NDArray[np.bool_]) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         components, count = self.log_likelihood.shape[:2]
-        selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world)
+        selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        for old, new in zip(self.banks, selected.banks, strict=True):
-            if old.ndim > 1 and len(old) == len(self.banks.hypotheses):  # the others are temporary memory
-                for name in old.dtype.names:
-                    new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
+        for mine, others in zip(self.orientations, selected.orientations, strict=True):
+            for old, new in zip(mine.banks, others.banks, strict=True):
+                if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
+                    for name in old.dtype.names:
+                        new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
         return selected
 
 
