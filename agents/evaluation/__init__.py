@@ -3,7 +3,7 @@
 - `deciders`: finds a decider by name and lists the thresholds to sweep.
 - `evaluate`: runs a decider on the episodes of given seeds.
 - `operating_curve`: sweeps the threshold of a decider.
-- `shifted_worlds`: evaluates deciders under distribution shift.
+- `shifted_worlds`: evaluates deciders under distribution shift; `drawn_worlds`: random worlds.
 - `seeds`: keeps the episodes of different purposes disjoint.
 - `command`: `hybridtrack evaluate`.
 

@@ -9,10 +9,13 @@ import tyro
 
 from agents.evaluation import seeds
 from agents.interface.world_arguments import WorldArguments
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_integer, check_number, reject
 
 if TYPE_CHECKING:
     from baselines.deciders.decider import Decider
+
+MOST_DRAWN = 1000  # random worlds
+LARGEST_FACTOR = 10.0
 
 
 @dataclass(kw_only=True)
@@ -29,6 +32,10 @@ class Evaluate(WorldArguments):
     shifted: bool = False
     """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
     with the best reward in each environment and in the nominal one; the names then take no thresholds."""
+    drawn: int = 0
+    """Evaluate in this many random worlds, and in the nominal one, as with --shifted."""
+    beyond: float = 2.0
+    """Factor by which the ranges of random worlds exceed those of the training of the shipped agent."""
     out: Path | None = None
     """JSON file for the metrics."""
 
@@ -42,24 +49,36 @@ class Evaluate(WorldArguments):
             raise reject("deciders", self.deciders, "one or more different names")
         from agents.interface.output_files import write_json
 
-        if self.shifted and self.seed + self.episodes > seeds.SELECTION:
-            raise reject(
-                "seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes, with --shifted"
-            )
-        if self.shifted:
+        check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
+        if not 1.0 <= check_number("beyond", self.beyond) <= LARGEST_FACTOR:
+            raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
+        shifted = self.shifted or self.drawn > 0
+        if shifted and self.seed + self.episodes > seeds.SELECTION:
+            limit = f"at most {seeds.SELECTION} minus the number of episodes, with --shifted or --drawn"
+            raise reject("seed", self.seed, limit)
+        metrics: Any
+        if shifted:
             metrics = self._evaluate_shifts()
         else:
             loaded = [self._load(name) for name in self.deciders]  # checks all names before evaluating
             metrics = [self._evaluate(*one) for one in loaded]
+            metrics = metrics[0] if len(metrics) == 1 else metrics
         if self.out is not None:
-            write_json(self.out, metrics[0] if len(metrics) == 1 else metrics)
+            write_json(self.out, metrics)
             print(f"Data {self.out}")
 
-    def _evaluate_shifts(self) -> list[dict[str, Any]]:
+    def _evaluate_shifts(self) -> dict[str, Any]:
         from rich.console import Console
 
         from agents.evaluation.deciders import check_family, decider_family
-        from agents.evaluation.shifted_worlds import evaluate_shifts, shift_table, shifted_worlds
+        from agents.evaluation.drawn_worlds import draw_worlds
+        from agents.evaluation.shifted_worlds import (
+            NOMINAL,
+            differences,
+            evaluate_shifts,
+            shift_table,
+            shifted_worlds,
+        )
         from agents.interface.progress import progress_display
         from hybrid_env.registration import make_vector_env
 
@@ -67,22 +86,27 @@ class Evaluate(WorldArguments):
         world = make_vector_env(env_id, 1, **options).options
         for name in self.deciders:
             if ":" in name and not Path(name).is_dir():
-                raise reject("deciders", name, "a name without a threshold, with --shifted")
+                raise reject("deciders", name, "a name without a threshold, with --shifted or --drawn")
+        worlds = shifted_worlds(world) if self.shifted else {NOMINAL: {}}
+        worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
         for name in self.deciders:
             check_family(decider_family(name, world), name, world)
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            total = len(self.deciders) * len(shifted_worlds(world))
+            total = len(self.deciders) * len(worlds)
             task = progress.add_task("Evaluating", total=total, completed=-1, note="")
             results = evaluate_shifts(
-                self.deciders, env_id, world, options, self.episodes, self.seed,
+                self.deciders, env_id, worlds, options, self.episodes, self.seed,
                 lambda note: progress.update(task, advance=1, note=note),
             )  # fmt: skip
             progress.update(task, completed=total, note="")
         segments = self.episodes * world.segments
         name = env_id.rpartition(":")[2]
         console.print(shift_table(results, f"{name} under distribution shift: {segments:,} segments each"))
-        return [asdict(result) for result in results]
+        found: dict[str, Any] = {"results": [result.as_json() for result in results]}
+        if len(self.deciders) > 1:
+            found["differences"] = [asdict(one) for one in differences(results)]
+        return found | {"worlds": worlds}
 
     def _load(self, name: str) -> tuple[str, str, dict[str, Any], "Decider"]:
         from agents.evaluation.deciders import load_decider, world_changes

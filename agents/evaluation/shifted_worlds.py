@@ -1,10 +1,11 @@
 """Deciders under distribution shift: evaluation in environments other than the nominal one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -14,8 +15,10 @@ from agents.evaluation.deciders import DeciderFamily, decider_family
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
 from hybrid_env.options import WorldOptions
+from hybrid_env.registration import make_vector_env
 from hybrid_env.scheme import RandomScheme
 
+FloatArray = NDArray[np.float64]
 NOMINAL = "nominal"
 SELECTION_EPISODES = 400
 """Episodes per threshold in each environment; a threshold is one number, and its optimum is flat."""
@@ -79,6 +82,8 @@ class ShiftResult:
         nominal_threshold: selected in the nominal environment.
         nominal_reward: mean per segment at the threshold of the nominal environment.
         nominal_low, nominal_high: bounds of its 95 % confidence interval.
+        episodes: (E,) mean reward of each episode.
+        nominal_episodes: (E,) the same at the threshold of the nominal environment.
     """
 
     world: str
@@ -93,12 +98,38 @@ class ShiftResult:
     nominal_reward: float
     nominal_low: float
     nominal_high: float
+    episodes: FloatArray
+    nominal_episodes: FloatArray
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the metrics without the episodes."""
+        return {name: value for name, value in vars(self).items() if not name.endswith("episodes")}
+
+
+@dataclass(frozen=True)
+class ShiftDifference:
+    """Reward of one decider minus that of the best of the others in one environment, on the same episodes.
+
+    Attributes:
+        world: name of the environment.
+        decider, other: names of the deciders; the other is the best at the thresholds of this environment.
+        difference, low, high: mean per segment with the bounds of the 95 % confidence interval.
+        nominal_difference: the decider at the threshold of the nominal environment, the other as before.
+    """
+
+    world: str
+    decider: str
+    other: str
+    difference: float
+    low: float
+    high: float
+    nominal_difference: float
 
 
 def evaluate_shifts(
     names: Sequence[str],
     env_id: str,
-    world: WorldOptions,
+    worlds: Mapping[str, dict[str, Any]],
     options: dict[str, Any],
     episodes: int,
     seed: int,
@@ -113,7 +144,7 @@ def evaluate_shifts(
     Args:
         names: of deciders, see `deciders.decider_family`.
         env_id: registered id of the nominal environment.
-        world: all options of the nominal environment.
+        worlds: name and changed options of the environments, the nominal one first.
         options: of the nominal environment that differ from those of the id.
         episodes: number of evaluation episodes.
         seed: of the first episode.
@@ -122,9 +153,9 @@ def evaluate_shifts(
     results = []
     for name in names:
         nominal_threshold = float("nan")
-        for shift, change in shifted_worlds(world).items():
+        for shift, change in worlds.items():
             changed = options | change
-            family = decider_family(name, WorldOptions.of(**vars(world) | change))
+            family = decider_family(name, make_vector_env(env_id, 1, **changed).options)
             on_progress(f"{family.name}: {shift}")
             threshold = _best_threshold(family, env_id, changed)
             if shift == NOMINAL:
@@ -157,7 +188,24 @@ def _result(
         world, decider, own[0], float(decisions.reward.mean()), *intervals[0],
         float(decisions.correct.mean()), float(decisions.ticks.mean()),
         nominal[0], float(nominal[1].reward.mean()), *intervals[1],
+        decisions.reward.mean(1), nominal[1].reward.mean(1),
     )  # fmt: skip
+
+
+def differences(results: Sequence[ShiftResult]) -> list[ShiftDifference]:
+    """Return the differences between the first decider and the best of the others, one per environment."""
+    first, found = results[0].decider, []
+    for world in dict.fromkeys(result.world for result in results):
+        mine, *others = (result for result in results if result.world == world)
+        best = max(others, key=lambda one: one.reward)
+        gain = mine.episodes - best.episodes
+        nominal_gain = float((mine.nominal_episodes - best.episodes).mean())
+        found.append(
+            ShiftDifference(
+                world, first, best.decider, float(gain.mean()), *confidence_interval(gain), nominal_gain
+            )
+        )
+    return found
 
 
 def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
@@ -171,9 +219,22 @@ def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     table.add_column("environment")
     for name in deciders:
         table.add_column(Text(name), justify="right", no_wrap=True)
+    gains = {}
+    if len(deciders) > 1:
+        table.add_column(Text(f"{deciders[0]} - best other"), justify="right", no_wrap=True)
+        gains = {one.world: one for one in differences(results)}
+        table.caption += "\nThe last column compares the same episodes."
     for world in dict.fromkeys(result.world for result in results):
         row = {result.decider: result for result in results if result.world == world}
-        table.add_row(world, *(_cell(row[name]) for name in deciders))
+        cells = [_cell(row[name]) for name in deciders]
+        if world in gains:
+            gain = gains[world]
+            half_width = (gain.high - gain.low) / 2
+            cells.append(
+                f"{gain.difference:+.3f} ±{half_width:.3f}\n"
+                f"[bright_black]{gain.nominal_difference:+.3f}       [/]"
+            )
+        table.add_row(world, *cells)
     return table
 
 

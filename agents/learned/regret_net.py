@@ -1,8 +1,8 @@
 """A network that predicts what a declaration of another turn costs in the next segment.
 
-The filter of the declared turn follows the object to the switch and gives the next anchor. If the object turns
-otherwise, that anchor is inaccurate, and the next decision is late or wrong. This cost is not in the reward of
-the declaration itself.
+The filter of the declared turn follows the object to the switch and gives the next anchor. If the object
+turns otherwise, that anchor is inaccurate, and the next decision is late or wrong. This cost is not in the
+reward of the declaration itself.
 """
 
 import numpy as np

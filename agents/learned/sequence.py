@@ -313,8 +313,8 @@ def errors_and_best(
     """
     wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, by_type)
     error = np.where(by_type, wrong_type, wrong_type + wrong_radius)
-    chosen = np.flatnonzero(by_type & (error <= alpha)) if posterior.shape[1] > 3 else []
-    if len(chosen) == 0:
+    chosen = np.flatnonzero(by_type & (error <= alpha))
+    if posterior.shape[1] == 3 or not chosen.size:
         return error, best
     layout = Layout.of_rows(rows)
     rows, scales, posterior = rows[chosen], scales.select(chosen), posterior[chosen]

@@ -7,7 +7,6 @@
 - `checkpoint`: the state of a run on disk; `track_state` and `random_state` are parts of it.
 - `learning_curve`, `learning_figure`: evaluation during training, and its plot.
 - `vec_env`: the vectorised environment for Stable-Baselines3.
-- `drawn_worlds`: random worlds for the sequence agent.
 - `command`: `hybridtrack train`.
 
 May import: `hybrid_env`, `baselines`, `agents.interface`, `agents.learned`, `agents.evaluation`.

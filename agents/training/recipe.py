@@ -114,7 +114,7 @@ class TrainingWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnWorlds:
-    """Random environments that the sequence agent is trained in, see `drawn_worlds.draw_world`.
+    """Random environments that the sequence agent is trained in, see `agents.evaluation.drawn_worlds`.
 
     Attributes:
         radii: number of radii of each bank.
@@ -162,9 +162,10 @@ class SequenceSettings:
     updates_per_world: int = 32
 
     def __post_init__(self) -> None:
-        for name, largest in (
-            ("n_steps", 10_000), ("hidden", LARGEST_HIDDEN), ("last_tick", 10**6), ("updates_per_world", 10**6),
-        ):  # fmt: skip
+        limits = {
+            "n_steps": 10_000, "hidden": LARGEST_HIDDEN, "last_tick": 10**6, "updates_per_world": 10**6
+        }  # fmt: skip
+        for name, largest in limits.items():
             check_integer(name, getattr(self, name), maximum=largest)
         if not 1 <= len(self.worlds) <= MOST_WORLDS:
             raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")

@@ -21,6 +21,7 @@ from torch import Tensor, nn
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, sequence_family
+from agents.evaluation.drawn_worlds import draw_world
 from agents.learned.dimensionless import ratios, turns_per_tick
 from agents.learned.regret_net import regret_inputs
 from agents.learned.sequence import (
@@ -33,7 +34,6 @@ from agents.learned.sequence import (
     save_sequence,
 )
 from agents.training import run_folder
-from agents.training.drawn_worlds import draw_world
 from agents.training.recipe import LARGEST_ALPHA, SequenceSettings, TrainingWorld, learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
 from agents.training.track_state import check_tracks, track_arrays
@@ -224,8 +224,10 @@ class _Stream:
     def learn(self, net: SequenceNet, settings: SequenceSettings, weight: float) -> _Gradient:
         """Return the gradient of the weighted losses of a rollout."""
         rollout = self.rollout(net, settings)
-        losses = self.loss(net, rollout)
-        gradient = torch.autograd.grad(weight * sum(losses), list(net.parameters()), allow_unused=True)
+        losses = list(self.loss(net, rollout))
+        gradient = torch.autograd.grad(
+            weight * torch.stack(losses).sum(), list(net.parameters()), allow_unused=True
+        )
         return _Gradient(list(gradient), [weight * float(one.detach()) for one in losses], rollout.decisions)
 
     def state_tensors(self) -> dict[str, Tensor]:
@@ -361,7 +363,7 @@ class SequenceRun(Run):
                     options["lr"] = self.rate * factor
                 gradients = list(pool.map(self._gradient, self._streams))
                 for k, parameter in enumerate(parameters):
-                    parts = [one.parts[k] for one in gradients if one.parts[k] is not None]
+                    parts = [part for one in gradients if (part := one.parts[k]) is not None]
                     parameter.grad = torch.stack(parts).sum(0) if parts else None
                 for one in gradients:
                     recent = (recent + one.decisions)[-RECENT_STEPS:]

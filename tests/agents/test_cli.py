@@ -6,6 +6,7 @@ import pytest
 
 from agents.cli import main
 from agents.evaluation import shifted_worlds
+from hybrid_env import WorldOptions
 
 INVALID_WORLD_ARGUMENTS = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
@@ -96,6 +97,8 @@ INVALID_ARGUMENTS = [
     ("evaluate ate:1e-3 --shifted True", "deciders='ate:1e-3'"),
     ("evaluate ate nosuch", "decider='nosuch'"),
     ("evaluate --shifted True --seed 1000000000", "seed=1000000000"),
+    ("evaluate --drawn -1", "drawn=-1"),
+    ("evaluate --drawn 2 --beyond 0.5", "beyond=0.5"),
     ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
     ("play --out x.mp4", "out='x.mp4'"),
     ("play --out x.gif --episodes 0", "episodes=0"),
@@ -306,9 +309,27 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
     printed = capsys.readouterr().out
     for words in ("nominal", "5 % outliers", "twice the radii", "half the length", "MSPRT"):
         assert words in printed
-    rows = json.loads(out.read_text())
+    data = json.loads(out.read_text())
+    rows = data["results"]
     assert len(rows) >= 2 * 20
     assert all(row["low"] <= row["reward"] <= row["high"] for row in rows)
     assert all(row["nominal_low"] <= row["nominal_reward"] <= row["nominal_high"] for row in rows)
     by_world = {row["world"]: row for row in rows if row["decider"] == "fixed time"}
     assert by_world["half the length"]["ticks"] <= 15
+    msprt = {row["world"]: row for row in rows if row["decider"] == "MSPRT"}
+    for one in data["differences"]:
+        difference = by_world[one["world"]]["reward"] - msprt[one["world"]]["reward"]
+        assert one["difference"] == pytest.approx(difference)
+        assert one["low"] <= one["difference"] <= one["high"]
+
+
+def test_evaluate_draws_random_worlds(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(shifted_worlds, "SELECTION_EPISODES", 5)
+    monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 2)
+    out = tmp_path / "drawn.json"
+    assert main(["evaluate", "fixed", "--drawn", "3", "--episodes", "5", "--out", str(out)]) == 0
+    assert "random world 3" in capsys.readouterr().out
+    data = json.loads(out.read_text())
+    assert [row["world"] for row in data["results"]][:2] == ["nominal", "random world 1"]
+    for world in data["worlds"].values():
+        WorldOptions.of(**world)

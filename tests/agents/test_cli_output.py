@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -73,6 +74,6 @@ def test_names_of_run_folders_are_printed_as_they_are(name, tmp_path, capsys, mo
 
 
 def test_names_of_run_folders_in_tables_of_shifts_are_printed_as_they_are(capsys):
-    result = ShiftResult("nominal", "s[/b]", 0.1, *[0.5] * 9)
+    result = ShiftResult("nominal", "s[/b]", 0.1, *[0.5] * 9, np.zeros(2), np.zeros(2))
     Console().print(shift_table([result], "title"))
     assert "s[/b]" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The sequence agent: symmetries of the network, reproducible training, files, and decisions."""
+"""The sequence agent: invariances, reproducible training, files, and decisions."""
 
 import json
 
@@ -8,11 +8,13 @@ import torch
 
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
+from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_policy
 from agents.learned.sequence import (
     SequenceDecider,
     SequenceNet,
-    error_probability_and_best,
+    error_probabilities_and_best,
+    errors_and_best,
     load_sequence,
     save_sequence,
 )
@@ -23,6 +25,7 @@ from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
 SMALL = load_recipe("sequence", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
+TRACKS, TICKS = 16, 150
 
 
 def trained(recipe, steps, seed=0, **options):
@@ -32,9 +35,12 @@ def trained(recipe, steps, seed=0, **options):
 
 
 def random_net(seed=0, hidden=12):
+    """A network whose corrections are not zero."""
     torch.manual_seed(seed)
     net = SequenceNet(hidden)
-    torch.nn.init.normal_(net.score.weight)
+    for layer in (net.score, net.carry):
+        torch.nn.init.normal_(layer.weight)
+    torch.nn.init.normal_(net.anchor.output.weight, std=0.01)
     return net
 
 
@@ -58,47 +64,114 @@ def mirrored(rows):
     return out, order
 
 
-def test_left_and_right_turns_have_mirrored_features():
-    # the straight hypothesis has no side, so only its lateral features may differ
-    env = HybridTrackVectorEnv(16, radii=(3.0, 5.0))
-    rows, _ = env.reset(seed=1)
-    rows[:, env.world.layout.slices["innovation_across"]][:, 0] = 0.0
-    net = random_net()
-    reflected, order = mirrored(rows)
-    with torch.no_grad():
-        first, second = (net.features(torch.from_numpy(one))[..., :12] for one in (rows, reflected))
-    np.testing.assert_allclose(first[:, order][:, 1:], second[:, 1:], atol=1e-6)
+def posteriors_of(decider, env, ticks=TICKS, transform=lambda rows: rows, declare=True):
+    """Posterior (ticks, N, M) in an environment in which one track after the other declares."""
+    rows, _ = env.reset(seed=3)
+    state, start = None, np.ones(env.num_envs, np.bool_)
+    posteriors = []
+    for tick in range(ticks):
+        posterior, state = decider.posterior(transform(rows), state, start)
+        posteriors.append(posterior)
+        due = declare & (np.arange(env.num_envs) == tick % env.num_envs)
+        actions = np.where(due, 1 + tick % posterior.shape[1], 0)
+        rows, _, start, _, _ = env.step(actions)
+    return np.array(posteriors)
+
+
+def in_other_units(world, length, time):
+    """The same world, with lengths and times in other units."""
+    error, velocity_variance = world.initial_error
+    return WorldOptions.of(
+        **vars(world)
+        | {
+            "radii": tuple(radius * length for radius in world.radii),
+            "speed": world.speed * length / time,
+            "tau": world.tau * time,
+            "process_variance": world.process_variance * (length / time) ** 2,
+            "measurement_variance": tuple((world.variances * length**2).tolist() * 2)[:2],
+            "initial_error": (error, velocity_variance * (length / time) ** 2),
+        }
+    )
+
+
+@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (0.3048, 1e-3)])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"reset_covariance": False},
+        {"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"},
+        {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "outliers": 0.05},
+    ],
+)
+def test_a_change_of_units_changes_no_decision(options, length, time):
+    world = WorldOptions.of(**options)
+    results, actions = [], []
+    for one in (world, in_other_units(world, length, time)):
+        decider = SequenceDecider(random_net(), one, 0.02)
+        results.append(posteriors_of(decider, HybridTrackVectorEnv(TRACKS, **vars(one))))
+        actions.append(evaluate(decider, episodes=20, seed=1, **vars(one)))
+    np.testing.assert_allclose(*results, atol=1e-4)
+    np.testing.assert_array_equal(actions[0].ticks, actions[1].ticks)
+    np.testing.assert_array_equal(actions[0].decided_mode, actions[1].decided_mode)
 
 
 @pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
-def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii(radii):
-    net = random_net()
+def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii):
+    env = HybridTrackVectorEnv(TRACKS, radii=radii)
+    decider = SequenceDecider(random_net(), env.options)
+    order = mirrored(env.reset(seed=0)[0])[1]
+    original = posteriors_of(decider, env)
+    reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
+    np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
+
+
+def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii():
     posteriors = []
-    for order in (radii, radii[::-1]):
-        env = HybridTrackVectorEnv(8, radii=order, scheme="S60 L60r5 S60")
-        rows, _ = env.reset(seed=3)
-        hidden_state = torch.zeros(8, 2 * len(radii) + 1, 12)
-        for _ in range(12):
-            with torch.no_grad():
-                hidden_state = net.next_hidden_state(net.features(torch.from_numpy(rows)), hidden_state)
-                posterior = net.log_posterior(torch.from_numpy(rows), hidden_state)
-            rows = env.step(np.zeros(8, np.int64))[0]
-        posteriors.append(posterior.numpy())
-    n = len(radii)
-    reversed_order = [0, *range(n, 0, -1), *range(2 * n, n, -1)]
-    np.testing.assert_allclose(posteriors[0], posteriors[1][:, reversed_order], atol=1e-4)
+    for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
+        env = HybridTrackVectorEnv(TRACKS, radii=radii, scheme="S60 L60r5 S60")
+        decider = SequenceDecider(random_net(), env.options)
+        posteriors.append(posteriors_of(decider, env, ticks=20, declare=False))
+    order = [0, 3, 2, 1, 6, 5, 4]
+    np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
 
 
-def test_the_hidden_state_is_reset_at_every_segment():
-    decider = SequenceDecider(random_net(), alpha=1e-6)
+def test_an_untrained_network_does_not_change_the_posterior_of_the_filters():
+    env = HybridTrackVectorEnv(TRACKS)
+    decider = SequenceDecider(SequenceNet(8), env.options)
+    rows, state = env.reset(seed=3)[0], None
+    for _ in range(30):
+        posterior, state = decider.posterior(rows, state, None)
+        ratio = state.filters.log_likelihood
+        expected = np.exp(ratio - ratio.max(-1, keepdims=True))
+        np.testing.assert_allclose(posterior, expected / expected.sum(-1, keepdims=True), atol=1e-6)
+        rows = env.step(np.zeros(TRACKS, np.int64))[0]
+
+
+def test_an_episode_starts_without_memory_and_a_segment_does_not():
     env = HybridTrackVectorEnv(4, scheme="random 3x5")
+    decider = SequenceDecider(random_net(), env.options, alpha=1e-6)
     rows, _ = env.reset(seed=2)
-    state = None
+    state, start = None, np.ones(4, np.bool_)
     for _ in range(5):
-        _, state = decider.predict(rows, state)
-        rows = env.step(np.zeros(4, np.int64))[0]
-    first = decider.predict(rows, state)[1]
-    np.testing.assert_array_equal(first, decider.predict(rows, None)[1])
+        _, state = decider.predict(rows, state, start)
+        rows, _, start, _, _ = env.step(np.zeros(4, np.int64))
+    assert (Layout(3).read(rows, "ticks") == 1).all()
+    fresh = decider.posterior(rows, None, np.ones(4, np.bool_))[0]
+    restarted = decider.posterior(rows, state, np.ones(4, np.bool_))[0]
+    np.testing.assert_array_equal(restarted, fresh)
+    continued = decider.posterior(rows, decider.predict(rows)[1], None)[0]
+    assert not np.allclose(continued, fresh)
+
+
+def test_dropping_finished_tracks_changes_no_decision():
+    class KeepAll:
+        def __init__(self, decider):
+            self.predict = decider.predict
+
+    options = {"radii": (3.0, 5.0), "measurement_variance": (0.05, 0.2)}
+    decider = SequenceDecider(random_net(), WorldOptions(**options), 0.05)
+    ticks = [evaluate(one, episodes=40, seed=3, **options).ticks for one in (decider, KeepAll(decider))]
+    np.testing.assert_array_equal(*ticks)
 
 
 def test_the_same_seed_gives_the_same_weights():
@@ -108,8 +181,8 @@ def test_the_same_seed_gives_the_same_weights():
 
 
 def test_short_training_beats_a_fixed_decision_time():
-    net = trained(load_recipe("sequence", ENV, ("hidden=16",)), 150_000)
-    learned = evaluate(SequenceDecider(net, 0.1), episodes=200, seed=7)
+    net = trained(load_recipe("sequence", ENV, ("hidden=16",)), 30_000)
+    learned = evaluate(SequenceDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
     fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
     assert learned.correct.mean() > fixed.correct.mean()
 
@@ -123,7 +196,7 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
     assert decider.alpha == 0.05
-    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).radius_weight < 1.0
+    assert load_decider(str(tmp_path), WorldOptions(correctness="type")).by_type
     card["observation_scales"]["ticks"] = 5.0
     (tmp_path / "policy.json").write_text(json.dumps(card))
     with pytest.raises(ValueError, match="other scales"):
@@ -150,6 +223,10 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         ({"learning_rate": -1.0}, "learning_rate=-1.0"),
         ({"smallest_alpha": 0.5}, "smallest_alpha=0.5"),
         ({"last_tick": 0}, "last_tick=0"),
+        ({"updates_per_world": 0}, "updates_per_world=0"),
+        ({"drawn_worlds": [{"radii": 0, "worlds": 1, "n_envs": 1}]}, "radii=0"),
+        ({"drawn_worlds": [{"radii": 1}]}, "drawn_worlds="),
+        ({"drawn_worlds": [{"radii": 900, "worlds": 900, "n_envs": 900}]}, "n_steps="),
     ],
 )
 def test_invalid_settings_are_refused(arguments, message):
@@ -165,11 +242,12 @@ def test_training_uses_several_environments_and_banks_at_once():
     ]
     recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
     net = trained(recipe, 1000)
-    assert evaluate(SequenceDecider(net, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
+    world = WorldOptions(radii=(2.0, 5.0))
+    assert evaluate(SequenceDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
     with pytest.raises(ValueError, match="alpha="):
-        SequenceDecider(net, 0.0)
-    with pytest.raises(ValueError, match="radius_weight="):
-        SequenceDecider(net, 0.1, radius_weight=2.0)
+        SequenceDecider(net, world, 0.0)
+    with pytest.raises(ValueError, match="observation shape"):
+        SequenceDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
 
 
 def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
@@ -195,18 +273,33 @@ def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
     assert resume_run(folder, steps=5000).steps == 5000
 
 
-def test_the_error_probability_is_the_posterior_of_wrong_declarations():
+def test_the_error_probabilities_are_the_posterior_of_wrong_declarations():
     posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
-    error_probability, best = error_probability_and_best(posterior, 0.0)
-    np.testing.assert_allclose(error_probability, [0.39, 0.6])
+    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, True)
+    np.testing.assert_allclose(wrong_type, [0.39, 0.6])
+    np.testing.assert_allclose(wrong_radius, [0.3, 0.0])
     np.testing.assert_array_equal(best, [2, 0])
-    np.testing.assert_allclose(error_probability_and_best(posterior, 1.0)[0], [0.69, 0.6])
-    np.testing.assert_allclose(error_probability_and_best(posterior, 0.5)[0], [0.54, 0.6])
     # the most likely hypothesis need not be of the most likely type
     split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
-    assert [error_probability_and_best(split, weight)[1][0] for weight in (0.0, 1.0)] == [1, 0]
+    assert [error_probabilities_and_best(split, by_type)[2][0] for by_type in (True, False)] == [1, 0]
     small = np.array([[1.0, 1e-12, 1e-13]])
-    np.testing.assert_allclose(error_probability_and_best(small, 1.0)[0], 1.1e-12)
+    np.testing.assert_allclose(error_probabilities_and_best(small, False)[0], 1.1e-12)
+
+
+def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
+    world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
+    rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)
+    posterior = np.array(
+        [[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]]
+    )
+    net, scales, alpha = random_net(), Scales.of([world], [3]), np.full(3, 0.1)
+    error, best = errors_and_best(net, rows, scales, posterior, np.ones(3, np.bool_), alpha)
+    assert error[0] == pytest.approx(0.0, abs=1e-5)  # both turns are the same
+    assert error[1] > 0.01
+    assert error[2] == pytest.approx(0.2)  # above alpha: nothing is declared, and nothing is added
+    assert (best > 0).all()
+    exact, _ = errors_and_best(net, rows, scales, posterior, np.zeros(3, np.bool_), alpha)
+    np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
 
 
 def test_environment_options_of_the_recipe_override_those_of_the_run():
@@ -229,7 +322,7 @@ def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
         assert gain.mean() > 4 * gain.std() / 10
 
 
-def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses_not_used_in_training():
+def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses():
     world = {
         "radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()),
         "correctness": "type",

@@ -60,7 +60,7 @@ def test_a_path_that_is_no_file_is_refused(name):
         "n_envs=10000000", "n_steps=10000000", "n_steps=100000", "n_epochs=10000000", "wait_bias=1e30",
         "ent_coef=1e30", "learning_rate=[lin_1]", "learning_rate=1e400", "learning_rate=0x" + "f" * 999,
         "policy_kwargs={net_arch: [1000000]}", "policy_kwargs={optimizer_class: x}", "policy_kwargs=[]",
-        "n_timesteps=1" + "0" * 30, "observe=3", "observe=[3]", "sequence_agent=[]", "a=&a [*a]",
+        "n_timesteps=1" + "0" * 30, "observe=3", "observe=[3]", "a=&a [*a]",
         "policy_kwargs" + ".a" * 5000 + "=1", "n_envs=true", "n_envs=" + "[" * 400,
     ],
 )  # fmt: skip
@@ -75,6 +75,8 @@ def test_values_are_bounded(change):
         "worlds=[{n_envs: 1000000000}]", "worlds=[{n_envs: 1, options: {trace_rows: 1000000000}}]",
         "worlds=[{n_envs: 1, options: [3]}]", "worlds=[{n_envs: 1, options: {scheme: 2001-01-01}}]",
         f"worlds=[{'{n_envs: 1},' * 400}]", "smallest_alpha=1e400", "policy_kwargs={}",
+        "drawn_worlds=3", "drawn_worlds=[3]", "drawn_worlds=[{radii: 1, worlds: 1000000, n_envs: 1}]",
+        "drawn_worlds=[{radii: 1000000, worlds: 1, n_envs: 1}]", "updates_per_world=0",
     ],
 )  # fmt: skip
 def test_values_of_the_sequence_agent_are_bounded(change):
@@ -96,7 +98,7 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["stopping", "sequence-all"])
+@pytest.mark.parametrize("name", ["ppo", "sequence-all"])
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 

@@ -1,4 +1,4 @@
-"""Random worlds for training: objects, sensors and banks of many kinds, drawn in ratios without units."""
+"""Random worlds for training and evaluation: objects, sensors and banks of many kinds, without units."""
 
 from typing import Any
 
@@ -15,16 +15,20 @@ MOST_OUTLIERS = 0.1
 LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
 SHORTEST = (20, 100)  # ticks of the shortest segment
 LONGEST_OVER_SHORTEST = 2.5
-LEAST_DEVIATION = (
-    3.0  # of the widest turn from a straight line after half a segment, in deviations of a measurement
-)
+LEAST_DEVIATION = 3.0  # of the widest turn from a straight line after half a segment, over sqrt(R)
+BANKS = (
+    ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),
+)  # fmt: skip
+SHARES = (0.55, 0.2, 0.1, 0.15)
 
 
-def _log_uniform(generator: Generator, limits: tuple[float, float]) -> float:
-    return float(np.exp(generator.uniform(*np.log(limits))))
+def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: float = 1.0) -> float:
+    """Return a number from low / beyond to high * beyond, uniform in its logarithm."""
+    low, high = limits
+    return float(np.exp(generator.uniform(np.log(low / beyond), np.log(high * beyond))))
 
 
-def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
+def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:
     """Return options of a random world.
 
     Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the
@@ -33,13 +37,16 @@ def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
     Args:
         generator: source of randomness.
         radii_count: number of radii of the bank.
+        beyond: factor by which the ranges are wider at both ends.
     """
-    shortest = int(generator.integers(*SHORTEST)) if generator.random() < 0.6 else 50
+    low, high = SHORTEST
+    drawn = round(_log_uniform(generator, (low, high), beyond))
+    shortest = drawn if generator.random() < 0.6 else 50
     longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
-    spread = _log_uniform(generator, (1.5, WIDEST_BANK)) if radii_count > 1 else 1.0
+    spread = _log_uniform(generator, (1.5, WIDEST_BANK), beyond) if radii_count > 1 else 1.0
     motion, turn = 0.0, 0.0
     while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < LEAST_DEVIATION:
-        motion, turn = _log_uniform(generator, MOTION), _log_uniform(generator, TURN)
+        motion, turn = _log_uniform(generator, MOTION, beyond), _log_uniform(generator, TURN, beyond)
     tau, deviation = 0.1, 0.0
     if generator.random() < 0.5:
         deviation = 0.2 / motion
@@ -52,13 +59,11 @@ def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
         radii = np.linspace(smallest, largest, radii_count)
     else:
         radii = np.geomspace(smallest, largest, radii_count)
-    noise = _log_uniform(generator, PROCESS) if generator.random() < 0.6 else 0.0158
-    ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO))
+    noise = _log_uniform(generator, PROCESS, beyond) if generator.random() < 0.6 else 0.0158
+    ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO), beyond)
     axes = ratio**0.5 if generator.random() < 0.3 else 1.0
     velocity = speed * _log_uniform(generator, (0.01, 0.3))
-    bank, follow = [
-        ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),
-    ][generator.choice(4, p=[0.55, 0.2, 0.1, 0.15])]  # fmt: skip
+    bank, follow = BANKS[generator.choice(len(BANKS), p=SHARES)]
     return {
         "scheme": f"random 6x{shortest}-{longest}",
         "radii": tuple(radii.tolist()),
@@ -66,9 +71,25 @@ def draw_world(generator: Generator, radii_count: int) -> dict[str, Any]:
         "tau": tau,
         "process_variance": (noise * speed) ** 2,
         "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
-        "outliers": generator.uniform(0.0, MOST_OUTLIERS) if generator.random() < 0.35 else 0.0,
+        "outliers": generator.uniform(0.0, beyond * MOST_OUTLIERS) if generator.random() < 0.35 else 0.0,
         "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
         "bank": bank,
         "follow": follow,
         "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
     }
+
+
+def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses.
+
+    Args:
+        count: number of worlds.
+        seed: of the first world.
+        beyond: see `draw_world`.
+    """
+    worlds = {}
+    for k in range(count):
+        generator = np.random.default_rng(seed + k)
+        radii_count = int(generator.choice([1, 3, 10], p=[0.6, 0.2, 0.2]))
+        worlds[f"random world {k + 1}"] = draw_world(generator, radii_count, beyond)
+    return worlds
