@@ -5,9 +5,12 @@ Importing this package registers the environments. `gym.make("hybrid_env:HybridT
 
 from hybrid_env.checks import ArgumentError
 from hybrid_env.env import HybridTrackEnv
-from hybrid_env.observation import Layout
+from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.online_bank import KalmanBank
 from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_env import HybridTrackQuickestEnv
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import ENVIRONMENTS, register_environments
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -18,9 +21,13 @@ __all__ = [
     "ArgumentError",
     "FixedScheme",
     "HybridTrackEnv",
+    "HybridTrackQuickestEnv",
+    "HybridTrackQuickestVectorEnv",
     "HybridTrackVectorEnv",
     "KalmanBank",
     "Layout",
+    "QuickestLayout",
+    "QuickestOptions",
     "RandomScheme",
     "Segment",
     "WorldOptions",

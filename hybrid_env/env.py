@@ -1,22 +1,16 @@
 """The environment of one track."""
 
-import operator
-from typing import Any, ClassVar
+from typing import Any
 
-import gymnasium as gym
-import numpy as np
-from numpy.typing import NDArray
-
-from hybrid_env.checks import ReadOnlyAttributes, check_choice, check_integer, check_reset_options
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.figure import RENDER_FPS, Renderer
+from hybrid_env.rendering.figure import Renderer
 from hybrid_env.rendering.history import EpisodeHistory
-from hybrid_env.seeding import state_of
+from hybrid_env.track_env import TrackEnv
 from hybrid_env.world import World
 
 
-class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
+class HybridTrackEnv(TrackEnv):
     """Decide quickly and correctly which mode of motion an object has switched to.
 
     ## Description
@@ -120,87 +114,26 @@ class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64])
     * v0: Initial version
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # type: ignore[misc]
+    options_class = WorldOptions
 
-    read_only = frozenset(("options", "world"))
+    options: WorldOptions
+    world: World
+    history: EpisodeHistory | None
+    renderer: Renderer | None
 
-    def __init__(self, render_mode: str | None = None, **options: Any):
-        if render_mode is not None:
-            check_choice("render_mode", render_mode, self.metadata["render_modes"])
-        self.render_mode = render_mode
-        self.options = WorldOptions.of(**options)
-        self.history: EpisodeHistory | None = None
-        self.renderer: Renderer | None = None
-        rendered = render_mode is not None
-        self.world = World(self.options, 1, trace_rows=self.options.longest_segment + 1 if rendered else 0)
-        if rendered:
-            self.history = EpisodeHistory(self.options)
-            self.renderer = Renderer(self.options, human=render_mode == "human")
-        self.action_space = self.world.action_space()
-        self.observation_space = self.world.observation_space()  # type: ignore[assignment]
+    def _create_world(self, rendered: bool) -> World:
+        return World(self.options, 1, trace_rows=self.options.longest_segment + 1 if rendered else 0)
 
-        self._reset_mask = np.ones(1, np.bool_)
-        self._action_count = self.options.action_count
-        self._started = False
-        self._bind_views()
+    def _create_rendering(self, human: bool) -> tuple[EpisodeHistory, Renderer]:
+        return EpisodeHistory(self.options), Renderer(self.options, human)
 
     def _bind_views(self) -> None:
-        """Create views of the single track once, because creating them takes longer than a tick."""
+        super()._bind_views()
         block = self.world.blocks[0]
-        self._actions = self.world.actions
-        self._observation = self.world.observations[0]
         self._log_likelihood = self.world.bank.hypotheses["log_likelihood"][0, :, 0]
-        self._reward, self._terminated = self.world.rewards, self.world.terminated
         self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
         self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
         self._anchor, self._estimate = block["anchor"][:, 0], block["estimate"][:, 0]
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind_views()  # copied and unpickled views do not share memory with the world
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode. Without a seed the random stream continues. `options` is not used.
-
-        Raises:
-            ArgumentError: the seed is not an integer >= 0 or None, or `options` not a dict or None.
-        """
-        check_reset_options(options)
-        super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
-        if seed is not None or not self.world.seeded[0]:
-            self.world.seed(0, state_of(self.np_random))
-        self.world.reset(self._reset_mask)
-        self._started = True
-        info = self._info()
-        if self.history is not None:
-            self.history.begin(self.world.read_trace(0), info)
-            if self.render_mode == "human":
-                self.render()
-        return self._observation.copy(), info
-
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Wait one tick (action 0), or declare a hypothesis and advance to the next segment."""
-        try:
-            index = operator.index(action)
-        except TypeError:
-            raise self.world.invalid_action(action) from None
-        if not 0 <= index < self._action_count:
-            raise self.world.invalid_action(action)
-        if not self._started or self._terminated.item(0):
-            raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
-        self._actions[0] = index
-        events = self.world.step()
-        info = self._info()
-        if events & DECIDED:
-            info |= {key: values.item() for key, values in self.world.read_decisions().items()}
-            del info["has_decision"]
-        if self.history is not None:
-            self.history.add(self.world.read_trace(0), info)
-            if self.render_mode == "human":
-                self.render()
-        return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -214,19 +147,13 @@ class HybridTrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64])
             "log_likelihood": self._log_likelihood.copy(),
         }
 
-    def render(self) -> Any:
-        """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode "rgb_array"."""
-        if self.history is None or self.renderer is None:
-            gym.logger.warn(
-                "render() has no effect without a render_mode: create the environment with "
-                "render_mode='rgb_array' or 'human'"
-            )
-            return None
-        if not self._started:
-            raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
-        return self.renderer.draw(self.history)
+    def _step_info(self, events: int) -> dict[str, Any]:
+        if not events & DECIDED:
+            return {}
+        values = {key: values.item() for key, values in self.world.read_decisions().items()}
+        del values["has_decision"]
+        return values
 
-    def close(self) -> None:
-        """Close the window if one is open."""
-        if self.renderer is not None:
-            self.renderer.close()
+    def _record(self, info: dict[str, Any], begins: bool) -> None:
+        assert self.history is not None
+        (self.history.begin if begins else self.history.add)(self.world.read_trace(0), info)

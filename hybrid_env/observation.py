@@ -1,29 +1,41 @@
-"""The layout of an observation, by name.
+"""The layouts of observations, by name.
 
-`core.observation_row` writes the observation. `Layout` locates each quantity by name and removes its scale.
+`core.observation_row` and `core.quickest_row` write the observations. A layout locates each quantity by name
+and removes its scale.
 """
 
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.core.observation_row import (
-    BLOCKS,
     HYPOTHESIS_FEATURES,
     LOG_FLOOR,
     LOG_SCALE,
-    SINGLES,
     TICK_SCALE,
     TRACK_FEATURES,
 )
+from hybrid_env.core.quickest_row import QUICKEST_HYPOTHESIS_FEATURES, QUICKEST_TRACK_FEATURES
 
-__all__ = ["HYPOTHESIS_FEATURES", "LOG_FLOOR", "LOG_SCALE", "TICK_SCALE", "TRACK_FEATURES", "Layout"]
+__all__ = [
+    "HYPOTHESIS_FEATURES",
+    "LOG_FLOOR",
+    "LOG_SCALE",
+    "TICK_SCALE",
+    "TRACK_FEATURES",
+    "Layout",
+    "QuickestLayout",
+]
 
 
 class Layout:
-    """Position and scale of each quantity in an observation of a bank with M hypotheses.
+    """Position and scale of each quantity in an observation of `HybridTrackEnv` with M hypotheses.
+
+    Attributes:
+        hypothesis_features: names of the blocks of M values, in order, and their scales.
+        track_features: names of the scalars after them, in order, and their scales.
 
     >>> layout = Layout(3)
     >>> layout.width
@@ -32,29 +44,33 @@ class Layout:
     (5, 3)
     """
 
+    hypothesis_features: ClassVar[dict[str, float]] = HYPOTHESIS_FEATURES
+    track_features: ClassVar[dict[str, float]] = TRACK_FEATURES
+
     def __init__(self, hypotheses: int):
         self.hypotheses = check_integer("hypotheses", hypotheses, minimum=3)
         if self.hypotheses % 2 == 0:
             raise reject("hypotheses", hypotheses, "an odd number >= 3")
         self.slices: dict[str, slice] = {}
-        self.scales = HYPOTHESIS_FEATURES | TRACK_FEATURES
+        self.scales = self.hypothesis_features | self.track_features
         start = 0
         for name in self.scales:
-            size = hypotheses if name in HYPOTHESIS_FEATURES else 1
+            size = hypotheses if name in self.hypothesis_features else 1
             self.slices[name] = slice(start, start + size)
             start += size
         self.width = start
 
     @classmethod
-    def of_width(cls, width: int) -> "Layout":
+    def of_width(cls, width: int) -> Self:
         """Return the layout of observations of a given width. Raises `ArgumentError` if there is none."""
-        hypotheses, rest = divmod(width - SINGLES, BLOCKS)
+        blocks, singles = len(cls.hypothesis_features), len(cls.track_features)
+        hypotheses, rest = divmod(width - singles, blocks)
         if rest or hypotheses < 3 or hypotheses % 2 == 0:
-            raise reject("width", width, "6 M + 10 for M = 3, 5, 7, ... hypotheses")
+            raise reject("width", width, f"{blocks} M + {singles} for M = 3, 5, 7, ... hypotheses")
         return cls(hypotheses)
 
     @classmethod
-    def of_rows(cls, observation: NDArray[Any]) -> "Layout":
+    def of_rows(cls, observation: NDArray[Any]) -> Self:
         """Return the layout of a batch of observations, (N, width). Raises `ArgumentError` otherwise."""
         if observation.ndim != 2:
             raise reject("observation shape", observation.shape, "(N, width), one row per track")
@@ -65,7 +81,7 @@ class Layout:
 
         Args:
             observation: one or more observations, (..., width).
-            name: a key of `HYPOTHESIS_FEATURES` or `TRACK_FEATURES`.
+            name: a key of `hypothesis_features` or `track_features`.
         """
         if name not in self.slices:
             raise reject("name", name, "one of " + ", ".join(self.slices))
@@ -73,4 +89,11 @@ class Layout:
         if rows.ndim == 0 or rows.shape[-1] != self.width:
             raise reject("observation shape", rows.shape, f"(..., {self.width})")
         values = rows[..., self.slices[name]].astype(np.float64) / self.scales[name]
-        return values if name in HYPOTHESIS_FEATURES else values[..., 0]
+        return values if name in self.hypothesis_features else values[..., 0]
+
+
+class QuickestLayout(Layout):
+    """Position and scale of each quantity in an observation of `HybridTrackQuickestEnv`; see `Layout`."""
+
+    hypothesis_features = QUICKEST_HYPOTHESIS_FEATURES
+    track_features = QUICKEST_TRACK_FEATURES

@@ -1,25 +1,17 @@
 """The options of a world, checked on creation."""
 
-import dataclasses
-import difflib
 import functools
-import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
+from hybrid_env.checks import check_choice, check_flag, reject
 from hybrid_env.core.kernels import BANKS
 from hybrid_env.core.records import PARAMETERS, SEGMENT_COLUMNS
-from hybrid_env.limits import (
-    check_initial_error,
-    check_ratios,
-    check_variances,
-    check_within,
-    distinct_radii,
-)
+from hybrid_env.limits import check_ratios, check_within
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 
 CHOICES = {
@@ -33,28 +25,12 @@ CHOICES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldOptions:
-    """The options of the model, which are keywords of `gym.make`.
-
-    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may
-    change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations
-    from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard
-    deviations of a measurement (`hybrid_env.limits`).
+class WorldOptions(ModelOptions):
+    """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of `ModelOptions`.
 
     Attributes:
         scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
             "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
-        radii: n turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
-        speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
-            uniformly.
-        tau: length of a tick [s].
-        process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
-        measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        outliers: fraction of measurements, below 1, with five times the standard deviation (variance 25 R).
-            The bank does not model outliers.
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
-            normal error; 0 starts at the true state.
         bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
             the state of every turn, see `core.anchor_aware_bank`; "oracle" is the published bank anchored at
             the true state, an upper bound for evaluation that is not available in practice.
@@ -76,14 +52,6 @@ class WorldOptions:
     """
 
     scheme: str | Scheme = "random"
-    radii: tuple[float, ...] = (5.0,)
-    speed: float = 2.0
-    heading: float | None = None
-    tau: float = 0.1
-    process_variance: float = 0.001
-    measurement_variance: float | tuple[float, float] = 0.1
-    outliers: float = 0.0
-    initial_error: float | tuple[float, float] = (0.3, 0.02)
     bank: str = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
@@ -95,16 +63,8 @@ class WorldOptions:
     def __post_init__(self) -> None:
         fix = functools.partial(object.__setattr__, self)
         fix("scheme", parse_scheme(self.scheme))
-        fix("radii", distinct_radii("radii", self.radii))
-        for name in ("speed", "tau", "process_variance", "delay_cost"):
-            fix(name, check_within(name, getattr(self, name)))
-        if self.heading is not None:
-            fix("heading", check_within("heading", self.heading))
-        fix("measurement_variance", check_variances(self.measurement_variance))
-        fix("outliers", check_positive("outliers", self.outliers, allow_zero=True))
-        if self.outliers >= 1.0:
-            raise reject("outliers", self.outliers, "a number >= 0 and < 1")
-        fix("initial_error", check_initial_error(self.initial_error))
+        super().__post_init__()
+        fix("delay_cost", check_within("delay_cost", self.delay_cost))
         for name, choices in CHOICES.items():
             fix(name, str(check_choice(name, getattr(self, name), choices)))
         if self.reset_covariance is not None:
@@ -128,32 +88,10 @@ class WorldOptions:
             self.variances.tolist(), self.initial_error[1],
         )  # fmt: skip
 
-    @classmethod
-    def of(cls, **options: Any) -> "WorldOptions":
-        """Create options from keywords. An unknown name raises a `TypeError` with the closest known name."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        for name in options:
-            if name not in names:
-                close = difflib.get_close_matches(name[:40], names, 1)
-                hint = f"did you mean {close[0]!r}? " if close else ""
-                expected = f"expected one of {', '.join(names)}"
-                raise TypeError(f"option {repr(name)[:40]} is unknown: {hint}{expected}")
-        return cls(**options)
-
-    @property
-    def hypotheses(self) -> int:
-        """M, the number of hypotheses."""
-        return 2 * len(self.radii) + 1
-
     @property
     def action_count(self) -> int:
         """Number of actions."""
         return 2 if self.actions == "best" else self.hypotheses + 1
-
-    @property
-    def variances(self) -> NDArray[np.float64]:
-        """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
-        return axis_variances(self.measurement_variance)
 
     @property
     def axes(self) -> int:
@@ -183,12 +121,8 @@ class WorldOptions:
     def parameters(self) -> NDArray[Any]:
         """Return (1,) record `PARAMETERS` for the kernel."""
         assert not isinstance(self.scheme, str)
-        assert isinstance(self.initial_error, tuple)
-        record = np.zeros(1, PARAMETERS)
-        for name in ("tau", "process_variance", "speed", "delay_cost", "segments", "outliers"):
-            record[name] = getattr(self, name)
-        record["heading"] = math.nan if self.heading is None else self.heading
-        record["initial_position"], record["initial_velocity"] = self.initial_error
+        record = self.model_parameters(PARAMETERS)
+        record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"] = self.bank == "oracle"
@@ -196,12 +130,8 @@ class WorldOptions:
         record["action_count"] = self.action_count
         record["declare_best"] = self.actions == "best"
         record["keep_undecided"] = self.undecided == "keep"
-        record["process_deviation"] = math.sqrt(self.process_variance)
-        record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
-        record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
-        record["log_noise"] = np.log(self.variances).mean()
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
-        record["radii_count"], record["axes"] = len(self.radii), self.axes
+        record["axes"] = self.axes
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

@@ -6,6 +6,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import register, registry
 
 from hybrid_env.checks import reject
+from hybrid_env.track_vector_env import TrackVectorEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
@@ -15,40 +16,62 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
         "correctness": "type",
         "delay_cost": 0.01,
     },
+    "HybridTrackQuickest-v0": {},
 }
 """Registered ids and their options that differ from the defaults."""
+
+_ENTRY_POINTS = ("hybrid_env.env:HybridTrackEnv", "hybrid_env.vector_env:HybridTrackVectorEnv")
+_OTHER_ENTRY_POINTS = {
+    "HybridTrackQuickest-v0": (
+        "hybrid_env.quickest_env:HybridTrackQuickestEnv",
+        "hybrid_env.quickest_vector_env:HybridTrackQuickestVectorEnv",
+    ),
+}
 
 
 def register_environments() -> None:
     """Register every id that is not registered yet."""
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
-            register(
-                id=env_id,
-                entry_point="hybrid_env.env:HybridTrackEnv",
-                vector_entry_point="hybrid_env.vector_env:HybridTrackVectorEnv",
-                kwargs=options,
-            )
+            single, vector = _OTHER_ENTRY_POINTS.get(env_id, _ENTRY_POINTS)
+            register(id=env_id, entry_point=single, vector_entry_point=vector, kwargs=options)
 
 
-def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVectorEnv:
+def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> TrackVectorEnv:
     """Create the vector environment of a registered id; `options` override the options of the id.
 
     Raises:
         ArgumentError: the id is not one of this package, or an option is not allowed.
     """
-    check_env_id(env_id)
+    _check_env_id(env_id, "hybrid_env.")
     env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
+    assert isinstance(env, TrackVectorEnv)
+    return env
+
+
+def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVectorEnv:
+    """Create the vector environment of an id of `HybridTrackEnv`, as `make_track_vector_env`.
+
+    Raises:
+        ArgumentError: the id has another environment, or an option is not allowed.
+    """
+    check_env_id(env_id)
+    env = make_track_vector_env(env_id, num_envs, **options)
     assert isinstance(env, HybridTrackVectorEnv)
     return env
 
 
 def check_env_id(env_id: str) -> None:
-    """Raise `ArgumentError` for an id that does not belong to an environment of this package."""
+    """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
+    _check_env_id(env_id, _ENTRY_POINTS[1])
+
+
+def _check_env_id(env_id: str, vector_entry_point: str) -> None:
+    """Raise `ArgumentError` for an id whose vector entry point does not begin with the given text."""
     known = [
         name
         for name, spec in gym.registry.items()
-        if isinstance(spec.vector_entry_point, str) and spec.vector_entry_point.startswith("hybrid_env.")
+        if isinstance(spec.vector_entry_point, str) and spec.vector_entry_point.startswith(vector_entry_point)
     ]
     if env_id.removeprefix("hybrid_env:") not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))

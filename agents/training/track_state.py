@@ -4,10 +4,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hybrid_env.vector_env import HybridTrackVectorEnv
+from hybrid_env.track_vector_env import TrackVectorEnv
 
 
-def track_arrays(env: HybridTrackVectorEnv) -> dict[str, NDArray[Any]]:
+def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:
     """Return all arrays that determine the next steps; writing into them changes the tracks."""
     world = env.world
     arrays = {"observations": world.observations, "terminated": world.terminated}
@@ -16,6 +16,6 @@ def track_arrays(env: HybridTrackVectorEnv) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def check_tracks(env: HybridTrackVectorEnv) -> None:
-    """Check restored arrays; see `hybrid_env.world.World.check_blocks`."""
+def check_tracks(env: TrackVectorEnv) -> None:
+    """Check restored arrays; see `hybrid_env.tracks.Tracks.check_blocks`."""
     env.world.check_blocks(env.world.blocks, env.world.seeded)

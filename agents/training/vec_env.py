@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from agents.training.track_state import track_arrays
-from hybrid_env.registration import make_vector_env
+from hybrid_env.registration import make_track_vector_env
 
 
 class HybridTrackVecEnv(VecEnv):
@@ -22,7 +22,7 @@ class HybridTrackVecEnv(VecEnv):
     """
 
     def __init__(self, env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any):
-        self.env = make_vector_env(
+        self.env = make_track_vector_env(
             env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
         )
         self.render_mode = None

@@ -5,7 +5,6 @@ Decisions and new segments occur in few tracks and are computed for single lanes
 blocks.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 
 from hybrid_env.core import bank_operations
 from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.kernel_arrays import Arrays, arrays_of
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, uniform
+from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
 from hybrid_env.core.published_bank import (
     IDENTITY,
@@ -107,27 +107,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: An
 @internal
 def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     """Set the initial state of the object and draw the first estimate."""
-    heading = setting.heading
-    if math.isnan(heading):
-        heading = 2.0 * math.pi * uniform(block.random_state, lane)
-    block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
-    block.truth[1, lane] = setting.speed * math.cos(heading)
-    block.truth[3, lane] = setting.speed * math.sin(heading)
-    draw_noise(block.random_state, scratch.noise, np.uint64(lane), np.uint64(lane + 1), 0.0)
-    for k in range(len(NO_COVARIANCE)):
-        block.kept_covariance[k, lane] = 0.0
-    for axis in range(2):
-        variance = setting.variance_x if axis == 0 else setting.variance_y
-        position_variance = setting.initial_position * variance
-        velocity_variance = setting.initial_velocity
-        position, velocity = scratch.noise[2 * axis, lane], scratch.noise[2 * axis + 1, lane]
-        block.estimate[2 * axis, lane] = block.truth[2 * axis, lane] + math.sqrt(position_variance) * position
-        block.estimate[2 * axis + 1, lane] = (
-            block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
-        )
-        # the variances of the axis in the upper triangle
-        block.kept_covariance[0 if axis == 0 else 7, lane] = position_variance
-        block.kept_covariance[4 if axis == 0 else 9, lane] = velocity_variance
+    draw_first_estimate(block, block.kept_covariance, scratch.noise, lane, setting)
     block.segment[lane] = 0
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 

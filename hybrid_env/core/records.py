@@ -88,16 +88,31 @@ ARRAYS = (
 )
 """Arrays of a `World` that the kernel reads and writes."""
 
+MODEL_FIELDS: tuple[tuple[str, type], ...] = (
+    ("tau", np.float64),
+    ("process_variance", np.float64),
+    ("variance_x", np.float64),  # R of each axis [m^2]
+    ("variance_y", np.float64),
+    ("speed", np.float64),
+    ("heading", np.float64),  # [rad]; NaN draws it uniformly
+    ("initial_position", np.float64),  # position variance of the first estimate / R
+    ("initial_velocity", np.float64),  # velocity variance of the first estimate [m^2/s^2]
+    ("process_deviation", np.float64),  # sqrt(Q) [m/s]
+    ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
+    ("deviation_y", np.float64),
+    ("outliers", np.float64),  # fraction of measurements
+    ("log_noise", np.float64),  # ln R, mean of the axes
+    ("radii_count", np.int64),
+    ("tracks", np.int64),
+    ("blocks_count", np.int64),
+    ("first_block", np.int64),  # blocks first_block .. last_block - 1 are stepped
+    ("last_block", np.int64),
+)
+"""Parameters of every environment: object, measurements, bank, and number of tracks."""
+
 PARAMETERS = np.dtype(
     [
-        ("tau", np.float64),
-        ("process_variance", np.float64),
-        ("variance_x", np.float64),  # R of each axis [m^2]
-        ("variance_y", np.float64),
-        ("speed", np.float64),
-        ("heading", np.float64),  # [rad]; NaN draws it uniformly
-        ("initial_position", np.float64),  # position variance of the first estimate / R
-        ("initial_velocity", np.float64),  # velocity variance of the first estimate [m^2/s^2]
+        *MODEL_FIELDS,
         ("delay_cost", np.float64),
         ("exact", np.bool_),  # True if the radius must be correct, not only the type
         ("action_count", np.int64),
@@ -109,18 +124,8 @@ PARAMETERS = np.dtype(
         ("segments", np.int64),
         ("shortest", np.int64),
         ("longest", np.int64),
-        ("process_deviation", np.float64),  # sqrt(Q) [m/s]
-        ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
-        ("deviation_y", np.float64),
-        ("outliers", np.float64),  # fraction of measurements
-        ("log_noise", np.float64),  # ln R, mean of the axes
         ("noise_whitener", np.float64),  # 1 / sqrt(R) [1/m]
-        ("radii_count", np.int64),
         ("axes", np.int64),  # number of distinct measurement variances, 1 or 2
-        ("tracks", np.int64),
-        ("blocks_count", np.int64),
-        ("first_block", np.int64),  # blocks first_block .. last_block - 1 are stepped
-        ("last_block", np.int64),
         ("trace_rows", np.int64),
         ("table_rows", np.int64),
         # addresses of the arrays of a `World`

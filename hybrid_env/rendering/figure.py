@@ -16,11 +16,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.decision_markers import decision_legend
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
 from hybrid_env.rendering.evidence_axes import SKIPPED_STYLE, THRESHOLD_STYLE, EvidenceAxes
-from hybrid_env.rendering.history import EpisodeHistory
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name
 from hybrid_env.rendering.track_axes import TRACE_INDEX, TrackAxes, track_legend
 from hybrid_env.rendering.window import Window
@@ -41,7 +39,7 @@ class Renderer:
             the thresholds of the SPRT at alpha = 0.001.
     """
 
-    def __init__(self, options: WorldOptions, human: bool, panel: EvidencePanel | None = None):
+    def __init__(self, options: Any, human: bool, panel: EvidencePanel | None = None):
         self.options = options
         self.panel = panel or sprt_panel(DEFAULT_ALPHA)
         self.window = Window(RENDER_FPS) if human else None
@@ -51,7 +49,7 @@ class Renderer:
         window = None if self.window is None else Window(self.window.fps)
         return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
 
-    def draw(self, history: EpisodeHistory) -> Any:
+    def draw(self, history: Any) -> Any:
         """Draw one frame of the episode so far.
 
         Returns:
@@ -64,12 +62,15 @@ class Renderer:
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None
         if self._figure is None:
-            self._figure = EpisodeFigure(self.options, self.panel)
+            self._figure = self._create_figure()
         frame = self._figure.draw(history)
         if self.window is None:
             return np.array(frame[..., :3])
         self.window.show(frame)
         return None
+
+    def _create_figure(self) -> "EpisodeFigure":
+        return EpisodeFigure(self.options, self.panel)
 
     def close(self) -> None:
         """Close the window, if there is one. The next call of `draw` opens a new one."""
@@ -88,7 +89,7 @@ class EpisodeFigure:
         figure: the matplotlib figure, FRAME_SIZE pixels large.
     """
 
-    def __init__(self, options: WorldOptions, panel: EvidencePanel):
+    def __init__(self, options: Any, panel: EvidencePanel | None):
         self.options = options
         width, height = FRAME_SIZE
         self.figure = figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
@@ -102,21 +103,29 @@ class EpisodeFigure:
             axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.ticklabel_format(scilimits=(-2, 4))
-        self._panels = (TrackAxes(self._track, options), EvidenceAxes(self._evidence, options, panel))
+        self._panels = (TrackAxes(self._track, options), self._create_evidence(self._evidence, panel))
         self._title = figure.text(0.5, 0.955, "", ha="center", va="center", fontsize=10)
         self._changing: list[Artist] = [*self._panels[0].artists, *self._panels[1].artists, self._title]
         for artist in self._changing:
             artist.set_animated(True)  # excluded from the background
         self._add_legends(panel)
 
-    def _add_legends(self, panel: EvidencePanel) -> None:
+    def _create_evidence(self, axes: Any, panel: Any) -> Any:
+        """Return the artists of the right-hand panel, with `artists` and `update` as in `EvidenceAxes`."""
+        return EvidenceAxes(axes, self.options, panel)
+
+    def _add_legends(self, panel: Any) -> None:
         self._add_legend(
             track_legend() | decision_legend() | {"after the decision": Patch(**SKIPPED_STYLE)}, 0.095
         )
         thresholds = {panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if panel.legend else {}
+        self._add_mode_legend(thresholds)
+
+    def _add_mode_legend(self, more: dict[str, Any]) -> None:
+        """Add the colours of the modes, by type if there are too many, and further entries."""
         radii, modes = self.options.radii, range(self.options.hypotheses)
         colours = {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
-        legend = self._add_legend(_colour_legend(colours) | thresholds, 0.04)
+        legend = self._add_legend(_colour_legend(colours) | more, 0.04)
         if legend.get_window_extent().width > 0.97 * FRAME_SIZE[0]:
             legend.remove()
             names = (
@@ -125,7 +134,7 @@ class EpisodeFigure:
                 "right turns (R), darker is tighter",
             )
             colours = dict(zip(names, TYPE_COLOURS, strict=True))
-            self._add_legend(_colour_legend(colours) | thresholds, 0.04)
+            self._add_legend(_colour_legend(colours) | more, 0.04)
 
     def _add_legend(self, entries: dict[str, Any], height: float) -> Any:
         return self.figure.legend(
@@ -134,7 +143,7 @@ class EpisodeFigure:
             handlelength=1.6, handletextpad=0.5, columnspacing=1.3,
         )  # fmt: skip
 
-    def draw(self, history: EpisodeHistory) -> NDArray[np.uint8]:
+    def draw(self, history: Any) -> NDArray[np.uint8]:
         """Draw a frame, (height, width, 4) RGBA. The array is valid until the next call."""
         view = self._fit_view(history)
         if view != self._view:
@@ -151,7 +160,7 @@ class EpisodeFigure:
             artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())
 
-    def _fit_view(self, history: EpisodeHistory) -> tuple[float, ...]:
+    def _fit_view(self, history: Any) -> tuple[float, ...]:
         """Episode number and axis limits (x, x, y, y, time).
 
         The limits of the last frame are kept while they contain all data, so that the picture is steady.
@@ -180,7 +189,7 @@ class EpisodeFigure:
         last = float(ticks if history.finished else step * math.ceil(ticks / step))
         return history.episode, x_low, x_high, y_low, y_high, last
 
-    def _title_text(self, history: EpisodeHistory) -> str:
+    def _title_text(self, history: Any) -> str:
         parts = [
             f"segment {history.segment + 1} of {self.options.segments}",
             f"tick {history.tick}",

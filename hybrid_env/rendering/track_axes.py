@@ -7,10 +7,11 @@ from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.options import WorldOptions
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering.decision_markers import DecisionMarkers
 from hybrid_env.rendering.history import EpisodeHistory
 from hybrid_env.rendering.modes import mode_colour
+from hybrid_env.rendering.quickest_history import QuickestHistory
 
 TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
 _OUTLINED: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "black"}
@@ -32,7 +33,7 @@ class TrackAxes:
         artists: artists that change from frame to frame, in drawing order.
     """
 
-    def __init__(self, axes: Any, options: WorldOptions):
+    def __init__(self, axes: Any, options: ModelOptions):
         axes.set_xlabel("x [m]", fontsize=9)
         axes.set_ylabel("y [m]", fontsize=9)
         axes.set_aspect("equal", adjustable="datalim")
@@ -48,7 +49,7 @@ class TrackAxes:
             self._current,
         ]  # fmt: skip
 
-    def update(self, history: EpisodeHistory) -> None:
+    def update(self, history: EpisodeHistory | QuickestHistory) -> None:
         """Show the episode so far."""
         trace, switches = history.trace, history.switches
         column = {name: trace[:, index] for name, index in TRACE_INDEX.items()}

@@ -1,0 +1,120 @@
+"""Laws of the duration of a segment, for switches at unknown moments.
+
+A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks,
+"25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.limits import MAX_LENGTH, check_ticks
+
+GRAMMAR = "'geometric 75', '25 + geometric 50', 'uniform 50-100', or a law of hybrid_env.durations"
+
+_INTEGER = "[0-9]{1,20}"
+_GEOMETRIC = re.compile(rf"(?:({_INTEGER})\s*\+\s*)?geometric\s+([0-9]{{1,20}}(?:\.[0-9]{{1,20}})?)")
+_UNIFORM = re.compile(rf"uniform\s+({_INTEGER})(?:\s*-\s*({_INTEGER}))?")
+
+
+@dataclass(frozen=True)
+class GeometricDurations:
+    """Durations `offset` + G, where G = 1, 2, ... has a geometric distribution.
+
+    Attributes:
+        mean: of G [ticks], at least 1.
+        offset: smallest duration minus 1 [ticks].
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
+    """
+
+    mean: float
+    offset: int = 0
+
+    def __post_init__(self) -> None:
+        mean = check_number("mean", self.mean)
+        if not 1.0 <= mean <= MAX_LENGTH:
+            raise reject("mean", self.mean, f"a number of ticks from 1 to {MAX_LENGTH}")
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "offset", check_integer("offset", self.offset, 0, MAX_LENGTH))
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks]."""
+        return self.offset + self.mean
+
+    def survival(self, ticks: int) -> NDArray[np.float64]:
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        beyond = np.maximum(np.arange(ticks + 1.0) - self.offset, 0.0)
+        return np.asarray((1.0 - 1.0 / self.mean) ** beyond)
+
+    def __str__(self) -> str:
+        return (f"{self.offset} + " if self.offset else "") + f"geometric {self.mean:g}"
+
+
+@dataclass(frozen=True)
+class UniformDurations:
+    """Equally likely durations from `shortest` to `longest`, both included.
+
+    Attributes:
+        shortest, longest: [ticks].
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
+    """
+
+    shortest: int
+    longest: int
+
+    def __post_init__(self) -> None:
+        for name in ("shortest", "longest"):
+            object.__setattr__(self, name, check_ticks(name, getattr(self, name)))
+        if self.shortest > self.longest:
+            raise reject("longest", self.longest, f"at least {self.shortest}, the shortest duration")
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks]."""
+        return 0.5 * (self.shortest + self.longest)
+
+    def survival(self, ticks: int) -> NDArray[np.float64]:
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        left = (self.longest - np.arange(ticks + 1.0)) / (self.longest - self.shortest + 1.0)
+        return np.asarray(left.clip(0.0, 1.0))
+
+    def __str__(self) -> str:
+        return f"uniform {self.shortest}-{self.longest}"
+
+
+Durations: TypeAlias = GeometricDurations | UniformDurations
+
+
+def parse_durations(value: Any) -> Durations:
+    """Parse a string; a law is returned as it is. Raises `ArgumentError` for other values."""
+    if isinstance(value, (GeometricDurations, UniformDurations)):
+        return value
+    text = value.strip() if isinstance(value, str) else ""
+    if geometric := _GEOMETRIC.fullmatch(text):
+        return GeometricDurations(float(geometric[2]), int(geometric[1] or 0))
+    if uniform := _UNIFORM.fullmatch(text):
+        return UniformDurations(int(uniform[1]), int(uniform[2] or uniform[1]))
+    raise reject("durations", value, GRAMMAR)
+
+
+def duration_probabilities(law: Durations, ticks: int) -> NDArray[np.float64]:
+    """Return the probabilities of the durations 1, 2, ..., `ticks`, (ticks,)."""
+    return -np.diff(law.survival(ticks))
+
+
+def remaining_probabilities(law: Durations, ticks: int) -> NDArray[np.float64]:
+    """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment, (ticks,).
+
+    At a random moment long after the first switch a segment is observed with a probability proportional to
+    its duration, so that r ticks remain with probability P(duration >= r) / E[duration].
+    """
+    return law.survival(ticks)[:-1] / law.mean_duration

@@ -1,0 +1,132 @@
+"""The environment of one track with unknown switch moments."""
+
+from typing import Any
+
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.quickest_world import QuickestWorld
+from hybrid_env.rendering.quickest_figure import QuickestRenderer
+from hybrid_env.rendering.quickest_history import QuickestHistory
+from hybrid_env.track_env import TrackEnv
+
+
+class HybridTrackQuickestEnv(TrackEnv):
+    """State the present mode of motion of an object at every tick; nobody announces the switches.
+
+    ## Description
+    An object moves in a plane along straight lines, left turns and right turns of known radii, with process
+    noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured
+    with noise at every tick. At unknown moments it switches to one of the other modes, all equally likely. At
+    every tick the agent states the mode that it believes to be the present one. It should follow a switch
+    quickly, and not change its statement to a wrong mode.
+
+    A bank of Kalman filters of coordinated turns, one per hypothesis, runs on over the switches: the
+    interacting multiple model algorithm (Blom & Bar-Shalom 1988). It assumes that the mode is a Markov chain
+    with transition probabilities 1 - hazard on the diagonal and hazard / (M - 1) elsewhere; the rows of this
+    matrix sum to 1. A statement never changes the object, the measurements or the bank. With the same seed,
+    every agent therefore observes the same rows, except for its own statements in them.
+
+    ## Action Space
+    The action space is `Discrete(M)` for M hypotheses: action i states hypothesis i. Hypothesis 0 is straight
+    motion, followed by the left turns and then the right turns, in the order of `radii`. An action outside
+    the space raises `gymnasium.error.InvalidAction`.
+
+    ## Observation Space
+    The observation is a float32 `Box` of shape `(6 M + 2,)`: six blocks of M values, one per hypothesis,
+    followed by two scalars. Each quantity is multiplied by its scale, which Min and Max do not include;
+    `hybrid_env.QuickestLayout` reads quantities by name and removes the scale. R is the geometric mean of the
+    two measurement variances. "Along" and "across" (positive to the left) refer to the heading of the merged
+    estimate of the bank.
+
+    | Num | Name | Observation | Min | Max | Scale |
+    |---|---|---|---|---|---|
+    | 0 .. M - 1 | log_probability | log of the probability of the mode | -30 | 0 | 0.1 |
+    | M .. | log_ratio | log-likelihood of the current tick minus the maximum | -30 | 0 | 1 |
+    | 2 M .. | innovation_along | whitened innovation of the current tick | | | 1 |
+    | 3 M .. | innovation_across | whitened innovation, across | | | 1 |
+    | 4 M .. | log_variance | log of (innovation variance / R) | 0 | | 1 |
+    | 5 M .. | stated | one-hot encoding of the last statement, at first 0 | 0 | 1 | 1 |
+    | 6 M | speed | speed of the merged estimate [m/s] | 0 | | 1 |
+    | 6 M + 1 | stated_ticks | number of consecutive statements of this mode | 0 | | 0.01 |
+
+    ## Rewards
+    A statement of the right mode has a reward of 1, a statement of a wrong mode one of 0. A change of the
+    statement to a wrong mode costs `change_cost` in addition; the first statement of an episode is no change.
+    Train with a discount factor of 1, or one that hardly differs from it.
+
+    ## Starting State
+    The object starts at the origin with the given `speed` and a uniformly random heading, in a random mode.
+    The first segment began before the episode: the number of its remaining ticks is distributed as at a
+    random moment of a long trajectory, where r ticks remain with probability P(duration >= r) / E[duration].
+    The probabilities of the bank are equal at first. On each axis the error of the first estimate is drawn
+    from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for velocity (`initial_error`). `reset` returns
+    the observation of the first tick.
+
+    ## Episode End
+    The episode terminates with the statement on its last tick, number `ticks`. The observation of this step
+    is the one on which the statement was made. Episodes are never truncated.
+
+    ## Information
+    `info` describes the current tick at every step: `segment` (number of switches so far), `tick` (since the
+    switch or the beginning of the episode, at first 1), `true_mode`, `truth` [x, vx, y, vy], `measurement`
+    [x, y], `estimate` [x, vx, y, vy] (the mean over the bank), and `log_probability` (M,). Units are m, m/s
+    and ticks.
+
+    ## Arguments
+    `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.QuickestOptions`:
+
+    ```python
+    gym.make("hybrid_env:HybridTrackQuickest-v0", measurement_variance=0.01, durations="uniform 50-100")
+    ```
+
+    | Id | Hypotheses | Defaults |
+    |---|---|---|
+    | HybridTrackQuickest-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 600 ticks, 25 + geometric 50 |
+
+    Results depend on these options. Report all options that differ from the defaults.
+
+    ## References
+    Golubkov, Tsyganov and Tsyganova 2018 (model); Blom and Bar-Shalom 1988 (bank); Page 1954 and Shiryaev
+    1963 (quickest detection of a change).
+
+    ## Version History
+    * v0: Initial version
+    """
+
+    options_class = QuickestOptions
+
+    options: QuickestOptions
+    world: QuickestWorld
+    history: QuickestHistory | None
+    renderer: QuickestRenderer | None
+
+    def _create_world(self, rendered: bool) -> QuickestWorld:
+        return QuickestWorld(self.options, 1)
+
+    def _create_rendering(self, human: bool) -> tuple[QuickestHistory, QuickestRenderer]:
+        return QuickestHistory(), QuickestRenderer(self.options, human)
+
+    def _bind_views(self) -> None:
+        super()._bind_views()
+        block = self.world.blocks[0]
+        self._log_probability = self.world.bank.hypotheses["log_probability"][0, :, 0]
+        self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
+        self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
+        self._estimate = block["estimate"][:, 0]
+
+    def _info(self) -> dict[str, Any]:
+        return {
+            "segment": self._segment.item(0),
+            "tick": self._tick.item(0),
+            "true_mode": self._true_mode.item(0),
+            "truth": self._truth.copy(),
+            "measurement": self._measurement.copy(),
+            "estimate": self._estimate.copy(),
+            "log_probability": self._log_probability.copy(),
+        }
+
+    def _record(self, info: dict[str, Any], begins: bool) -> None:
+        assert self.history is not None
+        if begins:
+            self.history.begin(info)
+        else:
+            self.history.add(int(self._actions[0]), info, self._terminated.item(0))

@@ -1,0 +1,104 @@
+"""The options of the environment with unknown switch moments, checked on creation."""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.checks import check_number, reject
+from hybrid_env.core.quickest_records import QUICKEST_PARAMETERS
+from hybrid_env.durations import (
+    Durations,
+    duration_probabilities,
+    parse_durations,
+    remaining_probabilities,
+)
+from hybrid_env.limits import check_ratios, check_ticks, check_within
+from hybrid_env.model_options import ModelOptions
+from hybrid_env.scheme import RandomScheme, segment_table
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuickestOptions(ModelOptions):
+    """The options of `HybridTrackQuickestEnv`, which are keywords of `gym.make`: these and `ModelOptions`.
+
+    Attributes:
+        ticks: length of an episode [ticks].
+        durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
+            "geometric 75", "uniform 50-100", or a law object.
+        change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
+        hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the
+            inverse of the mean duration.
+
+    Raises:
+        ArgumentError: an option has a value that is not allowed.
+    """
+
+    ticks: int = 600
+    durations: str | Durations = "25 + geometric 50"
+    change_cost: float = 5.0
+    hazard: float | None = None
+
+    def __post_init__(self) -> None:
+        fix = functools.partial(object.__setattr__, self)
+        super().__post_init__()
+        fix("ticks", check_ticks("ticks", self.ticks))
+        fix("durations", parse_durations(self.durations))
+        fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
+        if self.hazard is not None:
+            largest = 1.0 - 1.0 / self.hypotheses
+            allowed = f"a number from 0 to {largest:.6g}, or None"
+            fix("hazard", check_number("hazard", self.hazard, allowed))
+            if not 0.0 <= self.hazard <= largest:
+                raise reject("hazard", self.hazard, allowed)
+        assert isinstance(self.initial_error, tuple)
+        check_ratios(
+            self.radii, self.speed, self.tau, self.process_variance, self.variances.tolist(),
+            self.initial_error[1],
+        )  # fmt: skip
+
+    @property
+    def law(self) -> Durations:
+        """Law of the duration of a segment."""
+        assert not isinstance(self.durations, str)
+        return self.durations
+
+    @property
+    def longest_segment(self) -> int:
+        """Length of the longest possible segment inside an episode [ticks]."""
+        return self.ticks
+
+    @property
+    def assumed_hazard(self) -> float:
+        """Probability of a switch per tick that the bank assumes."""
+        inverse = 1.0 / self.law.mean_duration
+        return min(inverse, 1.0 - 1.0 / self.hypotheses) if self.hazard is None else self.hazard
+
+    @property
+    def transition_matrix(self) -> NDArray[np.float64]:
+        """Transition probabilities that the bank assumes, (M, M); rows sum to 1."""
+        M = self.hypotheses
+        matrix = np.full((M, M), self.assumed_hazard / (M - 1))
+        np.fill_diagonal(matrix, 1.0 - self.assumed_hazard)
+        return matrix
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """One row for each mode, see `scheme.segment_table`."""
+        return segment_table(RandomScheme(), self.radii)
+
+    @property
+    def cumulative_durations(self) -> NDArray[np.float64]:
+        """Probabilities of at most 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
+        laws = remaining_probabilities(self.law, self.ticks), duration_probabilities(self.law, self.ticks)
+        return np.cumsum(laws, axis=1)
+
+    def parameters(self) -> NDArray[Any]:
+        """Return (1,) record `QUICKEST_PARAMETERS` for the kernel."""
+        record = self.model_parameters(QUICKEST_PARAMETERS)
+        record["ticks"], record["change_cost"] = self.ticks, self.change_cost
+        matrix = self.transition_matrix
+        record["stay_probability"], record["switch_probability"] = matrix[0, :2]
+        return record

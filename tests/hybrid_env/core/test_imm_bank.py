@@ -1,0 +1,222 @@
+"""The compiled IMM bank agrees with a literal one in matrix form, and is finite for extreme options."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+
+from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv
+from hybrid_env.core.imm_bank import ImmModel, begin_imm, imm_arrays, step_imm
+from hybrid_env.core.quickest_records import QUICKEST_BLOCK
+from hybrid_env.core.records import LANES
+
+TRIANGLE = np.triu_indices(4)
+begin, step = njit(begin_imm), njit(step_imm)
+
+
+class LiteralImm:
+    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
+
+    def __init__(self, estimate, P, curvatures, transition, tau, Q, R):
+        self.curvatures, self.transition, self.tau = curvatures, transition, tau
+        self.GQG, self.R = np.diag([0.0, Q, 0.0, Q]), np.diag(R)
+        self.states = [np.array(estimate) for _ in curvatures]
+        self.covariances = [np.array(P) for _ in curvatures]
+        self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
+
+    def step(self, z):
+        prior = self.transition.T @ self.probability
+        weights = self.transition * self.probability[:, None] / prior
+        mixed = [
+            sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))
+        ]
+        spread = [
+            sum(
+                w * (P + np.outer(x - mixed[j], x - mixed[j]))
+                for w, x, P in zip(weights[:, j], self.states, self.covariances, strict=True)
+            )
+            for j in range(len(prior))
+        ]
+        H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
+        self.log_likelihood = np.empty(len(prior))
+        for j, curvature in enumerate(self.curvatures):
+            F = turn_matrix(mixed[j], curvature, self.tau)
+            x, P = F @ mixed[j], F @ spread[j] @ F.T + self.GQG
+            Sigma = H @ P @ H.T + self.R
+            innovation = z - H @ x
+            K = P @ H.T @ np.linalg.inv(Sigma)
+            self.states[j], self.covariances[j] = x + K @ innovation, P - K @ H @ P
+            quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+            self.log_likelihood[j] = -0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+        self.probability = prior * np.exp(self.log_likelihood)
+        self.probability /= self.probability.sum()
+        self.estimate = sum(p * x for p, x in zip(self.probability, self.states, strict=True))
+        self.covariance = sum(
+            p * (P + np.outer(x - self.estimate, x - self.estimate))
+            for p, x, P in zip(self.probability, self.states, self.covariances, strict=True)
+        )
+
+
+def turn_matrix(state, curvature, tau):
+    """Return the transition matrix of [x, vx, y, vy] in a coordinated turn."""
+    a = curvature * math.hypot(state[1], state[3]) * tau
+    C, S = math.cos(a), math.sin(a)
+    along, across = (tau * S / a, tau * (1 - C) / a) if a else (tau, 0.0)
+    return np.array([[1, along, 0, -across], [0, C, 0, -S], [0, across, 1, along], [0, S, 0, C]])
+
+
+def transition_matrix(M, hazard):
+    matrix = np.full((M, M), hazard / (M - 1))
+    np.fill_diagonal(matrix, 1 - hazard)
+    np.testing.assert_allclose(matrix.sum(1), 1)
+    return matrix
+
+
+def test_the_bank_equals_the_literal_one_in_every_lane():
+    generator = np.random.default_rng(3)
+    radii = np.array([2.0, 9.0])
+    curvatures = [0.0, *1 / radii, *-1 / radii]
+    bank = imm_arrays(radii.size)
+    for hazard in (0.0, 0.01, 0.3, 0.8):
+        tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -1)
+        R = 10.0 ** generator.uniform(-2, 0, 2)
+        model = ImmModel(tau, Q, R[0], R[1], 1 - hazard, hazard / 4)
+        block = np.zeros(1, QUICKEST_BLOCK)[0]
+        literal = []
+        for lane in range(LANES):
+            estimate = generator.normal(0, [50, 2, 50, 2])
+            root = 0.3 * generator.normal(0, 1, (4, 4))
+            P = root @ root.T
+            block["estimate"][:, lane], block["covariance"][:, lane] = estimate, P[TRIANGLE]
+            begin(bank, block, lane)
+            transition = transition_matrix(5, hazard)
+            literal.append(LiteralImm(estimate, P, curvatures, transition, tau, Q, R))
+        position = block["estimate"][[0, 2]].copy()
+        velocity = block["estimate"][[1, 3]].copy()
+        for _ in range(25):
+            position += tau * velocity
+            z = position + generator.normal(0, np.sqrt(R)[:, None], (2, LANES))
+            block["measurement"] = z
+            step(bank, block, 0, LANES, radii, model)
+            for lane, one in enumerate(literal):
+                one.step(z[:, lane])
+        for lane, one in enumerate(literal):
+            for h in range(5):
+                record = bank.hypotheses[h]
+                found = [record[name][lane] for name in ("x", "vx", "y", "vy")]
+                np.testing.assert_allclose(found, one.states[h], rtol=1e-9, atol=1e-9)
+                np.testing.assert_allclose(
+                    record["covariance"][:, lane], one.covariances[h][TRIANGLE], rtol=1e-8, atol=1e-11
+                )
+                np.testing.assert_allclose(record["log_likelihood"][lane], one.log_likelihood[h], rtol=1e-9)
+            found = np.exp(bank.hypotheses["log_probability"][:, lane])
+            np.testing.assert_allclose(found, one.probability, rtol=1e-8, atol=1e-12)
+            np.testing.assert_allclose(block["estimate"][:, lane], one.estimate, rtol=1e-9)
+            np.testing.assert_allclose(
+                block["covariance"][:, lane], one.covariance[TRIANGLE], rtol=1e-8, atol=1e-10
+            )
+
+
+@pytest.mark.parametrize("hazard", [0.0, 1 / 75])
+def test_the_environment_steps_the_literal_bank(hazard):
+    R = (0.1, 0.3)
+    env = HybridTrackQuickestEnv(
+        measurement_variance=R,
+        initial_error=0,
+        hazard=hazard,
+        heading=0.3,
+        ticks=80,
+        durations="uniform 9-30",
+    )
+    np.testing.assert_allclose(env.options.transition_matrix, transition_matrix(3, hazard))
+    _, info = env.reset(seed=5)
+    start = [0.0, 2.0 * math.cos(0.3), 0.0, 2.0 * math.sin(0.3)]
+    literal = LiteralImm(
+        start, np.zeros((4, 4)), [0.0, 0.2, -0.2], env.options.transition_matrix, 0.1, 0.001, R
+    )
+    switches = 0
+    for _ in range(80):
+        literal.step(info["measurement"])
+        np.testing.assert_allclose(np.exp(info["log_probability"]), literal.probability, atol=1e-9)
+        np.testing.assert_allclose(info["estimate"], literal.estimate, rtol=1e-9, atol=1e-12)
+        _, _, _, _, info = env.step(0)
+        switches += info["tick"] == 1
+    assert switches >= 2
+
+
+def test_probabilities_equal_enumeration_where_mixing_is_exact():
+    # an object at rest, whose filters agree in all modes: only the transition matrix moves the probabilities
+    model = ImmModel(0.1, 0.0, 0.5, 0.5, 0.9, 0.05)
+    radii, bank = np.array([3.0]), imm_arrays(1)
+    block = np.zeros(1, QUICKEST_BLOCK)[0]
+    begin(bank, block, 0)
+    bank.hypotheses["log_probability"][:, 0] = np.log([0.7, 0.2, 0.1])
+    histories = dict(zip(((0,), (1,), (2,)), (0.7, 0.2, 0.1), strict=True))
+    generator = np.random.default_rng(1)
+    for _ in range(6):
+        block["measurement"][:, 0] = generator.normal(0, 0.7, 2)
+        step(bank, block, 0, 1, radii, model)
+        histories = {
+            (*history, mode): probability * (0.9 if mode == history[-1] else 0.05)
+            for (history, probability), mode in itertools.product(histories.items(), range(3))
+        }
+        total = [sum(p for history, p in histories.items() if history[-1] == mode) for mode in range(3)]
+        found = np.exp(bank.hypotheses["log_probability"][:, 0])
+        np.testing.assert_allclose(found, total, rtol=0, atol=1e-10)
+
+
+def test_without_switches_probabilities_equal_those_of_all_constant_histories():
+    env = HybridTrackQuickestVectorEnv(4, hazard=0.0, ticks=12)
+    _, info = env.reset(seed=2)
+    total = np.zeros((4, 3))
+    for _ in range(12):
+        likelihood = env.world.bank.hypotheses["log_likelihood"][0].T[:4]
+        total += likelihood
+        expected = np.exp(total - total.max(1, keepdims=True))
+        expected /= expected.sum(1, keepdims=True)
+        np.testing.assert_allclose(np.exp(info["log_probability"]), expected, rtol=0, atol=1e-10)
+        *_, info = env.step(np.zeros(4, np.int64))
+
+
+@pytest.mark.parametrize("sigmas", [100.0, 1e5])
+def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
+    model = ImmModel(0.1, 0.001, 0.1, 0.1, 1 - 1 / 75, 1 / 150)
+    radii, bank = np.array([5.0]), imm_arrays(1)
+    block = np.zeros(1, QUICKEST_BLOCK)[0]
+    block["estimate"][1], block["covariance"][[0, 4, 7, 9]] = 2.0, 0.02
+    for lane in range(LANES):
+        begin(bank, block, lane)
+    generator = np.random.default_rng(0)
+    for k in range(200):
+        scale = sigmas if k % 10 == 5 else 1.0
+        block["measurement"] = generator.normal(0, scale * math.sqrt(0.1), (2, LANES))
+        step(bank, block, 0, LANES, radii, model)
+        log_probability = bank.hypotheses["log_probability"]
+        assert np.isfinite(log_probability).all()
+        np.testing.assert_allclose(np.exp(log_probability).sum(0), 1, rtol=1e-12)
+        assert np.isfinite(block["estimate"]).all()
+        assert (block["covariance"][[0, 4, 7, 9]] > 0).all()
+
+
+EXTREME = [
+    {"speed": 1e9, "radii": (1e12,), "measurement_variance": 1e18},
+    {"speed": 1e-9, "tau": 1e-9, "measurement_variance": 1e-18, "radii": (1e-12, 1e-6)},
+    {"speed": 300.0, "radii": (1.0,), "measurement_variance": 1e-9},
+    {"process_variance": 1e18, "measurement_variance": 1e18, "tau": 1e-9},
+    {"process_variance": 0.0, "initial_error": 0, "measurement_variance": (1e-6, 1e3)},
+    {"outliers": 0.9, "measurement_variance": (1e3, 1e-3)},
+    {"hazard": 0.0, "outliers": 0.3},
+    {"hazard": 2 / 3},
+]
+
+
+@pytest.mark.parametrize("options", EXTREME, ids=str)
+def test_extreme_options_give_finite_rows_inside_the_space(options):
+    env = HybridTrackQuickestVectorEnv(LANES + 1, **options)
+    rows, _ = env.reset(seed=1)
+    for k in range(700):
+        assert env.observation_space.contains(rows), k
+        rows, rewards, *_ = env.step(np.full(LANES + 1, k % 3))
+        assert np.isfinite(rewards).all()

@@ -1,0 +1,89 @@
+"""Laws of the durations of segments, and the segments that the environment draws from them."""
+
+import numpy as np
+import pytest
+
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env.core.quickest_kernel import draw_duration
+from hybrid_env.durations import (
+    GeometricDurations,
+    UniformDurations,
+    duration_probabilities,
+    parse_durations,
+    remaining_probabilities,
+)
+
+LAWS = ["25 + geometric 50", "geometric 75", "uniform 50-100", "uniform 7-7", "geometric 1"]
+
+
+@pytest.mark.parametrize("text", LAWS)
+def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
+    law = parse_durations(text)
+    assert str(law) == text
+    assert parse_durations(law) == law == parse_durations(f" {text} ")
+    ticks = np.arange(1, 3001)
+    probabilities = duration_probabilities(law, 3000)
+    np.testing.assert_allclose(probabilities.sum(), 1, rtol=1e-12)
+    np.testing.assert_allclose(probabilities @ ticks, law.mean_duration, rtol=1e-12)
+    # the law of the remaining ticks is stationary: one tick later the same, after switches included
+    remaining = remaining_probabilities(law, 3000)
+    np.testing.assert_allclose(remaining.sum(), 1, rtol=1e-12)
+    later = np.append(remaining[1:], 0) + remaining[0] * probabilities
+    np.testing.assert_allclose(later, remaining, atol=1e-15)
+
+
+def test_laws_are_read():
+    assert parse_durations("25+geometric 50.5") == GeometricDurations(50.5, 25)
+    assert parse_durations("uniform 60") == UniformDurations(60, 60)
+
+
+BAD = ["", "geometric", "geometric 0.5", "geometric 1e3", "uniform 100-50", "uniform 0-5", "-1 + geometric 5",
+       "uniform 5-" + "9" * 19, 75, None, ("geometric", 75), "geometric " + "9" * 19]  # fmt: skip
+
+
+@pytest.mark.parametrize("value", BAD)
+def test_other_values_are_refused_in_one_line(value):
+    with pytest.raises(ArgumentError) as caught:
+        QuickestOptions(durations=value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_duration_is_the_quantile_of_its_number():
+    cumulative = np.array([0.0, 0.25, 0.25, 0.75])
+    numbers = [0.0, 0.2499, 0.25, 0.7499, 0.75, 0.99]
+    assert [draw_duration(cumulative, number) for number in numbers] == [2, 2, 4, 4, 5, 5]
+
+
+@pytest.mark.parametrize("text", LAWS[:3])
+def test_the_environment_draws_durations_and_modes_from_the_law(text):
+    tracks, ticks = 2000, 400
+    env = HybridTrackQuickestVectorEnv(tracks, durations=text, ticks=ticks)
+    _, info = env.reset(seed=1)
+    modes, segments = [info["true_mode"]], [info["segment"]]
+    for _ in range(ticks - 1):
+        *_, info = env.step(np.zeros(tracks, np.int64))
+        modes.append(info["true_mode"])
+        segments.append(info["segment"])
+    modes, segments = np.array(modes), np.array(segments)
+    switched = np.diff(segments, axis=0) == 1
+    np.testing.assert_array_equal(switched, np.diff(modes, axis=0) != 0)
+    # switches are stationary: as many in every part of the episode
+    law = parse_durations(text)
+    expected = tracks * 50 / law.mean_duration
+    for part in np.split(switched[:-1].sum(1)[: ticks - 50], (ticks - 50) // 50):
+        assert abs(part.sum() - expected) < 6 * np.sqrt(expected)
+    # every mode follows each of the two others equally often
+    before, after = modes[:-1][switched], modes[1:][switched]
+    counts = np.array([((before == i) & (after == j)).sum() for i in range(3) for j in range(3) if i != j])
+    assert (abs(counts - counts.mean()) < 6 * np.sqrt(counts.mean())).all()
+    # first segments, and second ones that begin early enough, have their laws
+    first = (segments == 0).sum(0)
+    second = (segments == 1).sum(0)[first < 100]
+    for lengths, probabilities in (
+        (first, remaining_probabilities(law, ticks)),
+        (second, duration_probabilities(law, ticks)),
+    ):
+        for limit in (30, 60, 90):
+            share = probabilities[:limit].sum()
+            deviation = np.sqrt(lengths.size * share * (1 - share)) + 1
+            assert abs((lengths <= limit).sum() - lengths.size * share) < 5 * deviation

@@ -1,0 +1,236 @@
+"""The environment with unknown switch moments: statements, rewards, views, copies and pictures."""
+
+import copy
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from hybrid_env import (
+    ArgumentError,
+    HybridTrackQuickestEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    QuickestLayout,
+    QuickestOptions,
+)
+from hybrid_env.core.records import LANES
+from hybrid_env.quickest_world import QuickestWorld
+from hybrid_env.registration import make_track_vector_env, make_vector_env
+
+ENV_ID = "HybridTrackQuickest-v0"
+SHORT = {"ticks": 40, "durations": "uniform 5-12"}
+
+
+@pytest.mark.parametrize("options", [{}, {"radii": (3.0, 8.0), "measurement_variance": (0.05, 0.2)}])
+def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(options):
+    tracks, seed = LANES + 3, 42
+    vector = gym.make_vec(ENV_ID, tracks, **SHORT, **options)
+    singles = [gym.make(ENV_ID, **SHORT, **options).unwrapped for _ in range(tracks)]
+    rows, infos = vector.reset(seed=seed)
+    for i, single in enumerate(singles):
+        row, info = single.reset(seed=seed + i)
+        assert row.tobytes() == rows[i].tobytes()
+    generator = np.random.default_rng(0)
+    restart = [False] * tracks
+    for _ in range(150):
+        actions = generator.integers(0, vector.single_action_space.n, tracks)
+        rows, rewards, terminated, truncated, infos = vector.step(actions)
+        assert not truncated.any()
+        for i, single in enumerate(singles):
+            if restart[i]:
+                row, info = single.reset()
+                reward, done = 0.0, False
+            else:
+                row, reward, done, _, info = single.step(actions[i])
+            restart[i] = done
+            assert row.tobytes() == rows[i].tobytes()
+            assert (reward, done) == (rewards[i], terminated[i])
+            assert {key for key in infos if not key.startswith("_")} == set(info)
+            for key, value in info.items():
+                np.testing.assert_array_equal(infos[key][i], value)
+    assert restart.count(True) in (0, tracks)
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_vector_environment_equals_a_sync_vector_env(mode):
+    ours = HybridTrackQuickestVectorEnv(3, autoreset_mode=mode, **SHORT)
+    theirs = SyncVectorEnv([lambda: HybridTrackQuickestEnv(**SHORT)] * 3, autoreset_mode=mode)
+    np.testing.assert_array_equal(ours.reset(seed=7)[0], theirs.reset(seed=7)[0])
+    for k in range(100):
+        actions = np.array([k % 3, 0, k // 7 % 3])
+        mine, other = ours.step(actions), theirs.step(actions)
+        for one, two in zip(mine[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(one, two)
+        assert set(mine[4]) == set(other[4])
+
+
+def test_statements_change_nothing_but_rewards_and_their_own_features():
+    envs = [HybridTrackQuickestVectorEnv(20, measurement_variance=0.3) for _ in range(2)]
+    layout = QuickestLayout(3)
+    own = np.zeros(layout.width, bool)
+    for name in ("stated", "stated_ticks"):
+        own[layout.slices[name]] = True
+    results = [env.reset(seed=5)[0] for env in envs]
+    generator = np.random.default_rng(0)
+    for _ in range(1300):
+        np.testing.assert_array_equal(results[0][:, ~own], results[1][:, ~own])
+        results = [env.step(generator.integers(0, 3, 20))[0] for env in envs]
+    truths = [env.world.field("truth") for env in envs]
+    np.testing.assert_array_equal(*truths)
+
+
+def test_rewards_follow_the_statement_and_its_changes():
+    env = HybridTrackQuickestEnv(change_cost=2.5, **SHORT)
+    layout = QuickestLayout(3)
+    row, info = env.reset(seed=3)
+    generator = np.random.default_rng(3)
+    stated, count = None, 0
+    for k in range(40):
+        np.testing.assert_array_equal(layout.read(row, "stated"), np.arange(3) == stated)
+        np.testing.assert_allclose(layout.read(row, "stated_ticks"), count, rtol=1e-6)
+        action = int(generator.integers(3)) if generator.random() < 0.4 or stated is None else stated
+        right = action == info["true_mode"]
+        changed = stated is not None and action != stated
+        row, reward, terminated, truncated, info = env.step(np.int64(action))
+        assert reward == (1.0 if right else -2.5 if changed else 0.0)
+        assert (terminated, truncated) == (k == 39, False)
+        count = 1 if changed else count + 1
+        stated = action
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(0)
+
+
+def test_rows_contain_what_info_and_bank_say():
+    env = HybridTrackQuickestVectorEnv(50, radii=(4.0, 9.0))
+    rows, info = env.reset(seed=0)
+    for _ in range(30):
+        rows, *_, info = env.step(np.zeros(50, np.int64))
+    read = {name: env.world.layout.read(rows, name) for name in env.world.layout.slices}
+    np.testing.assert_allclose(read["log_probability"], info["log_probability"], rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(read["speed"], np.hypot(*info["estimate"][:, [1, 3]].T), rtol=1e-6)
+    likelihood = env.world.bank.hypotheses["log_likelihood"].swapaxes(1, 2).reshape(-1, 5)[:50]
+    np.testing.assert_allclose(read["log_ratio"], likelihood - likelihood.max(1, keepdims=True), atol=1e-5)
+    # ratios follow from innovations and variances, which are invariant under the rotation
+    squares = read["innovation_along"] ** 2 + read["innovation_across"] ** 2
+    ratio = -read["log_variance"] - 0.5 * squares
+    np.testing.assert_allclose(ratio - ratio.max(1, keepdims=True), read["log_ratio"], atol=1e-4)
+
+
+@pytest.mark.parametrize("action", [-1, 3, 1.5, "S", None])
+def test_actions_outside_the_space_raise(action):
+    env = HybridTrackQuickestEnv(**SHORT)
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match="expected an integer from 0"):
+        env.step(action)
+
+
+BAD_OPTIONS = [
+    {"ticks": 0}, {"ticks": 2.5}, {"change_cost": -1.0}, {"hazard": 0.7}, {"hazard": -0.1}, {"hazard": "low"},
+    {"durations": "sometimes"}, {"radii": ()}, {"measurement_variance": 0.0}, {"outliers": 1.0},
+    {"speed": 1e9, "radii": (1e-6,)},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("options", BAD_OPTIONS, ids=str)
+def test_options_that_are_not_allowed_are_named_in_one_line(options):
+    with pytest.raises(ArgumentError) as caught:
+        gym.make(ENV_ID, **options)
+    assert str(caught.value).count("\n") == 0
+    assert any(name in str(caught.value) for name in options)
+
+
+def test_unknown_options_and_options_of_the_other_environment_are_refused():
+    with pytest.raises(TypeError, match="did you mean 'durations'"):
+        HybridTrackQuickestEnv(duration="geometric 75")
+    with pytest.raises(TypeError, match="option 'scheme' is unknown"):
+        HybridTrackQuickestVectorEnv(2, scheme="random")
+
+
+def test_options_are_plain_and_the_hazard_follows_the_law():
+    options = QuickestOptions(durations="uniform 50-100", hazard=np.float64(0.1), radii=[5])
+    assert pickle.loads(pickle.dumps(options)) == options
+    assert type(options.hazard) is float
+    assert QuickestOptions().assumed_hazard == 1 / 75
+    assert QuickestOptions(durations="geometric 1").assumed_hazard == pytest.approx(2 / 3)
+    np.testing.assert_allclose(options.transition_matrix.sum(1), 1)
+
+
+@pytest.mark.parametrize("name", ["options", "world"])
+@pytest.mark.parametrize("make", [HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv])
+def test_options_and_arrays_cannot_be_replaced(make, name):
+    env = make()
+    with pytest.raises(AttributeError, match=f"{name} is read-only"):
+        setattr(env, name, None)
+    for array in QuickestWorld.read_only:
+        with pytest.raises(AttributeError, match=f"QuickestWorld.{array} is read-only"):
+            setattr(env.world, array, None)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_copies_have_memory_of_their_own_and_continue_alike(threads):
+    env = HybridTrackQuickestVectorEnv(LANES + 3, threads=threads, **SHORT)
+    env.reset(seed=0)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    for other in copies:
+        for name, array in other.world.arrays().items():
+            assert not np.shares_memory(array, env.world.arrays()[name])
+    for k in range(100):
+        actions = np.full(LANES + 3, k // 5 % 3)
+        rows = env.step(actions)[0]
+        for other in copies:
+            np.testing.assert_array_equal(other.step(actions)[0], rows)
+    single = HybridTrackQuickestEnv(**SHORT)
+    single.reset(seed=0)
+    again = copy.deepcopy(single)
+    assert again.step(1)[0].tobytes() == single.step(1)[0].tobytes()
+
+
+def test_results_do_not_depend_on_threads():
+    alone, together = (HybridTrackQuickestVectorEnv(61, threads=threads, **SHORT) for threads in (1, 3))
+    np.testing.assert_array_equal(alone.reset(seed=1)[0], together.reset(seed=1)[0])
+    generator = np.random.default_rng(4)
+    for _ in range(100):
+        actions = generator.integers(0, 3, 61)
+        for one, other in zip(alone.step(actions)[:4], together.step(actions)[:4], strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["segment", "true_mode", "stated_mode", "time", "length"])
+def test_a_state_with_a_value_out_of_range_is_refused(name):
+    world = HybridTrackQuickestVectorEnv(8).world
+    arrays = dict(world.arrays())
+    arrays["blocks"] = arrays["blocks"].copy()
+    arrays["blocks"][name][0, 0] = 2**40
+    with pytest.raises(ArgumentError, match=f"blocks.{name}="):
+        world.restore(arrays)
+
+
+def test_factories_tell_the_environments_apart():
+    assert isinstance(make_track_vector_env(f"hybrid_env:{ENV_ID}", 2), HybridTrackQuickestVectorEnv)
+    assert isinstance(make_track_vector_env("HybridTrack-v0", 2), HybridTrackVectorEnv)
+    with pytest.raises(ArgumentError, match=r"^env='HybridTrackQuickest-v0' is not allowed"):
+        make_vector_env(ENV_ID, 2)
+
+
+def test_a_frame_shows_truth_statements_and_probabilities():
+    env = gym.make(ENV_ID, render_mode="rgb_array", **SHORT)
+    env.reset(seed=4)
+    frames = [env.render()]
+    for k in range(40):
+        *_, terminated, _, _ = env.step(k // 10 % 3)
+        if k in (10, 20, 39):
+            frames.append(env.render())
+    assert terminated
+    assert {frame.shape for frame in frames} == {(450, 900, 3)}
+    assert all((one != other).any() for one, other in zip(frames[1:], frames, strict=False))
+    history = env.unwrapped.history
+    assert len(history.trace) == 40
+    assert history.finished
+    np.testing.assert_array_equal(history.trace[:, 8], np.arange(40) // 10 % 3)
+    np.testing.assert_allclose(history.probabilities.sum(1), 1, rtol=1e-12)
+    copied = copy.deepcopy(env.unwrapped)
+    np.testing.assert_array_equal(copied.render(), frames[-1])
+    env.close()
