@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import check_number, reject
@@ -43,18 +44,30 @@ class ThresholdDecider:
         """
         layout = QuickestLayout.of_rows(observation)
         log_probability = layout.read(observation, "log_probability")
-        best, stated, started = log_probability.argmax(-1), *read_statement(observation)
+        return self.choose(log_probability, *read_statement(observation)), None
+
+    def choose(
+        self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
+    ) -> Actions:
+        """Return the next statements of N tracks, (N,).
+
+        Args:
+            log_probability: (N, M) logarithms of the probabilities of the modes.
+            stated: (N,) last statements.
+            started: (N,) whether there has been a statement; the first one is the most probable mode.
+        """
+        best = log_probability.argmax(-1)
         of_best, of_stated = (
             np.exp(np.take_along_axis(log_probability, mode[:, None], -1)[:, 0]) for mode in (best, stated)
         )
         changes = (of_best >= self.threshold) & (of_stated <= self.release)
-        return np.where(changes | ~started, best, stated), None
+        return np.where(changes | ~started, best, stated)
 
 
-def read_statement(observation: Observations) -> tuple[Actions, np.ndarray[Any, np.dtype[np.bool_]]]:
+def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
     """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
     stated = QuickestLayout.of_rows(observation).read(observation, "stated")
-    return stated.argmax(-1), stated.any(-1)
+    return stated.argmax(-1), stated.max(-1) > 0.0
 
 
 def _check_probability(name: str, value: Any) -> float:

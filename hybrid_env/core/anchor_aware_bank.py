@@ -99,19 +99,33 @@ def begin_aware(
         radii: (n,) turn radii of the bank [m].
         model: a `FilterModel`, or a record with its fields.
     """
+    for h in range(bank.hypotheses.size):
+        begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, signed_radius(h, radii), model.tau)
+
+
+@internal
+def begin_hypothesis(
+    kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float
+) -> None:
+    """Start one filter of a lane from the anchor.
+
+    Args:
+        kalman: a record `AWARE_HYPOTHESIS`.
+        lane: index of the lane.
+        anchor, covariance: see `begin_aware`.
+        radius: turn radius [m], positive to the left, negative to the right, 0 if straight.
+        tau: length of a tick [s].
+    """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
     inverse_speed = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
-    for h in range(bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        radius = signed_radius(h, radii)
-        set_estimate(kalman, lane, anchor)
-        kalman.log_likelihood[lane] = 0.0
-        centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
-        kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
-        kalman.turn_rate[lane] = 0.0 if h == 0 else bank_turn_rate(speed, abs(radius), model.tau)
-        for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
-            kalman.covariance[k, lane] = value
+    set_estimate(kalman, lane, anchor)
+    kalman.log_likelihood[lane] = 0.0
+    centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
+    kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
+    kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
+    for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
+        kalman.covariance[k, lane] = value
 
 
 @internal
@@ -235,7 +249,13 @@ def follow_aware(
 @internal
 def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
-    P = bank.hypotheses[hypothesis].covariance
+    return covariance_of(bank.hypotheses[hypothesis], lane)
+
+
+@internal
+def covariance_of(kalman: Any, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
+    P = kalman.covariance
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[7, lane], P[8, lane], P[9, lane],
         P[13, lane], P[14, lane], P[18, lane],

@@ -1,0 +1,208 @@
+"""The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
+
+A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
+(`hybrid_env.core.anchor_aware_bank`) that started from the estimate of the branch at its last switch. At
+every tick a branch continues or switches to one of the other modes, with the probabilities that the law of
+the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
+measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
+histories, up to the linearization in the filters.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.anchor_aware_bank import (
+    AWARE_HYPOTHESIS,
+    begin_hypothesis,
+    covariance_of,
+    step_hypothesis,
+)
+from hybrid_env.core.compilation import compiled, internal
+from hybrid_env.core.memory import aligned_zeros
+from hybrid_env.core.published_bank import INNOVATION, FilterModel, signed_radius
+from hybrid_env.core.records import LANES
+
+FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
+
+
+class Branches(NamedTuple):
+    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES.
+
+    Attributes:
+        filters: (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
+        modes: (N, B) present mode.
+        ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
+        rows: (N, B) `FIRST` or `LATER`.
+        counts: (N,) number of branches.
+    """
+
+    filters: NDArray[Any]
+    modes: NDArray[np.int64]
+    ages: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
+
+class BeamModel(NamedTuple):
+    """What the branches assume.
+
+    Attributes:
+        radii: (n,) turn radii [m].
+        hazards: (2, ages) probability that a segment ends after each age; rows `FIRST` and `LATER`. Older
+            segments have the last one.
+        filters: model of the filters.
+    """
+
+    radii: NDArray[np.float64]
+    hazards: NDArray[np.float64]
+    filters: FilterModel
+
+
+def branch_arrays(tracks: int, branches: int) -> Branches:
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES."""
+    groups = -(-branches // LANES)
+    modes, ages, rows = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(3))
+    filters = aligned_zeros((tracks, groups), AWARE_HYPOTHESIS)
+    return Branches(filters, modes, ages, rows, np.zeros(tracks, np.int64))
+
+
+@compiled
+def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], model: BeamModel) -> None:
+    """Start one branch of every mode, all equally probable, in a segment that began before.
+
+    Args:
+        branches: of all tracks; those of the track are replaced.
+        track: index of the track.
+        start: (14,) estimate [x, vx, y, vy] and its covariance, upper triangle row by row.
+        model: of the branches.
+    """
+    modes = 2 * model.radii.size + 1
+    anchor = (start[0], start[1], start[2], start[3])
+    covariance = (
+        start[4], start[5], start[6], start[7], start[8], start[9], start[10], start[11], start[12],
+        start[13],
+    )  # fmt: skip
+    for mode in range(modes):
+        kalman, lane = branches.filters[track, mode // LANES], mode % LANES
+        begin_hypothesis(
+            kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau
+        )
+        kalman.log_likelihood[lane] = -math.log(modes)
+        branches.modes[track, mode] = mode
+        branches.ages[track, mode] = 1
+        branches.rows[track, mode] = FIRST
+    branches.counts[track] = modes
+
+
+@internal
+def _copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
+    target.x[target_lane], target.vx[target_lane] = source.x[source_lane], source.vx[source_lane]
+    target.y[target_lane], target.vy[target_lane] = source.y[source_lane], source.vy[source_lane]
+    target.centre_x[target_lane] = source.centre_x[source_lane]
+    target.centre_y[target_lane] = source.centre_y[source_lane]
+    target.turn_rate[target_lane] = source.turn_rate[source_lane]
+    target.log_likelihood[target_lane] = source.log_likelihood[source_lane]
+    for k in range(28):
+        target.covariance[k, target_lane] = source.covariance[k, source_lane]
+
+
+@internal
+def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, track: int, c: int) -> None:
+    """Copy branch b of a track to branch c of another."""
+    _copy_filter(
+        source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES
+    )
+    target.modes[track, c] = source.modes[source_track, b]
+    target.ages[track, c] = source.ages[source_track, b]
+    target.rows[track, c] = source.rows[source_track, b]
+
+
+@internal
+def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
+    """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
+    modes = 2 * model.radii.size + 1
+    count = 0
+    for b in range(branches.counts[track]):
+        row, age = branches.rows[track, b], branches.ages[track, b]
+        hazard = model.hazards[row, min(age, model.hazards.shape[1]) - 1]
+        parent, parent_lane = branches.filters[track, b // LANES], b % LANES
+        weight = parent.log_likelihood[parent_lane]
+        if hazard < 1.0:
+            _copy_branch(branches, track, b, children, 0, count)
+            children.ages[0, count] = age + 1
+            children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
+            count += 1
+        if hazard > 0.0:
+            anchor = (
+                parent.x[parent_lane], parent.vx[parent_lane], parent.y[parent_lane], parent.vy[parent_lane],
+            )  # fmt: skip
+            covariance = covariance_of(parent, parent_lane)
+            for mode in range(modes):
+                if mode != branches.modes[track, b]:
+                    kalman, lane = children.filters[0, count // LANES], count % LANES
+                    radius = signed_radius(mode, model.radii)
+                    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
+                    kalman.log_likelihood[lane] = weight + math.log(hazard / (modes - 1))
+                    children.modes[0, count] = mode
+                    children.ages[0, count] = 1
+                    children.rows[0, count] = LATER
+                    count += 1
+    return count
+
+
+@compiled
+def step_branches(
+    branches: Branches,
+    children: Branches,
+    innovations: NDArray[Any],
+    measurements: NDArray[np.float64],
+    log_probability: NDArray[np.float64],
+    model: BeamModel,
+) -> None:
+    """Advance the branches of all tracks by one tick.
+
+    Args:
+        branches: of all tracks.
+        children: of one track, (1, ...), with room for M times as many branches; overwritten.
+        innovations: (1,) record `INNOVATION`, overwritten.
+        measurements: (N, 2) measured positions [m].
+        log_probability: (N, M) logarithms of the probabilities of the modes, written.
+        model: of the branches.
+    """
+    capacity = branches.modes.shape[1]
+    measured = np.empty((2, LANES))
+    for track in range(measurements.shape[0]):
+        for lane in range(LANES):
+            measured[0, lane], measured[1, lane] = measurements[track, 0], measurements[track, 1]
+        count = _extend(branches, track, children, model)
+        weights = np.empty(count)
+        for group in range((count + LANES - 1) // LANES):
+            kalman = children.filters[0, group]
+            step_hypothesis(kalman, innovations[0], 0, LANES, measured, model.filters)
+            for c in range(group * LANES, min(count, (group + 1) * LANES)):
+                weights[c] = -kalman.log_likelihood[c % LANES]
+        order = np.argsort(weights, kind="mergesort")
+        kept = min(count, capacity)
+        smallest = weights[order[0]]  # of the most probable branch
+        total = 0.0
+        for k in range(kept):
+            total += math.exp(smallest - weights[order[k]])
+        shift = smallest - math.log(total)
+        log_probability[track] = 0.0
+        for k in range(kept):
+            c = order[k]
+            _copy_branch(children, 0, c, branches, track, k)
+            log_weight = shift - weights[c]
+            branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
+            log_probability[track, children.modes[0, c]] += math.exp(log_weight)
+        branches.counts[track] = kept
+        for mode in range(log_probability.shape[1]):
+            log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
+
+
+def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, NDArray[Any]]:
+    """Return the `children` and `innovations` of `step_branches`."""
+    return branch_arrays(1, hypotheses * branches.modes.shape[1]), aligned_zeros((1,), INNOVATION)
