@@ -55,11 +55,11 @@ class HybridTrackQuickestEnv(TrackEnv):
 
     ## Starting State
     The object starts at the origin with the given `speed` and a uniformly random heading, in a random mode.
-    The first segment began before the episode: the number of its remaining ticks is distributed as at a
-    random moment of a long trajectory, where r ticks remain with probability P(duration >= r) / E[duration].
-    The probabilities of the bank are equal at first. On each axis the error of the first estimate is drawn
-    from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for velocity (`initial_error`). `reset` returns
-    the observation of the first tick.
+    The episode begins at a switch, and the bank knows the first mode. With `start="random"` it begins at a
+    random moment of a long trajectory, where r ticks of the segment remain with probability
+    P(duration >= r) / E[duration], and all modes are equally probable for the bank. On each axis the error of
+    the first estimate is drawn from N(0, 0.3 R) for position and from N(0, 0.02 m^2/s^2) for velocity
+    (`initial_error`). `reset` returns the observation of the first tick.
 
     ## Episode End
     The episode terminates with the statement on its last tick, number `ticks`. The observation of this step

@@ -2,12 +2,12 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import check_choice, check_number, reject
 from hybrid_env.core.quickest_records import QUICKEST_PARAMETERS
 from hybrid_env.durations import (
     Durations,
@@ -19,6 +19,9 @@ from hybrid_env.limits import check_ratios, check_ticks, check_within
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
+STARTS = ("known", "random")
+"""Values of the option `start`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class QuickestOptions(ModelOptions):
@@ -28,6 +31,8 @@ class QuickestOptions(ModelOptions):
         ticks: length of an episode [ticks].
         durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
             "geometric 75", "uniform 50-100", or a law object.
+        start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins
+            at a random moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
         hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the
             inverse of the mean duration.
@@ -38,6 +43,7 @@ class QuickestOptions(ModelOptions):
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
+    start: Literal["known", "random"] = "known"
     change_cost: float = 5.0
     hazard: float | None = None
 
@@ -46,6 +52,7 @@ class QuickestOptions(ModelOptions):
         super().__post_init__()
         fix("ticks", check_ticks("ticks", self.ticks))
         fix("durations", parse_durations(self.durations))
+        fix("start", str(check_choice("start", self.start, STARTS)))
         fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
@@ -92,13 +99,19 @@ class QuickestOptions(ModelOptions):
     @property
     def cumulative_durations(self) -> NDArray[np.float64]:
         """Probabilities of at most 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
-        laws = remaining_probabilities(self.law, self.ticks), duration_probabilities(self.law, self.ticks)
-        return np.cumsum(laws, axis=1)
+        return np.cumsum(self.duration_laws, axis=1)
+
+    @property
+    def duration_laws(self) -> NDArray[np.float64]:
+        """Probabilities of 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
+        first = remaining_probabilities if self.start == "random" else duration_probabilities
+        return np.stack([first(self.law, self.ticks), duration_probabilities(self.law, self.ticks)])
 
     def parameters(self) -> NDArray[Any]:
         """Return (1,) record `QUICKEST_PARAMETERS` for the kernel."""
         record = self.model_parameters(QUICKEST_PARAMETERS)
         record["ticks"], record["change_cost"] = self.ticks, self.change_cost
+        record["start_known"] = self.start == "known"
         matrix = self.transition_matrix
         record["stay_probability"], record["switch_probability"] = matrix[0, :2]
         return record

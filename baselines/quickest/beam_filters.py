@@ -6,6 +6,10 @@ every tick a branch continues or switches to one of the other modes, with the pr
 the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
 measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
 histories, up to the linearization in the filters.
+
+Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be
+merged into one branch, whose filter starts from the mean and the covariance of their mixture. Then a branch
+is a pair of mode and age, and far fewer of them are needed.
 """
 
 import math
@@ -22,7 +26,14 @@ from hybrid_env.core.anchor_aware_bank import (
 )
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.memory import aligned_zeros
-from hybrid_env.core.published_bank import INNOVATION, FilterModel, signed_radius
+from hybrid_env.core.published_bank import (
+    INNOVATION,
+    FilterModel,
+    State,
+    Triangle4,
+    estimate_of,
+    signed_radius,
+)
 from hybrid_env.core.records import LANES
 
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
@@ -53,11 +64,13 @@ class BeamModel(NamedTuple):
         radii: (n,) turn radii [m].
         hazards: (2, ages) probability that a segment ends after each age; rows `FIRST` and `LATER`. Older
             segments have the last one.
+        merged: whether branches that switch to the same mode at the same tick become one.
         filters: model of the filters.
     """
 
     radii: NDArray[np.float64]
     hazards: NDArray[np.float64]
+    merged: bool
     filters: FilterModel
 
 
@@ -71,26 +84,23 @@ def branch_arrays(tracks: int, branches: int) -> Branches:
 
 @compiled
 def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], model: BeamModel) -> None:
-    """Start one branch of every mode, all equally probable, in a segment that began before.
+    """Start one branch of every mode in the first segment.
 
     Args:
         branches: of all tracks; those of the track are replaced.
         track: index of the track.
-        start: (14,) estimate [x, vx, y, vy] and its covariance, upper triangle row by row.
+        start: (14 + M,) estimate [x, vx, y, vy], its covariance, upper triangle row by row, and
+            the logarithms of the mode probabilities.
         model: of the branches.
     """
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
-    covariance = (
-        start[4], start[5], start[6], start[7], start[8], start[9], start[10], start[11], start[12],
-        start[13],
-    )  # fmt: skip
+    covariance = triangle(start[4:14])
     for mode in range(modes):
         kalman, lane = branches.filters[track, mode // LANES], mode % LANES
-        begin_hypothesis(
-            kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau
-        )
-        kalman.log_likelihood[lane] = -math.log(modes)
+        radius = signed_radius(mode, model.radii)
+        begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
+        kalman.log_likelihood[lane] = start[14 + mode]
         branches.modes[track, mode] = mode
         branches.ages[track, mode] = 1
         branches.rows[track, mode] = FIRST
@@ -121,36 +131,122 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
 
 
 @internal
+def triangle(entries: NDArray[np.float64]) -> Triangle4:
+    """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
+    return (
+        entries[0], entries[1], entries[2], entries[3], entries[4],
+        entries[5], entries[6], entries[7], entries[8], entries[9],
+    )  # fmt: skip
+
+
+@internal
+def _begin_child(
+    children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel
+) -> None:
+    """Begin child c with a segment of a mode, from an estimate and its covariance."""
+    radius = signed_radius(mode, model.radii)
+    kalman = children.filters[0, c // LANES]
+    begin_hypothesis(kalman, c % LANES, anchor, covariance, radius, model.filters.tau)
+    children.modes[0, c] = mode
+    children.ages[0, c] = 1
+    children.rows[0, c] = LATER
+
+
+@internal
+def _switch_separately(
+    branches: Branches,
+    track: int,
+    weights: NDArray[np.float64],
+    children: Branches,
+    count: int,
+    model: BeamModel,
+) -> int:
+    """Write one child for every branch and every other mode, after `count` others. Returns their number.
+
+    Args:
+        branches: of all tracks.
+        track: index of the track.
+        weights: (branches,) log probability of a branch and a switch to one certain mode.
+        children: of one track.
+        count: number of children so far.
+        model: of the branches.
+    """
+    for b in range(weights.size):
+        if weights[b] > -np.inf:
+            parent, lane = branches.filters[track, b // LANES], b % LANES
+            anchor = (parent.x[lane], parent.vx[lane], parent.y[lane], parent.vy[lane])
+            for mode in range(2 * model.radii.size + 1):
+                if mode != branches.modes[track, b]:
+                    _begin_child(children, count, mode, anchor, covariance_of(parent, lane), model)
+                    children.filters[0, count // LANES].log_likelihood[count % LANES] = weights[b]
+                    count += 1
+    return count
+
+
+@internal
+def _switch_merged(
+    branches: Branches,
+    track: int,
+    weights: NDArray[np.float64],
+    children: Branches,
+    count: int,
+    model: BeamModel,
+) -> int:
+    """Like `_switch_separately`, with one child for every mode, from the mixture of all its parents."""
+    mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
+    for mode in range(2 * model.radii.size + 1):
+        largest, total = -np.inf, 0.0
+        for b in range(weights.size):
+            if branches.modes[track, b] != mode:
+                largest = max(largest, weights[b])
+        if largest == -np.inf:
+            continue
+        mean[:] = 0.0
+        covariance[:] = 0.0
+        for b in range(weights.size):
+            if branches.modes[track, b] != mode:
+                probability = math.exp(weights[b] - largest)
+                total += probability
+                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                    mean[k] += probability * value
+        mean /= total
+        for b in range(weights.size):
+            if branches.modes[track, b] != mode:
+                probability = math.exp(weights[b] - largest) / total
+                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                    difference[k] = value - mean[k]
+                entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
+                k = 0
+                for row in range(4):
+                    for column in range(row, 4):
+                        covariance[k] += probability * (entries[k] + difference[row] * difference[column])
+                        k += 1
+        anchor = (mean[0], mean[1], mean[2], mean[3])
+        _begin_child(children, count, mode, anchor, triangle(covariance), model)
+        children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        count += 1
+    return count
+
+
+@internal
 def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
     """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
-    modes = 2 * model.radii.size + 1
     count = 0
+    switches = np.full(branches.counts[track], -np.inf)
     for b in range(branches.counts[track]):
         row, age = branches.rows[track, b], branches.ages[track, b]
         hazard = model.hazards[row, min(age, model.hazards.shape[1]) - 1]
-        parent, parent_lane = branches.filters[track, b // LANES], b % LANES
-        weight = parent.log_likelihood[parent_lane]
+        weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
+        if hazard > 0.0:
+            switches[b] = weight + math.log(hazard / (2 * model.radii.size))
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
-        if hazard > 0.0:
-            anchor = (
-                parent.x[parent_lane], parent.vx[parent_lane], parent.y[parent_lane], parent.vy[parent_lane],
-            )  # fmt: skip
-            covariance = covariance_of(parent, parent_lane)
-            for mode in range(modes):
-                if mode != branches.modes[track, b]:
-                    kalman, lane = children.filters[0, count // LANES], count % LANES
-                    radius = signed_radius(mode, model.radii)
-                    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
-                    kalman.log_likelihood[lane] = weight + math.log(hazard / (modes - 1))
-                    children.modes[0, count] = mode
-                    children.ages[0, count] = 1
-                    children.rows[0, count] = LATER
-                    count += 1
-    return count
+    if model.merged:
+        return _switch_merged(branches, track, switches, children, count, model)
+    return _switch_separately(branches, track, switches, children, count, model)
 
 
 @compiled

@@ -112,20 +112,24 @@ def imm_of_block(setting: Any, block: int) -> ImmBank:
 
 
 @internal
-def begin_imm(bank: ImmBank, block: Any, lane: int) -> None:
-    """Start every filter of a lane from the merged estimate of the block, with equal probabilities.
+def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
+    """Start every filter of a lane from the merged estimate of the block.
 
     Args:
         bank: bank of the block.
         block: a record with the fields `estimate`, (4, LANES), and `covariance`, (10, LANES).
         lane: index of the track in the block.
+        known: the mode before the first tick; -1 if it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         set_estimate(kalman, lane, _merged_mean(block, lane))
         for k in range(10):
             kalman.covariance[k, lane] = block.covariance[k, lane]
-        kalman.log_probability[lane] = -math.log(bank.hypotheses.size)
+        if known < 0:
+            kalman.log_probability[lane] = -math.log(bank.hypotheses.size)
+        else:
+            kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
         kalman.log_likelihood[lane] = 0.0
 
 

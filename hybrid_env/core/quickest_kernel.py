@@ -87,7 +87,7 @@ def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: QuickestA
 
 @internal
 def _begin_episode(block: Any, lane: int, bank: Any, arrays: QuickestArrays, setting: Any) -> None:
-    """Begin an episode at a random moment of a segment of a random mode."""
+    """Begin an episode with a segment of a random mode."""
     draw_first_estimate(block, block.covariance, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
     block.segment[lane] = 0
@@ -95,7 +95,7 @@ def _begin_episode(block: Any, lane: int, bank: Any, arrays: QuickestArrays, set
     block.stated_mode[lane] = 0
     block.stated_ticks[lane] = 0
     _begin_segment(block, lane, mode, FIRST_DURATIONS, arrays, setting)
-    begin_imm(bank, block, lane)
+    begin_imm(bank, block, lane, mode if setting.start_known else -1)
 
 
 @inlined

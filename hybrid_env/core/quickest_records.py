@@ -59,6 +59,7 @@ QUICKEST_PARAMETERS = np.dtype(
         *MODEL_FIELDS,
         ("ticks", np.int64),  # of an episode
         ("change_cost", np.float64),  # of a change of the statement to a wrong mode
+        ("start_known", np.bool_),  # the bank knows the first mode
         ("stay_probability", np.float64),  # entries of the transition matrix that the bank assumes
         ("switch_probability", np.float64),
         # addresses of the arrays

@@ -57,7 +57,12 @@ def test_the_enumerated_histories_are_complete():
 @pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
 def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     options = QuickestOptions(
-        durations=text, measurement_variance=(0.01, 0.02), process_variance=0.01, ticks=40, radii=(1.5,)
+        durations=text,
+        measurement_variance=(0.01, 0.02),
+        process_variance=0.01,
+        ticks=40,
+        radii=(1.5,),
+        start="random",
     )
     law, R = options.law, options.measurement_variance
     generator = np.random.default_rng(5)
@@ -87,8 +92,9 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     def signed(mode):
         return (0.0, 1.5, -1.5)[mode]
 
-    decider = BeamDecider(options, branches=20_000)
-    rows = np.hstack([np.vstack([position[:1], z]), np.tile([*anchor, *P[TRIANGLE]], (TICKS + 1, 1))])
+    decider = BeamDecider(options, branches=20_000, merged=False)
+    start = [*anchor, *P[TRIANGLE], *np.log([1 / 3] * 3)]
+    rows = np.hstack([np.vstack([position[:1], z]), np.tile(start, (TICKS + 1, 1))])
     state = None
     for tick in range(TICKS + 1):
         _, state = decider.predict(rows[tick : tick + 1], state)
@@ -103,16 +109,13 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     assert 50 < state.branches.counts[0] < 20_000
 
 
+@pytest.mark.parametrize("start", ["known", "random"])
 @pytest.mark.parametrize("text", ["25 + geometric 50", "geometric 75", "uniform 5-9"])
-def test_hazards_give_back_the_law(text):
-    law = parse_durations(text)
-    for table, probabilities in zip(
-        hazards(law, 400),
-        (remaining_probabilities(law, 400), duration_probabilities(law, 400)),
-        strict=True,
-    ):
-        survival = np.append(1.0, np.cumprod(1.0 - table)[:-1])
-        np.testing.assert_allclose(survival * table, probabilities, atol=1e-12)
+def test_hazards_give_back_the_law(text, start):
+    laws = QuickestOptions(durations=text, start=start, ticks=400).duration_laws
+    table = hazards(laws)
+    survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
+    np.testing.assert_allclose(survival * table, laws, atol=1e-12)
 
 
 def test_episodes_that_begin_again_have_the_statements_of_fresh_ones():

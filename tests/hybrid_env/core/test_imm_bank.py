@@ -90,7 +90,7 @@ def test_the_bank_equals_the_literal_one_in_every_lane():
             root = 0.3 * generator.normal(0, 1, (4, 4))
             P = root @ root.T
             block["estimate"][:, lane], block["covariance"][:, lane] = estimate, P[TRIANGLE]
-            begin(bank, block, lane)
+            begin(bank, block, lane, -1)
             transition = transition_matrix(5, hazard)
             literal.append(LiteralImm(estimate, P, curvatures, transition, tau, Q, R))
         position = block["estimate"][[0, 2]].copy()
@@ -129,6 +129,7 @@ def test_the_environment_steps_the_literal_bank(hazard):
         heading=0.3,
         ticks=80,
         durations="uniform 9-30",
+        start="random",
     )
     np.testing.assert_allclose(env.options.transition_matrix, transition_matrix(3, hazard))
     _, info = env.reset(seed=5)
@@ -151,7 +152,7 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
     model = ImmModel(0.1, 0.0, 0.5, 0.5, 0.9, 0.05)
     radii, bank = np.array([3.0]), imm_arrays(1)
     block = np.zeros(1, QUICKEST_BLOCK)[0]
-    begin(bank, block, 0)
+    begin(bank, block, 0, -1)
     bank.hypotheses["log_probability"][:, 0] = np.log([0.7, 0.2, 0.1])
     histories = dict(zip(((0,), (1,), (2,)), (0.7, 0.2, 0.1), strict=True))
     generator = np.random.default_rng(1)
@@ -168,7 +169,7 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
 
 
 def test_without_switches_probabilities_equal_those_of_all_constant_histories():
-    env = HybridTrackQuickestVectorEnv(4, hazard=0.0, ticks=12)
+    env = HybridTrackQuickestVectorEnv(4, hazard=0.0, ticks=12, start="random")
     _, info = env.reset(seed=2)
     total = np.zeros((4, 3))
     for _ in range(12):
@@ -187,7 +188,7 @@ def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
     block = np.zeros(1, QUICKEST_BLOCK)[0]
     block["estimate"][1], block["covariance"][[0, 4, 7, 9]] = 2.0, 0.02
     for lane in range(LANES):
-        begin(bank, block, lane)
+        begin(bank, block, lane, -1)
     generator = np.random.default_rng(0)
     for k in range(200):
         scale = sigmas if k % 10 == 5 else 1.0
