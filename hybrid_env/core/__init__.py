@@ -8,8 +8,11 @@ Python. `kernel` runs a tick in this order:
    with the formulas of `kalman` or `extended_kalman`.
 3. `observation_row` writes the observation.
 
-`records` defines the data types, `compilation` the compiler options, `elementary` vectorizable log, exp, sine
-and cosine, and `memory` allocates aligned arrays.
+`quickest_kernel` runs the tick with unknown switch moments: the same object, the bank of `imm_bank`, whose
+filters are those of `coordinated_turn`, and the observation of `quickest_row`.
+
+`records` and `quickest_records` define the data types, `compilation` the compiler options, `elementary`
+vectorizable log, exp, sine and cosine, and `memory` allocates aligned arrays.
 
 The folder may import numpy, numba and its own files, nothing else of the project. After a change run
 `pytest tests/hybrid_env` and `hybridtrack bench single vector`.

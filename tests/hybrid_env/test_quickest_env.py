@@ -103,6 +103,28 @@ def test_rewards_follow_the_statement_and_its_changes():
         env.step(0)
 
 
+@pytest.mark.parametrize("text", ["25 + geometric 50", "uniform 50-100"])
+def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows(text):
+    env = HybridTrackQuickestVectorEnv(1000, durations=text)
+    _, info = env.reset(seed=2)
+    modes = info["true_mode"]
+    assert (np.bincount(modes) > 250).all()
+    probability = np.exp(info["log_probability"])[np.arange(1000), modes]
+    np.testing.assert_allclose(probability, 1 - 1 / 75, atol=2e-3)
+    shortest = {"25 + geometric 50": 26, "uniform 50-100": 50}[text]
+    for _ in range(shortest - 1):
+        *_, info = env.step(modes)
+        assert not info["segment"].any()
+    *_, info = env.step(modes)
+    assert info["segment"].any()
+
+
+def test_a_random_start_tells_the_bank_nothing():
+    env = HybridTrackQuickestVectorEnv(50, start="random")
+    _, info = env.reset(seed=2)
+    np.testing.assert_allclose(np.exp(info["log_probability"]), 1 / 3, atol=0.05)
+
+
 def test_rows_contain_what_info_and_bank_say():
     env = HybridTrackQuickestVectorEnv(50, radii=(4.0, 9.0))
     rows, info = env.reset(seed=0)
@@ -128,9 +150,9 @@ def test_actions_outside_the_space_raise(action):
 
 
 BAD_OPTIONS = [
-    {"ticks": 0}, {"ticks": 2.5}, {"change_cost": -1.0}, {"hazard": 0.7}, {"hazard": -0.1}, {"hazard": "low"},
-    {"durations": "sometimes"}, {"radii": ()}, {"measurement_variance": 0.0}, {"outliers": 1.0},
-    {"speed": 1e9, "radii": (1e-6,)},
+    {"ticks": 0}, {"ticks": 2.5}, {"start": "late"}, {"change_cost": -1.0}, {"hazard": 0.7},
+    {"hazard": -0.1}, {"hazard": "low"}, {"durations": "sometimes"}, {"radii": ()},
+    {"measurement_variance": 0.0}, {"outliers": 1.0}, {"speed": 1e9, "radii": (1e-6,)},
 ]  # fmt: skip
 
 

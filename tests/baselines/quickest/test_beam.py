@@ -109,6 +109,21 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     assert 50 < state.branches.counts[0] < 20_000
 
 
+def test_merging_changes_nothing_while_only_one_switch_is_possible():
+    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-11", ticks=15)
+    env.reset(seed=3)
+    deciders = [BeamDecider(env.options, branches=200, merged=merged) for merged in (False, True)]
+    states = [None, None]
+    for _ in range(15):
+        seen = deciders[0].observe(env.world)
+        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
+        states = [decider.predict(seen, state)[1] for decider, state in zip(deciders, states, strict=True)]
+        np.testing.assert_allclose(*(np.exp(state.log_probability) for state in states), atol=1e-12)
+        env.step(np.zeros(6, np.int64))
+    separate, merged = (state.branches.counts for state in states)
+    assert (merged < separate).all()
+
+
 @pytest.mark.parametrize("start", ["known", "random"])
 @pytest.mark.parametrize("text", ["25 + geometric 50", "geometric 75", "uniform 5-9"])
 def test_hazards_give_back_the_law(text, start):

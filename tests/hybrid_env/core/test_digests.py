@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackVectorEnv
+from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 
 BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
@@ -79,3 +79,34 @@ def digest_of(steps, **options):
 @pytest.mark.parametrize(("options", "digest"), DIGESTS)
 def test_observations_and_rewards_have_the_recorded_digest(options, digest):
     assert digest_of(2000, **options) == digest
+
+
+QUICKEST_DIGESTS = [
+    pytest.param({}, "c011e5cb83613cd37f5d765d058ab082a310780f6608a15c5703e7a307d466af", id="default"),
+    pytest.param(
+        {
+            "radii": (3.0, 8.0),
+            "measurement_variance": (0.05, 0.2),
+            "durations": "uniform 20-40",
+            "start": "random",
+            "ticks": 300,
+            "outliers": 0.1,
+            "hazard": 0.05,
+        },
+        "557f846bc4361152a1231915def61bbf0badc153b4365910f6b6c22a84eb6ff1",
+        id="other options",
+    ),
+]
+
+
+@pytest.mark.parametrize(("options", "digest"), QUICKEST_DIGESTS)
+def test_rows_and_rewards_with_unknown_switch_moments_have_the_recorded_digest(options, digest):
+    env = HybridTrackQuickestVectorEnv(9, **options)
+    generator = np.random.default_rng(7)
+    rows, _ = env.reset(seed=11)
+    found = hashlib.sha256(rows.tobytes())
+    for _ in range(1300):
+        rows, rewards, *_ = env.step(generator.integers(0, env.single_action_space.n, 9))
+        found.update(rows.tobytes())
+        found.update(rewards.tobytes())
+    assert found.hexdigest() == digest
