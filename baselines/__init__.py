@@ -1,20 +1,37 @@
-"""Classical decision rules: Wald's SPRT, MSPRT and gap rule, fixed decision time; ATE on recordings."""
+"""Classical decision rules: Wald's SPRT, MSPRT and gap rule, fixed decision time; ATE on recordings.
+
+For unknown switch moments: a threshold, CUSUM, Shiryaev-Roberts, a windowed ratio and a beam of histories.
+"""
 
 from baselines.deciders.decider import Decider
 from baselines.deciders.fixed_time import FixedTimeDecider
 from baselines.deciders.msprt import GapDecider, MSPRTDecider
 from baselines.deciders.sprt import SPRTDecider, sprt_test, sprt_thresholds
 from baselines.filters.recording import first_estimate
+from baselines.quickest.beam import BeamDecider
+from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider, WindowedRatioDecider
+from baselines.quickest.metrics import StatementMetrics, measure_statements
+from baselines.quickest.statements import Statements, record_statements
+from baselines.quickest.threshold import ThresholdDecider
 from baselines.recordings.ate import Tracks, track
 
 __all__ = [
+    "BeamDecider",
+    "CusumDecider",
     "Decider",
     "FixedTimeDecider",
     "GapDecider",
     "MSPRTDecider",
     "SPRTDecider",
+    "ShiryaevRobertsDecider",
+    "StatementMetrics",
+    "Statements",
+    "ThresholdDecider",
     "Tracks",
+    "WindowedRatioDecider",
     "first_estimate",
+    "measure_statements",
+    "record_statements",
     "sprt_test",
     "sprt_thresholds",
     "track",
