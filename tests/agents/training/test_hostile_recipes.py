@@ -79,12 +79,12 @@ def test_values_are_bounded(change):
         "drawn_worlds=[{radii: 1000000, worlds: 1, n_envs: 1}]", "updates_per_world=0",
     ],
 )  # fmt: skip
-def test_values_of_the_sequence_agent_are_bounded(change):
-    assert accepted(lambda: load("sequence", [change])) is None
+def test_values_of_the_anchor_agent_are_bounded(change):
+    assert accepted(lambda: load("anchor", [change])) is None
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "sequence-all"])
+@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "anchor-all"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
@@ -98,7 +98,7 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "sequence-all"])
+@pytest.mark.parametrize("name", ["ppo", "anchor-all"])
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
