@@ -18,7 +18,11 @@ from agents.training.runs import make_run, resume_run
 
 STEPS = 2560
 SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
-SMALL_ANCHOR = ("n_steps=16", "hidden=8", "worlds=[{n_envs: 20}, {n_envs: 4, env: HybridTrackBank-v0}]")
+SMALL_ANCHOR = (
+    "n_steps=16", "hidden=8", "buffer_size=200", "batches=2", "batch_size=32", "updates_per_world=2",
+    "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
+    "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
+)  # fmt: skip
 KINDS = {
     "ppo": ("HybridTrack-v0", SMALL_PPO),
     "anchor": ("HybridTrack-v0", SMALL_ANCHOR),

@@ -60,7 +60,8 @@ class AnchorStream:
         errors: (N, 4) error of the anchor in the heading frame, of the tracks that begin a segment.
         alpha: (N,) expected loss at which a track declares.
         redraw: (N,) alpha is drawn again, because the track has just declared.
-        declaration: (N, 7) the last declaration of the episode; NaN if there is none.
+        declaration: (N, 7) the last declaration of the episode.
+        has_declaration: (N,) there is one.
     """
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int):
@@ -80,7 +81,8 @@ class AnchorStream:
         self.errors = np.zeros((self.tracks, 4))
         self.alpha = np.zeros(self.tracks)
         self.redraw = np.ones(self.tracks, np.bool_)
-        self.declaration = np.full((self.tracks, DECLARATION), np.nan)
+        self.declaration = np.zeros((self.tracks, DECLARATION))
+        self.has_declaration = np.zeros(self.tracks, np.bool_)
 
     def rollout(self, net: AnchorNetworks, settings: AnchorSettings) -> Rollout:
         """Step all tracks `n_steps` times with the current networks."""
@@ -122,12 +124,12 @@ class AnchorStream:
         tracks = start + decided
         low, high = TYPICAL_ALPHAS
         typical = (low < self.alpha[tracks]) & (self.alpha[tracks] < high)
-        known = typical & ~np.isnan(self.declaration[tracks, 0])
+        known = typical & self.has_declaration[tracks]
         if known.any():
             pairs = np.concatenate([self.declaration[tracks], loss[:, None]], axis=1)
             rollout.declaration_parts.append(pairs[known])
         self.declaration[tracks] = self._describe(tracks, observation[tracks], info, decided)
-        self.declaration[start + np.flatnonzero(terminated)] = np.nan
+        self.has_declaration[tracks] = ~terminated[decided]
         switched = decided[~terminated[decided]]
         self.errors[start + switched] = anchor_errors(env, switched, truth[switched])
 
@@ -154,7 +156,7 @@ class AnchorStream:
         """Return all tensors that determine the next rollout; writing into them changes the stream."""
         arrays: dict[str, NDArray[Any]] = {
             "first": self.first, "errors": self.errors, "alpha": self.alpha, "redraw": self.redraw,
-            "declaration": self.declaration,
+            "declaration": self.declaration, "has_declaration": self.has_declaration,
         }  # fmt: skip
         arrays |= self.filters.state_arrays()
         for k, env in enumerate(self.envs):

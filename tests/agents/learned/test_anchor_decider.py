@@ -1,10 +1,12 @@
 """The anchor agent: invariances, reproducible training, files, and decisions."""
 
+import copy
 import json
 
 import numpy as np
 import pytest
 import torch
+from scipy.stats import multivariate_normal
 
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
@@ -16,11 +18,13 @@ from agents.learned.anchor_decider import (
     load_anchor,
     save_anchor,
 )
+from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
 from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.runs import make_run, resume_run
 from baselines import FixedTimeDecider, SPRTDecider
+from baselines.deciders.component_filters import stated_covariance
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -35,12 +39,10 @@ def trained(recipe, steps, seed=0, **options):
 
 
 def random_net(seed=0, hidden=12):
-    """A network whose corrections are not zero."""
+    """Networks whose predictions depend on all of their inputs."""
     torch.manual_seed(seed)
     net = AnchorNetworks(hidden)
-    for layer in (net.score, net.carry):
-        torch.nn.init.normal_(layer.weight)
-    torch.nn.init.normal_(net.anchor.output.weight, std=0.01)
+    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
     return net
 
 
@@ -135,16 +137,35 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
     np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
 
 
-def test_an_untrained_network_does_not_change_the_posterior_of_the_filters():
-    env = HybridTrackVectorEnv(TRACKS)
-    decider = AnchorDecider(AnchorNetworks(8), env.options)
-    rows, state = env.reset(seed=3)[0], None
-    for _ in range(30):
-        posterior, state = decider.posterior(rows, state, None)
-        ratio = state.filters.log_likelihood
-        expected = np.exp(ratio - ratio.max(-1, keepdims=True))
-        np.testing.assert_allclose(posterior, expected / expected.sum(-1, keepdims=True), atol=1e-6)
-        rows = env.step(np.zeros(TRACKS, np.int64))[0]
+def test_a_network_without_experience_scales_the_stated_covariance():
+    env = HybridTrackVectorEnv(TRACKS, bank="anchor_aware")
+    layout, net = env.world.layout, AnchorNetworks(8)
+    rows, _ = env.reset(seed=3)
+    side = np.where(np.arange(TRACKS) % 2, 1.0, -1.0)
+    factor = stated_factor(layout, rows, np.full(TRACKS, 0.1), side)
+    inputs = np.random.default_rng(0).normal(size=(TRACKS, net.anchor.inputs)).astype(np.float32)
+    log_weights, mean, covariance = net.anchor.anchors(inputs, factor)
+    np.testing.assert_allclose(np.exp(log_weights).sum(1), 1.0, rtol=1e-6)
+    np.testing.assert_allclose(mean, 0.0)
+    scales = np.exp(2 * np.array(INITIAL_LOG_SCALES))[:, None, None]
+    expected = scales * stated_covariance(layout, rows)[:, None]
+    np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-6)
+
+
+def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
+    net = random_net().anchor
+    inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
+    with torch.no_grad():
+        log_weight, mean, factor = net(inputs)
+        weight, covariance = log_weight.exp().double(), (factor @ factor.mT).double()
+        density = [
+            sum(
+                weight[i, c] * multivariate_normal(mean[i, c].double(), covariance[i, c]).pdf(errors[i])
+                for c in range(weight.shape[1])
+            )
+            for i in range(5)
+        ]
+        assert net.loss(inputs, errors).item() == pytest.approx(-np.log(density).mean(), rel=1e-4)
 
 
 def test_an_episode_starts_without_memory_and_a_segment_does_not():
@@ -155,11 +176,11 @@ def test_an_episode_starts_without_memory_and_a_segment_does_not():
     for _ in range(5):
         _, state = decider.predict(rows, state, start)
         rows, _, start, _, _ = env.step(np.zeros(4, np.int64))
-    assert (Layout(3).read(rows, "ticks") == 1).all()
+    assert (np.rint(Layout(3).read(rows, "ticks")) == 1).all()
     fresh = decider.posterior(rows, None, np.ones(4, np.bool_))[0]
+    continued = decider.posterior(rows, copy.deepcopy(state), np.zeros(4, np.bool_))[0]
     restarted = decider.posterior(rows, state, np.ones(4, np.bool_))[0]
     np.testing.assert_array_equal(restarted, fresh)
-    continued = decider.posterior(rows, decider.predict(rows)[1], None)[0]
     assert not np.allclose(continued, fresh)
 
 

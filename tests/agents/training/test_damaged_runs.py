@@ -145,8 +145,8 @@ OF_KIND = {
         "an infinite loss": rewritten('"logged": {', '"logged": {"x": Infinity,'),
     },
     "anchor": {
-        "weights that are not numbers": replaced("network.score.weight", float("nan")),
-        "an infinite hidden state": replaced("tracks.0.hidden_state", float("inf")),
+        "weights that are not numbers": replaced("network.anchor.output.weight", float("nan")),
+        "an infinite error": replaced("tracks.0.errors", float("inf")),
         "a hypothesis that does not exist": replaced("tracks.0.0.blocks.true_mode", 3),
         "no generator": rewritten('"generators": [', '"generators": [], "x": ['),
         "another generator": rewritten("PCG64", "MT19937"),
