@@ -71,7 +71,8 @@ def test_values_are_bounded(change):
 @pytest.mark.parametrize(
     "change",
     [
-        "hidden=20000", "n_steps=1000000", "batches=0", "buffer_size=1" + "0" * 12, "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
+        "hidden=20000", "n_steps=1000000", "batches=0", "buffer_size=1" + "0" * 12,
+        "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
         "worlds=[{n_envs: 1000000000}]", "worlds=[{n_envs: 1, options: {trace_rows: 1000000000}}]",
         "worlds=[{n_envs: 1, options: [3]}]", "worlds=[{n_envs: 1, options: {scheme: 2001-01-01}}]",
         f"worlds=[{'{n_envs: 1},' * 400}]", "smallest_alpha=1e400", "policy_kwargs={}",
