@@ -18,7 +18,7 @@ MEMORY = 1_000_000_000  # bytes
 
 VALUES = [
     None, True, False, 0, 1, -1, 2, 7, 1.5, 1e-300, 1e308, 2**31, 10**9, 10**15, 10**30, 10**400,
-    float("nan"), float("inf"), -float("inf"), "", "1", "1e400", "lin_1", "ppo", "sequence", "x" * 20_000,
+    float("nan"), float("inf"), -float("inf"), "", "1", "1e400", "lin_1", "ppo", "anchor", "x" * 20_000,
     "\ud800", "a\nb[/b]", "../..", "/dev/zero", [], {}, [None], [[]], [1] * 3000, [10**9], {"a": 1},
     {"trace_rows": 10**9}, {"n_envs": 10**9}, "random 1000000x1000000", "S1000000", [5.0, 5.0], [10**9] * 9,
 ]  # fmt: skip

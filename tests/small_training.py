@@ -11,17 +11,21 @@ import pytest
 import torch
 
 from agents.learned.policy_file import load_policy
-from agents.training import learning_curve, sequence
+from agents.training import anchor, learning_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
 
 STEPS = 2560
 SMALL_PPO = ("n_envs=20", "n_steps=32", "batch_size=320", "n_epochs=2", "policy_kwargs.net_arch=[16]")
-SMALL_SEQUENCE = ("n_steps=16", "hidden=8", "worlds=[{n_envs: 20}, {n_envs: 4, env: HybridTrackBank-v0}]")
+SMALL_ANCHOR = (
+    "n_steps=16", "hidden=8", "buffer_size=200", "batches=2", "batch_size=32", "updates_per_world=2",
+    "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
+    "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
+)  # fmt: skip
 KINDS = {
     "ppo": ("HybridTrack-v0", SMALL_PPO),
-    "sequence": ("HybridTrack-v0", SMALL_SEQUENCE),
+    "anchor": ("HybridTrack-v0", SMALL_ANCHOR),
     "recurrent-ppo": ("HybridTrack-v0", (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
 }
 SCHEME = {"scheme": "random 2x20-30"}
@@ -33,7 +37,7 @@ def log_often(set_value=setattr):
     set_value(learning_curve, "FIRST_EVALUATION", 1000)
     set_value(learning_curve, "EPISODES", 5)
     set_value(learning_curve.LearningCurve, "sprt_reward", 0.5)
-    set_value(sequence, "LOG_EVERY", 2)
+    set_value(anchor, "LOG_EVERY", 2)
 
 
 def small_run(kind, folder, steps):

@@ -24,7 +24,7 @@ class Compare(WorldArguments):
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
     the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run)."""
     agents: tuple[str, ...] = ("ppo", "shipped")
-    """Learned agents: recipes to train during the run ('ppo', 'sequence' ...), 'shipped' (weights in the
+    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), or run folders."""
     accuracy: float | None = None
     """Select the fastest threshold that reaches this accuracy; by default the one with the best reward."""

@@ -25,8 +25,8 @@ from hybrid_env.checks import check_positive, reject
 from hybrid_env.options import WorldOptions
 
 if TYPE_CHECKING:
+    from agents.learned.anchor_decider import AnchorNetworks
     from agents.learned.policy import PolicyDecider
-    from agents.learned.sequence import SequenceNet
 
 
 @dataclass(frozen=True)
@@ -198,11 +198,11 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
-def sequence_family(name: str, net: "SequenceNet", world: WorldOptions) -> DeciderFamily:
-    """Return the family of a trained sequence agent; its threshold is the posterior error probability."""
-    from agents.learned.sequence import SequenceDecider
+def anchor_family(name: str, net: "AnchorNetworks", world: WorldOptions) -> DeciderFamily:
+    """Return the family of a trained anchor agent; its threshold is the expected loss of a declaration."""
+    from agents.learned.anchor_decider import AnchorDecider
 
-    return DeciderFamily(name, "alpha", FEW_ALPHAS, 0.02, lambda alpha: SequenceDecider(net, world, alpha))
+    return DeciderFamily(name, "alpha", FEW_ALPHAS, 0.02, lambda alpha: AnchorDecider(net, world, alpha))
 
 
 def _policy_folder(name: str) -> Path:
@@ -232,10 +232,10 @@ def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
     from agents.learned.policy_file import load_policy
 
     weights, card = load_policy(folder)
-    if card["recipe"]["entry"]["algo"] == "sequence":
-        from agents.learned.sequence import load_sequence
+    if card["recipe"]["entry"]["algo"] == "anchor":
+        from agents.learned.anchor_decider import load_anchor
 
-        return sequence_family(folder.name, load_sequence(folder, weights, card), world)
+        return anchor_family(folder.name, load_anchor(folder, weights, card), world)
     from agents.learned.policy import PolicyDecider, load_actor
 
     return policy_family(folder.name, PolicyDecider(load_actor(folder, weights, card)))

@@ -38,7 +38,7 @@ STYLES = {
     "ML at the end": DeciderStyle("#2d0069", "X"),
     "Bayes risk": DeciderStyle("#780f3c", "h"),
     "ppo": DeciderStyle("#d2b400", "^"),
-    "sequence": DeciderStyle("#b469ff", "<"),
+    "anchor": DeciderStyle("#b469ff", "<"),
     "shipped": DeciderStyle("#000000", "v"),
 }
 """Styles of the classical rules and of the most common agents, by name."""

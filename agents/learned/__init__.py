@@ -1,7 +1,8 @@
 """Learned deciders: networks, policies and their files.
 
-- `sequence`: the recurrent network that corrects the likelihoods of filters of its own, and its decider.
-- `anchor_net`: the network that predicts the distribution of the anchor error, from which they start.
+- `anchor_decider`: filters that start from learned distributions of the anchor error, as a decider.
+- `anchor_net`: the network that predicts the distribution of the anchor error.
+- `regret_net`: the network that predicts what a wrong radius costs in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
 - `policy`: an actor of Stable-Baselines3 as a decider.
 - `features`: selects the quantities that an actor observes.

@@ -42,8 +42,9 @@ class AnchorNet(nn.Module):
 
     def __init__(self, hidden: int):
         super().__init__()
+        self.inputs = len(ANCHOR_INPUTS) + COMPONENTS
         self.layers = nn.Sequential(
-            nn.Linear(len(ANCHOR_INPUTS) + COMPONENTS, hidden),
+            nn.Linear(self.inputs, hidden),
             nn.Tanh(),
             nn.Linear(hidden, hidden),
             nn.Tanh(),
@@ -60,7 +61,7 @@ class AnchorNet(nn.Module):
         """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the covariances.
 
         Args:
-            inputs: (n, 20 + C), see `dimensionless.anchor_inputs`.
+            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
         """
         numbers = self.output(self.layers(inputs)).unflatten(-1, (COMPONENTS, NUMBERS))
         scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
@@ -87,7 +88,7 @@ class AnchorNet(nn.Module):
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
 
         Args:
-            inputs: (n, 20 + C), see `dimensionless.anchor_inputs`.
+            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
             whitener: (n, 4, 4), see `stated_factor`.
         """
         log_weight, mean, factor = (part.double().numpy() for part in self(torch.from_numpy(inputs)))

@@ -1,8 +1,8 @@
-"""Inputs of the sequence network without units, from observation rows and filters of its own.
+"""Inputs of the anchor network without units, from observation rows and filters of its own.
 
 Lengths are divided by the standard deviation of a measurement or by the way of a tick, times by the tick. A
-change of units therefore changes no input. Lateral quantities are mirrored to the side of a turn, so that a
-mirrored trajectory gives the same inputs for the mirrored hypotheses.
+change of units therefore changes no input. Lateral quantities are mirrored to the side of the declared turn,
+so that a mirrored trajectory gives the same inputs.
 """
 
 from collections.abc import Sequence
@@ -14,37 +14,13 @@ from numpy.typing import NDArray
 
 from baselines.deciders.decider import Observations
 from baselines.deciders.msprt import mode_types
-from hybrid_env.core.kalman import LOG_TWO_PI
-from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 LIMIT = 5.0  # inputs are clipped to +-5
 SMALLEST = 1e-12
 
-HYPOTHESIS_INPUTS = (
-    "log-likelihood ratio to the best, own filters",
-    "the same, bank of the environment",
-    "whitened innovation along the heading",
-    "whitened innovation across the heading",
-    "surprise: log-likelihood of the last measurement",
-    "log of innovation variance over R",
-    "log of turn angle per tick",
-    "straight",
-    "declared last",
-)
-TRACK_INPUTS = (
-    "log of ticks",
-    "log of ticks left",
-    "log of the way of a tick over the deviation of a measurement",
-    "log of the deviation of process noise over the speed",
-    "log of position variance of the anchor over R",
-    "log of velocity variance of the anchor over R",
-    "log posterior odds of the best hypothesis",
-    "surprise of the best hypothesis",
-    "the environment follows all filters",
-    "the environment has the anchor-aware bank",
-)
 ANCHOR_INPUTS = (
     "log of turn angle per tick",
     "straight",
@@ -64,6 +40,8 @@ ANCHOR_INPUTS = (
     "log of the way of a tick over the deviation of a measurement",
     "log of the deviation of process noise over the speed",
     "change of the speed over its deviation",
+    "innovation along the heading, declared filter of the bank less own filter",
+    "innovation across the heading, likewise",
     "the environment follows all filters",
     "the environment has the anchor-aware bank",
 )
@@ -113,11 +91,13 @@ class LastRow:
     Attributes:
         posterior: (N, M) of the hypotheses.
         components: (N, C) posterior of the components of the anchor.
+        bias: (N, M, 2) innovation along and across the heading over sqrt(R), of the bank less own filters.
         ticks, ticks_left, speed: (N,) of the row.
     """
 
     posterior: FloatArray
     components: FloatArray
+    bias: FloatArray
     ticks: FloatArray
     ticks_left: FloatArray
     speed: FloatArray
@@ -161,64 +141,21 @@ def _clip(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
     return np.clip(np.stack(columns, axis=-1), -LIMIT, LIMIT).astype(np.float32)
 
 
-def tick_inputs(
-    layout: Layout,
-    rows: Observations,
-    scales: Scales,
-    log_likelihood: FloatArray,
-    surprise: FloatArray,
-    innovations: FloatArray,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the inputs of every hypothesis, (N, M, 9), and of every track, (N, 10).
+def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) -> FloatArray:
+    """Return the innovations of the bank less those of own filters over sqrt(R), (N, M, 2).
+
+    The difference is that of the predicted positions: how far the filter of the bank has drifted.
 
     Args:
         layout: of the rows.
         rows: (N, width).
-        scales: of the worlds.
-        log_likelihood: (N, M) of the own filters, mixed over the components of the anchor.
-        surprise: (N, M) increment of the log-likelihood in this tick.
-        innovations: (N, M, 3), see `ComponentFilters`, mixed over the components of the anchor.
+        innovations: (N, M, 3), see `ComponentFilters`.
     """
-    log_noise = layout.read(rows, "log_noise")
-    motion, process, _, position, velocity = ratios(layout, rows, scales)
-    ratio = log_likelihood - log_likelihood.max(-1, keepdims=True)
-    others = np.exp(ratio).sum(-1) - 1.0
-    best = ratio.argmax(-1)
-    turn = turns_per_tick(layout, rows, scales)
-    side = np.sign(turn)
-    n = layout.hypotheses // 2
-    left, right = ratio[:, 1 : n + 1].max(-1), ratio[:, n + 1 :].max(-1)
-    side[:, 0] = np.where(left < right, -1.0, 1.0)
-    surprise = np.arcsinh((surprise + (LOG_TWO_PI + log_noise)[:, None]) / 3.0)
-    ticks, ticks_left = layout.read(rows, "ticks"), layout.read(rows, "ticks_left")
-    own = _clip(
-        [
-            0.1 * np.maximum(ratio, LOG_FLOOR),
-            0.1 * layout.read(rows, "log_ratio"),
-            np.arcsinh(innovations[..., 0]),
-            np.arcsinh(innovations[..., 1]) * side,
-            surprise,
-            0.5 * (innovations[..., 2] - log_noise[:, None]),
-            np.where(turn == 0.0, 0.0, 0.5 * (_log(np.abs(turn)) + 3.0)),
-            (turn == 0.0).astype(np.float64),
-            layout.read(rows, "previous"),
-        ]
-    )
-    track = _clip(
-        [
-            0.5 * (np.log(ticks) - 3.0),
-            0.5 * (np.log1p(ticks_left) - 4.0),
-            0.5 * motion,
-            0.5 * (process + 4.0),
-            0.5 * (position + 2.0),
-            0.5 * (velocity + 6.0),
-            -0.1 * np.log(np.maximum(others, np.exp(LOG_FLOOR))),
-            surprise[np.arange(len(rows)), best],
-            scales.follows_bank,
-            scales.anchor_aware,
-        ]
-    )
-    return own, track
+    deviation = np.exp(0.5 * layout.read(rows, "log_variance"))[..., None]
+    names = ("innovation_along", "innovation_across")
+    of_bank = np.stack([layout.read(rows, name) for name in names], axis=-1) * deviation
+    log_noise = layout.read(rows, "log_noise")[:, None, None]
+    return of_bank - innovations[..., :2] * np.exp(0.5 * (innovations[..., 2:] - log_noise))
 
 
 def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArray:
@@ -235,7 +172,7 @@ def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArr
 def anchor_inputs(
     layout: Layout, rows: Observations, scales: Scales, last: LastRow, side: FloatArray
 ) -> NDArray[np.float32]:
-    """Return the inputs for the distribution of the anchor error, (N, 20 + C).
+    """Return the inputs for the distribution of the anchor error, (N, 22 + C).
 
     Args:
         layout: of the rows.
@@ -281,6 +218,8 @@ def anchor_inputs(
         0.5 * motion,
         0.5 * (process + 4.0),
         np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),
+        np.arcsinh(last.bias[tracks, decided, 0]),
+        np.arcsinh(last.bias[tracks, decided, 1]) * side,
         scales.follows_bank,
         scales.anchor_aware,
     ]

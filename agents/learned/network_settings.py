@@ -5,7 +5,7 @@ from typing import Any
 
 from hybrid_env.checks import check_flag, check_integer, reject
 
-LARGEST_HIDDEN = 512  # hidden state of one hypothesis in the sequence network
+LARGEST_HIDDEN = 512  # units of a hidden layer of the anchor agent
 LARGEST_LAYER = 1024
 MOST_LAYERS = 8
 ACTOR_CRITIC_SETTINGS = ("net_arch", "ortho_init")

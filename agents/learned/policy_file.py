@@ -19,7 +19,7 @@ from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
 
 WEIGHTS = "policy.safetensors"
 OBSERVATION_SCALES = HYPOTHESIS_FEATURES | TRACK_FEATURES
-ALGORITHMS = ("ppo", "recurrent_ppo", "sequence")
+ALGORITHMS = ("ppo", "recurrent_ppo", "anchor")
 LARGEST_FILE = 2**27  # bytes
 LARGEST_HEADER = 2**20  # bytes
 LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow

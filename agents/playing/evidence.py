@@ -79,13 +79,13 @@ def decider_evidence(decider: Decider) -> DeciderEvidence:
 
 def learned_evidence(decider: Decider) -> DeciderEvidence:
     """Return the evidence of a learned decider. PyTorch is imported only here, because it loads slowly."""
+    from agents.learned.anchor_decider import AnchorDecider
     from agents.learned.policy import PolicyDecider
-    from agents.learned.sequence import SequenceDecider
 
     match decider:
-        case SequenceDecider():
+        case AnchorDecider():
             by_type = decider.by_type
-            panel = posterior_panel("neural network", by_type, np.array([decider.alpha]))
+            panel = posterior_panel("learned anchors", by_type, np.array([decider.alpha]))
             return DeciderEvidence(
                 panel,
                 lambda observation, state, start: posterior_evidence(

@@ -12,7 +12,7 @@ class Train(WorldArguments):
     """Train an agent with a recipe; write weights, card, metrics and learning curve to a run folder."""
 
     recipe: str = "ppo"
-    """'ppo' (half a minute), 'sequence' (three minutes), 'sequence-all' (one network for many environments),
+    """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
     'recurrent-ppo', three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: tuple[str, ...] = ()

@@ -23,12 +23,12 @@ from hybrid_env.options import WorldOptions
 FOLDER = Path(__file__).parent / "recipes"
 POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
 LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
-LARGEST_UNROLLING = 2**22  # ticks x tracks x hidden state of an update of the sequence agent
+LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
 MOST_WORLDS = 100
 MOST_DRAWN = 1000
 LARGEST_COUNT = 100_000  # tracks, steps or passes
 LARGEST_WEIGHT = 100.0  # of the entropy in the loss, and of the initial bias
-LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the sequence agent declares
+LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the anchor agent declares
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ class PPOSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingWorld:
-    """One environment that the sequence agent is trained in, and its number of tracks.
+    """One environment that the anchor agent is trained in, and its number of tracks.
 
     Attributes:
         n_envs: number of parallel tracks.
@@ -114,7 +114,7 @@ class TrainingWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnWorlds:
-    """Random environments that the sequence agent is trained in, see `agents.evaluation.drawn_worlds`.
+    """Random environments that the anchor agent is trained in, see `agents.evaluation.drawn_worlds`.
 
     Attributes:
         radii: number of radii of each bank.
@@ -133,13 +133,13 @@ class DrawnWorlds:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SequenceSettings:
-    """Hyper-parameters of the sequence agent.
+class AnchorSettings:
+    """Hyper-parameters of the anchor agent.
 
     Attributes:
         worlds: environments that it is trained in at the same time.
-        n_steps: ticks per update, the length of truncated backpropagation through time.
-        hidden: size of the hidden state of one hypothesis.
+        n_steps: ticks between updates.
+        hidden: units of each hidden layer.
         learning_rate: constant, or "lin_" and the initial value for linear decay.
         smallest_alpha: smallest error probability at which a track declares. The threshold of a track is
             drawn log-uniformly between this value and 0.3 after each declaration.
@@ -149,6 +149,9 @@ class SequenceSettings:
             three times as long.
         drawn_worlds: random environments besides `worlds`.
         updates_per_world: updates after which the random environments are drawn anew.
+        buffer_size: number of the last anchors, and of the last declarations, that samples are drawn from.
+        batches: steps of the optimizer per update.
+        batch_size: samples of a step.
     """
 
     worlds: tuple[TrainingWorld, ...]
@@ -160,10 +163,14 @@ class SequenceSettings:
     random_declarations: float
     drawn_worlds: tuple[DrawnWorlds, ...] = ()
     updates_per_world: int = 32
+    buffer_size: int = 50_000
+    batches: int = 8
+    batch_size: int = 1024
 
     def __post_init__(self) -> None:
         limits = {
-            "n_steps": 10_000, "hidden": LARGEST_HIDDEN, "last_tick": 10**6, "updates_per_world": 10**6
+            "n_steps": 10_000, "hidden": LARGEST_HIDDEN, "last_tick": 10**6, "updates_per_world": 10**6,
+            "buffer_size": 10**6, "batches": 1000, "batch_size": 10**5,
         }  # fmt: skip
         for name, largest in limits.items():
             check_integer(name, getattr(self, name), maximum=largest)
@@ -171,10 +178,10 @@ class SequenceSettings:
             raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")
         if len(self.drawn_worlds) > MOST_WORLDS:
             raise reject("drawn_worlds", self.drawn_worlds, f"at most {MOST_WORLDS} entries")
-        tracks = sum(world.n_envs for world in self.worlds)
+        tracks = 3 * sum(world.n_envs for world in self.worlds)
         tracks += sum(drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds)
-        if self.n_steps * tracks * self.hidden > LARGEST_UNROLLING:
-            allowed = f"n_steps x tracks x hidden of at most {LARGEST_UNROLLING:,}"
+        if self.n_steps * tracks > LARGEST_UNROLLING:
+            allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
             raise reject("n_steps", self.n_steps, allowed)
         learning_rate_schedule(self.learning_rate)
         if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
@@ -183,11 +190,11 @@ class SequenceSettings:
             raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
 
 
-Settings = PPOSettings | SequenceSettings
-ALGORITHMS: dict[str, type[PPOSettings] | type[SequenceSettings]] = {
+Settings = PPOSettings | AnchorSettings
+ALGORITHMS: dict[str, type[PPOSettings] | type[AnchorSettings]] = {
     "ppo": PPOSettings,
     "recurrent_ppo": PPOSettings,
-    "sequence": SequenceSettings,
+    "anchor": AnchorSettings,
 }
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from agents.training import run_folder
+from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
-from agents.training.sequence import SequenceRun
 from hybrid_env.checks import check_integer, reject
 
 
@@ -39,7 +39,7 @@ def make_run(
     if seed >= 2**31:
         raise reject("seed", seed, "an integer below 2^31")
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    kind = SequenceRun if recipe.algo == "sequence" else PPORun
+    kind = AnchorRun if recipe.algo == "anchor" else PPORun
     return kind(env_id, options, recipe, seed, folder, steps, resume)
 
 

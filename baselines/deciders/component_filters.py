@@ -194,7 +194,7 @@ class ComponentFilters:
 
     def select_tracks(self, tracks: NDArray[np.bool_]) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
-        components, count = self.log_likelihood.shape[:2]
+        components = len(self.log_likelihood)
         selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)

@@ -67,7 +67,7 @@ INVALID_ARGUMENTS = [
     ("train --recipe stew", "recipe='stew'"),
     ("train --recipe bad.txt", "recipe='bad.txt'"),
     ("train --recipe good.csv", "recipe='good.csv'"),
-    ("train --recipe sequence --set tracks=3", "hyper-parameter='tracks'"),
+    ("train --recipe anchor --set tracks=3", "hyper-parameter='tracks'"),
     ("train --set n_envs", "set='n_envs'"),
     ("train --set n_envs=[", "set='n_envs=['"),
     ("train --set algo=magic", "algo='magic'"),
@@ -76,8 +76,8 @@ INVALID_ARGUMENTS = [
     ("train --set policy_kwargs.squash_output=true", "policy_kwargs="),
     ("train --set policy_kwargs.depth=3", "policy_kwargs="),
     ("train --set observe=[smell]", "observe='smell'"),
-    ("train --recipe sequence --set worlds=[]", "worlds=()"),
-    ("train --recipe sequence --set worlds=[3]", "worlds=[3]"),
+    ("train --recipe anchor --set worlds=[]", "worlds=()"),
+    ("train --recipe anchor --set worlds=[3]", "worlds=[3]"),
     ("compare --agents ppo ppo", "agents=('ppo', 'ppo')"),
     ("compare --agents ate", "agents='ate'"),
     ("compare --agents nowhere", "agents='nowhere'"),
@@ -266,12 +266,12 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
 
 def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
     line = (
-        "compare --selection-episodes 20 --deciders msprt --agents sequence --steps 12288 "
+        "compare --selection-episodes 20 --deciders msprt --agents anchor --steps 12288 "
         f"--training-seeds 2 --episodes 20 --accuracy 0.9 --out {tmp_path}"
     )
     assert main(line.split()) == 0
     printed = capsys.readouterr().out
-    for words in ("sequence seed 0", "sequence seed 1", "sequence over 2 training seeds", "90.0% accuracy"):
+    for words in ("anchor seed 0", "anchor seed 1", "anchor over 2 training seeds", "90.0% accuracy"):
         assert words in printed
 
 
@@ -287,9 +287,9 @@ def test_compare_without_curves_evaluates_the_selected_thresholds_only(tmp_path,
     assert not (out / "episode.png").exists()
 
 
-def test_a_sequence_agent_is_trained_resumed_and_evaluated_in_its_own_environment(tmp_path, capsys):
+def test_an_anchor_agent_is_trained_resumed_and_evaluated_in_its_own_environment(tmp_path, capsys):
     folder = tmp_path / "run"
-    line = f"train --recipe sequence --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
+    line = f"train --recipe anchor --steps 4096 --measurement-variance 0.2 --out {folder} --set n_steps=16"
     assert main([*line.split(), "hidden=8", "worlds=[{n_envs: 16}]"]) == 0
     assert main(f"train --resume {folder} --steps 8192".split()) == 0
     assert "8,192 steps" in unwrapped(capsys)

@@ -108,7 +108,7 @@ def test_lines_are_visible_on_white():
 def test_training_seeds_and_default_run_folders_have_the_style_of_their_recipe():
     for name in ("ppo seed 3", "ppo-seed3", "HybridTrack-v0-ppo-seed0", "HybridTrackBank-v0-ppo-seed12"):
         assert decider_style(name) == STYLES["ppo"]
-    assert name_without_seed("sequence seed 1") == "sequence"
+    assert name_without_seed("anchor seed 1") == "anchor"
     assert name_without_seed("seed") == "seed"
 
 

@@ -10,9 +10,9 @@ from hypothesis import given
 
 from agents.evaluation.deciders import load_decider
 from agents.interface.world_arguments import WorldArguments
+from agents.learned.anchor_decider import AnchorNetworks, save_anchor
 from agents.learned.policy import make_policy, save_actor
 from agents.learned.policy_file import CARD, WEIGHTS
-from agents.learned.sequence import SequenceNet, save_sequence
 from agents.training.recipe import load_recipe
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.registration import make_vector_env
@@ -26,9 +26,9 @@ def card_of(recipe, *changes):
     return {"environment": ENV, "options": OPTIONS, "recipe": recipe.as_json(), "seed": 0}
 
 
-def save_small_sequence(folder):
+def save_small_anchor(folder):
     torch.manual_seed(0)
-    save_sequence(folder, SequenceNet(4), card_of("sequence", "hidden=4"))
+    save_anchor(folder, AnchorNetworks(4), card_of("anchor", "hidden=4"))
 
 
 def save_small_actor(folder, recipe="ppo", **policy_kwargs):
@@ -47,7 +47,7 @@ def save_small_recurrent(folder):
     save_small_actor(folder, "recurrent-ppo", lstm_hidden_size=4)
 
 
-KINDS = [save_small_sequence, save_small_actor, save_small_recurrent]
+KINDS = [save_small_anchor, save_small_actor, save_small_recurrent]
 
 
 def decide(folder):

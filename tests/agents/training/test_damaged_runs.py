@@ -24,8 +24,8 @@ def _small_evaluations(monkeypatch):
 
 
 def test_a_damaged_checkpoint_is_replaced_by_the_previous_one(tmp_path):
-    small_run("sequence", tmp_path / "whole", 1920).train(save_every=0.0)
-    folder = interrupted("sequence", tmp_path / "run", 1920, 1920)
+    small_run("anchor", tmp_path / "whole", 1920).train(save_every=0.0)
+    folder = interrupted("anchor", tmp_path / "run", 1920, 1920)
     last = (folder / CHECKPOINT).read_bytes()
     (folder / CHECKPOINT).write_bytes(last[: len(last) // 2])
     run = resume_run(folder)
@@ -35,7 +35,7 @@ def test_a_damaged_checkpoint_is_replaced_by_the_previous_one(tmp_path):
 
 
 def test_a_checkpoint_of_another_size_is_not_read_into_memory(tmp_path):
-    folder = interrupted("sequence", tmp_path / "run", 1920, 1920)
+    folder = interrupted("anchor", tmp_path / "run", 1920, 1920)
     for name in (CHECKPOINT, PREVIOUS):
         os.truncate(folder / name, 2**40)  # sparse: it needs no space
     with pytest.raises(ArgumentError, match="larger than 536,870,912 bytes"):
@@ -45,7 +45,7 @@ def test_a_checkpoint_of_another_size_is_not_read_into_memory(tmp_path):
 def test_a_state_too_large_to_be_read_again_is_not_saved(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "LARGEST_CHECKPOINT", 1000)
     with pytest.raises(ArgumentError, match="at most 1,000 bytes: use fewer n_envs"):
-        small_run("sequence", tmp_path / "run", 1920).train()
+        small_run("anchor", tmp_path / "run", 1920).train()
 
 
 def change(path, edit):
@@ -84,7 +84,7 @@ def rewritten(old, new):
 
 
 def test_a_checkpoint_with_a_changed_byte_is_refused(tmp_path):
-    folder = interrupted("sequence", tmp_path / "run", 1280, 1920)
+    folder = interrupted("anchor", tmp_path / "run", 1280, 1920)
     (folder / PREVIOUS).unlink()
     content = bytearray((folder / CHECKPOINT).read_bytes())
     content[-1] ^= 1
@@ -93,7 +93,7 @@ def test_a_checkpoint_with_a_changed_byte_is_refused(tmp_path):
         resume_run(folder)
 
 
-@pytest.mark.parametrize(("kind", "steps"), [("ppo", 2560), ("sequence", 1920)])
+@pytest.mark.parametrize(("kind", "steps"), [("ppo", 2560), ("anchor", 1920)])
 def test_weights_that_diverge_are_not_saved(kind, steps, tmp_path):
     folder = interrupted(kind, tmp_path / "run", 1280)
     change(folder / CHECKPOINT, replaced("optimizer.1.exp_avg", 3e38))
@@ -144,9 +144,9 @@ OF_KIND = {
         "episodes without ticks": rewritten('"episodes": [', '"episodes": [[1.0],'),
         "an infinite loss": rewritten('"logged": {', '"logged": {"x": Infinity,'),
     },
-    "sequence": {
-        "weights that are not numbers": replaced("network.score.weight", float("nan")),
-        "an infinite hidden state": replaced("tracks.0.hidden_state", float("inf")),
+    "anchor": {
+        "weights that are not numbers": replaced("network.anchor.output.weight", float("nan")),
+        "an infinite error": replaced("tracks.0.errors", float("inf")),
         "a hypothesis that does not exist": replaced("tracks.0.0.blocks.true_mode", 3),
         "no generator": rewritten('"generators": [', '"generators": [], "x": ['),
         "another generator": rewritten("PCG64", "MT19937"),

@@ -18,7 +18,7 @@ ENV = "hybrid_env:HybridTrack-v0"
 OPTIONS = {"scheme": "random 2x5-8"}
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
-    "sequence": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
+    "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
 }
 
 

@@ -71,7 +71,8 @@ def test_values_are_bounded(change):
 @pytest.mark.parametrize(
     "change",
     [
-        "hidden=20000", "n_steps=1000000", "n_steps=9999", "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
+        "hidden=20000", "n_steps=1000000", "batches=0", "buffer_size=1" + "0" * 12,
+        "last_tick=1" + "0" * 15, "worlds=3", "worlds={}",
         "worlds=[{n_envs: 1000000000}]", "worlds=[{n_envs: 1, options: {trace_rows: 1000000000}}]",
         "worlds=[{n_envs: 1, options: [3]}]", "worlds=[{n_envs: 1, options: {scheme: 2001-01-01}}]",
         f"worlds=[{'{n_envs: 1},' * 400}]", "smallest_alpha=1e400", "policy_kwargs={}",
@@ -79,12 +80,12 @@ def test_values_are_bounded(change):
         "drawn_worlds=[{radii: 1000000, worlds: 1, n_envs: 1}]", "updates_per_world=0",
     ],
 )  # fmt: skip
-def test_values_of_the_sequence_agent_are_bounded(change):
-    assert accepted(lambda: load("sequence", [change])) is None
+def test_values_of_the_anchor_agent_are_bounded(change):
+    assert accepted(lambda: load("anchor", [change])) is None
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "sequence-all"])
+@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "anchor-all"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
@@ -98,7 +99,7 @@ def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "sequence-all"])
+@pytest.mark.parametrize("name", ["ppo", "anchor-all"])
 def test_a_damaged_recipe_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 

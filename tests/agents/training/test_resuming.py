@@ -163,11 +163,11 @@ def test_a_full_disk_is_one_line_and_loses_nothing(file, tmp_path):
 
 
 def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):
-    folder = interrupted("sequence", tmp_path / "run", STEPS // 2)
+    folder = interrupted("anchor", tmp_path / "run", STEPS // 2)
     with (folder / METRICS).open("a") as file:
         file.write('{"step": 999999, "loss": 1.0}\n{"step": 1e')
     resume_run(folder).train()
-    steps = [row["step"] for row in read_metrics(folder) if "loss" in row]
+    steps = [row["step"] for row in read_metrics(folder) if "anchor_loss" in row]
     assert steps == sorted(set(steps))
     assert steps[-1] <= STEPS + 384
 

@@ -1,13 +1,11 @@
-"""A recurrent network that corrects the likelihoods of filters of its own, as a decider, and its file.
+"""Filters that start from learned distributions of the anchor error, as a decider, and its file.
 
-At every switch `anchor_net` predicts the distribution of the anchor error, from which extended Kalman filters
-start. Where the model holds, their likelihoods are accurate. A gated recurrent unit (GRU) reads their
-innovations for every hypothesis with shared weights and corrects the log-likelihood for what the model lacks:
-outliers, motion that the filters follow badly, a wrong measurement variance. Without training the decider
-is an MSPRT.
+At every switch `anchor_net` predicts the distribution of the anchor error, and extended Kalman filters of
+every hypothesis start from its components. Where only the type of motion is rewarded, `regret_net` predicts
+what a wrong radius costs in the next segment. The decider declares when the expected loss falls to alpha.
 
-All inputs are without units (`dimensionless`), and the weights are shared over hypotheses and over left and
-right turns. One network therefore applies to objects of any size and to banks of any size.
+All inputs are without units (`dimensionless`), and left and right turns are mirror images. The same weights
+therefore apply to objects of any size and to banks of any size.
 """
 
 from collections.abc import Sequence
@@ -22,14 +20,12 @@ from torch import Tensor, nn
 
 from agents.learned.anchor_net import COMPONENTS, AnchorNet, stated_factor
 from agents.learned.dimensionless import (
-    HYPOTHESIS_INPUTS,
-    TRACK_INPUTS,
     LastRow,
     Scales,
     anchor_inputs,
+    bias_of_bank,
     declared_side,
     ratios,
-    tick_inputs,
     turns_per_tick,
 )
 from agents.learned.network_settings import LARGEST_HIDDEN
@@ -48,93 +44,21 @@ from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
-ANCHOR_HIDDEN = 48  # units of the layers of the anchor network
-REGRET_HIDDEN = 32  # units of those of the regret network
-LEAST_LOG_WEIGHT = -60.0
+SMALLEST = 1e-300
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
 
 
-class SequenceNet(nn.Module):
-    """Recurrent network that corrects log-likelihoods, with the same weights for each hypothesis.
+class AnchorNetworks(nn.Module):
+    """The two networks of the decider.
 
     Args:
-        hidden: size of the hidden state of one hypothesis.
+        hidden: units of each hidden layer.
     """
 
-    def __init__(self, hidden: int = 24):
+    def __init__(self, hidden: int = 48):
         super().__init__()
-        self.hidden = hidden
-        self.anchor = AnchorNet(ANCHOR_HIDDEN)
-        self.regret = RegretNet(REGRET_HIDDEN)
-        self.encoder = nn.Linear(len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS), hidden)
-        self.memory = nn.GRUCell(2 * hidden, hidden)
-        self.carry = nn.Linear(hidden, hidden, bias=False)
-        self.mix = nn.Linear(2 * hidden, hidden)
-        self.score = nn.Linear(hidden, 1, bias=False)
-        for layer in (self.carry, self.score):
-            nn.init.zeros_(layer.weight)
-
-    def features(self, own: Tensor, track: Tensor, weights: Tensor) -> Tensor:
-        """Return the features (..., M, 2 hidden) of each hypothesis.
-
-        The mean over hypotheses is appended to the features of each.
-
-        Args:
-            own: (..., M, 9) inputs of the hypotheses, see `dimensionless.HYPOTHESIS_INPUTS`.
-            track: (..., 10) inputs of the track.
-            weights: (..., M) of the mean.
-        """
-        shared = track.unsqueeze(-2).expand(*own.shape[:-1], track.shape[-1])
-        return _with_mean(torch.tanh(self.encoder(torch.cat([own, shared], dim=-1))), weights)
-
-    def next_hidden_state(self, features: Tensor, hidden_state: Tensor, inputs: "TickInputs") -> Tensor:
-        """Return the next hidden state (N, M, hidden).
-
-        Args:
-            features: (N, M, 2 hidden).
-            hidden_state: (N, M, hidden) after the previous tick.
-            inputs: of the tick. Where a segment begins, the hypotheses start from the mean of their states;
-                where an episode begins, from zero.
-        """
-        mean = self.carry(hidden_state.mean(-2, keepdim=True) * ~inputs.first[:, None, None])
-        begins = inputs.begins[:, None, None]
-        hidden_state = torch.where(begins, mean.expand_as(hidden_state), hidden_state)
-        flat = self.memory(features.flatten(0, 1), hidden_state.flatten(0, 1))
-        return flat.unflatten(0, hidden_state.shape[:2])
-
-    def log_posterior(self, log_weights: Tensor, hidden_state: Tensor) -> Tensor:
-        """Return the log-posterior (..., M).
-
-        Args:
-            log_weights: (..., M) log-posterior of the own filters.
-            hidden_state: (..., M, hidden) updated with the tick.
-        """
-        score = self.score(torch.tanh(self.mix(_with_mean(hidden_state, log_weights.exp()))))
-        return torch.log_softmax(score.squeeze(-1) + log_weights, dim=-1)
-
-
-def _with_mean(values: Tensor, weights: Tensor) -> Tensor:
-    """Return (..., M, 2 F): the values (..., M, F) of each hypothesis and their weighted mean."""
-    mean = (weights.unsqueeze(-1) * values).sum(-2, keepdim=True)
-    return torch.cat([values, mean.expand_as(values)], dim=-1)
-
-
-@dataclass
-class TickInputs:
-    """Inputs of the network in one tick of N tracks.
-
-    Attributes:
-        own: (N, M, 9), track: (N, 10), see `dimensionless.tick_inputs`.
-        log_weights: (N, M) log-posterior of the own filters.
-        begins: (N,) first tick of a segment.
-        first: (N,) first tick of an episode.
-    """
-
-    own: Tensor
-    track: Tensor
-    log_weights: Tensor
-    begins: Tensor
-    first: Tensor
+        self.anchor = AnchorNet(hidden)
+        self.regret = RegretNet(hidden)
 
 
 class TrackFilters:
@@ -146,7 +70,7 @@ class TrackFilters:
 
     Attributes:
         last: what is remembered of the last row.
-        anchor_samples: inputs (n, 20 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
+        anchor_samples: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
             last tick.
     """
 
@@ -160,13 +84,15 @@ class TrackFilters:
         self.scales = Scales.of(worlds, tracks)
         total, M = int(sum(tracks)), self.layout.hypotheses
         self.log_weights = np.zeros((total, COMPONENTS))
-        self.log_likelihood = np.zeros((total, M))
         zeros = [np.zeros(total) for _ in range(3)]
-        self.last = LastRow(np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS), *zeros)
+        self.last = LastRow(
+            np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS),
+            np.zeros((total, M, 2)), *zeros,
+        )  # fmt: skip
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, NDArray[np.int64]] | None = None
 
-    def advance(self, net: SequenceNet, rows: Observations, first: NDArray[np.bool_]) -> TickInputs:
-        """Process one row of every track.
+    def advance(self, net: AnchorNetworks, rows: Observations, first: NDArray[np.bool_]) -> FloatArray:
+        """Process one row of every track; return the posterior of the hypotheses, (N, M).
 
         Args:
             net: predicts the anchors.
@@ -180,37 +106,24 @@ class TrackFilters:
         self.anchor_samples = None
         if begins.any():
             anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
-        log_likelihood, innovations = [], []
         parts = zip(
             self.filters, np.split(rows, self.splits), np.split(begins, self.splits),
             np.split(anchors, self.splits, axis=1), strict=True,
         )  # fmt: skip
         for filters, own_rows, own_begins, own_anchors in parts:
             filters.advance(own_rows, own_begins, own_anchors)
-            log_likelihood.append(filters.log_likelihood)
-            innovations.append(filters.innovations)
-        joint = np.concatenate(log_likelihood, axis=1) + self.log_weights.T[..., None]
-        largest = joint.max(0)
-        share = np.exp(joint - largest)
-        total = share.sum(0)
-        share /= total
-        previous = np.where(begins[:, None], 0.0, self.log_likelihood)
-        self.log_likelihood = largest + np.log(total)
-        mixed = (share[..., None] * np.concatenate(innovations, axis=1)).sum(0)
-        own, track = tick_inputs(
-            layout, rows, self.scales, self.log_likelihood, self.log_likelihood - previous, mixed
-        )
-        ratio = self.log_likelihood - self.log_likelihood.max(-1, keepdims=True)
-        log_weights = np.maximum(ratio - np.log(np.exp(ratio).sum(-1, keepdims=True)), LEAST_LOG_WEIGHT)
-        weights = np.exp(log_weights)
+        joint = np.concatenate([filters.log_likelihood for filters in self.filters], axis=1)
+        joint += self.log_weights.T[..., None]
+        share = np.exp(joint - joint.max((0, 2), keepdims=True))
+        share /= share.sum((0, 2), keepdims=True)
+        posterior = share.sum(0)
+        innovations = np.concatenate([filters.innovations for filters in self.filters], axis=1)
+        own = (share[..., None] * innovations).sum(0) / np.maximum(posterior, SMALLEST)[..., None]
         self.last = LastRow(
-            weights, (share * weights).sum(-1).T, ticks, layout.read(rows, "ticks_left"),
-            layout.read(rows, "speed"),
+            posterior, share.sum(-1).T, bias_of_bank(layout, rows, own), ticks,
+            layout.read(rows, "ticks_left"), layout.read(rows, "speed"),
         )  # fmt: skip
-        return TickInputs(
-            torch.from_numpy(own), torch.from_numpy(track), torch.from_numpy(log_weights.astype(np.float32)),
-            torch.from_numpy(begins), torch.from_numpy(first),
-        )  # fmt: skip
+        return posterior
 
     def select_tracks(self, tracks: NDArray[np.bool_]) -> "TrackFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
@@ -221,20 +134,22 @@ class TrackFilters:
         selected.filters = [
             filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
         ]
-        selected.log_weights, selected.log_likelihood = self.log_weights[tracks], self.log_likelihood[tracks]
+        selected.log_weights = self.log_weights[tracks]
         selected.last = self.last.select(tracks)
         return selected
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next ticks; writing into them changes the filters."""
         arrays = {f"last.{name}": array for name, array in vars(self.last).items()}
-        arrays |= {"log_weights": self.log_weights, "log_likelihood": self.log_likelihood}
+        arrays |= {
+            "log_weights": self.log_weights,
+        }
         for k, filters in enumerate(self.filters):
             arrays |= {f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()}
         return arrays
 
     def _anchors(
-        self, net: SequenceNet, rows: Observations, begins: NDArray[np.bool_], first: NDArray[np.bool_]
+        self, net: AnchorNetworks, rows: Observations, begins: NDArray[np.bool_], first: NDArray[np.bool_]
     ) -> FloatArray:
         """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their weights."""
         layout, scales, last = self.layout, self.scales.select(begins), self.last.select(begins)
@@ -251,16 +166,6 @@ class TrackFilters:
             self.anchor_samples = inputs, factor, np.flatnonzero(begins)[later]
         self.log_weights[begins] = log_weights
         return np.stack([anchor_rows(layout, rows, mean[:, k], covariance[:, k]) for k in range(COMPONENTS)])
-
-
-@torch.no_grad()
-def posterior_of_tick(
-    net: SequenceNet, inputs: TickInputs, hidden_state: Tensor
-) -> tuple[FloatArray, Tensor]:
-    """Return the posterior (N, M) and the hidden state (N, M, hidden) after one tick."""
-    features = net.features(inputs.own, inputs.track, inputs.log_weights.exp())
-    hidden_state = net.next_hidden_state(features, hidden_state, inputs)
-    return net.log_posterior(inputs.log_weights, hidden_state).double().exp().numpy(), hidden_state
 
 
 def error_probabilities_and_best(
@@ -287,7 +192,7 @@ def error_probabilities_and_best(
 
 @torch.no_grad()
 def errors_and_best(
-    net: SequenceNet,
+    net: AnchorNetworks,
     rows: Observations,
     scales: Scales,
     posterior: FloatArray,
@@ -340,21 +245,19 @@ def errors_and_best(
 
 
 @dataclass
-class SequenceState:
+class AnchorState:
     """State of the decider for N tracks.
 
     Attributes:
         filters: of the tracks; changed in place.
-        hidden_state: (N, M, hidden) of the network.
         starting: (N,) an episode starts with the next first tick of a segment.
     """
 
     filters: TrackFilters
-    hidden_state: Tensor
     starting: NDArray[np.bool_]
 
 
-class SequenceDecider:
+class AnchorDecider:
     """Declares the most likely hypothesis once its posterior error probability is at most alpha.
 
     Args:
@@ -366,7 +269,7 @@ class SequenceDecider:
         ArgumentError: alpha is out of range.
     """
 
-    def __init__(self, net: SequenceNet, world: WorldOptions, alpha: float = 0.02):
+    def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
         self.net, self.world, self.alpha = net, world, alpha
@@ -374,23 +277,19 @@ class SequenceDecider:
 
     def posterior(
         self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None
-    ) -> tuple[FloatArray, SequenceState]:
+    ) -> tuple[FloatArray, AnchorState]:
         """Return the posterior (N, M) after one tick, and the state."""
         rows = np.asarray(observation)
         tracks = len(rows)
         if state is None:
-            state = SequenceState(
+            state = AnchorState(
                 TrackFilters([self.world], [tracks]),
-                torch.zeros(tracks, self.world.hypotheses, self.net.hidden),
                 np.ones(tracks, np.bool_),
             )
         starting = state.starting if episode_start is None else state.starting | episode_start
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
         state.starting = starting & ~first
-        inputs = state.filters.advance(self.net, rows, first)
-        posterior, state.hidden_state = posterior_of_tick(self.net, inputs, state.hidden_state)
-        state.filters.last.posterior = posterior
-        return posterior, state
+        return state.filters.advance(self.net, rows, first), state
 
     def predict(
         self,
@@ -398,8 +297,8 @@ class SequenceDecider:
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Actions, SequenceState]:
-        """See `Decider.predict`. The state is a `SequenceState`."""
+    ) -> tuple[Actions, AnchorState]:
+        """See `Decider.predict`. The state is a `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
         tracks = len(posterior)
         error, best = errors_and_best(
@@ -408,10 +307,9 @@ class SequenceDecider:
         )  # fmt: skip
         return np.where(error <= self.alpha, best + 1, 0), state
 
-    def select_tracks(self, state: SequenceState, tracks: NDArray[np.bool_]) -> SequenceState:
+    def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
-        hidden_state = state.hidden_state[torch.from_numpy(tracks)]
-        return SequenceState(state.filters.select_tracks(tracks), hidden_state, state.starting[tracks])
+        return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])
 
 
 def check_declares_hypotheses(world: WorldOptions) -> None:
@@ -420,12 +318,12 @@ def check_declares_hypotheses(world: WorldOptions) -> None:
         raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
 
 
-def save_sequence(folder: Path, net: SequenceNet, card: dict[str, Any]) -> None:
+def save_anchor(folder: Path, net: AnchorNetworks, card: dict[str, Any]) -> None:
     """Write weights and card. Each file is written atomically."""
     save_policy(folder, net.state_dict(), card)
 
 
-def load_sequence(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> SequenceNet:
+def load_anchor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> AnchorNetworks:
     """Return the network for the weights and card that `policy_file.load_policy` read from a folder.
 
     Raises:
@@ -434,7 +332,7 @@ def load_sequence(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]
     try:
         hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
         with torch.device("meta"):
-            net = SequenceNet(hidden)
+            net = AnchorNetworks(hidden)
         load_weights(net, weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(folder, error) from None

@@ -1,30 +1,34 @@
-"""The sequence agent: invariances, reproducible training, files, and decisions."""
+"""The anchor agent: invariances, reproducible training, files, and decisions."""
 
+import copy
 import json
 
 import numpy as np
 import pytest
 import torch
+from scipy.stats import multivariate_normal
 
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
-from agents.learned.dimensionless import Scales
-from agents.learned.policy_file import load_policy
-from agents.learned.sequence import (
-    SequenceDecider,
-    SequenceNet,
+from agents.learned.anchor_decider import (
+    AnchorDecider,
+    AnchorNetworks,
     error_probabilities_and_best,
     errors_and_best,
-    load_sequence,
-    save_sequence,
+    load_anchor,
+    save_anchor,
 )
+from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
+from agents.learned.dimensionless import Scales
+from agents.learned.policy_file import load_policy
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.runs import make_run, resume_run
 from baselines import FixedTimeDecider, SPRTDecider
+from baselines.deciders.component_filters import stated_covariance
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
-SMALL = load_recipe("sequence", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
+SMALL = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 TRACKS, TICKS = 16, 150
 
 
@@ -35,12 +39,10 @@ def trained(recipe, steps, seed=0, **options):
 
 
 def random_net(seed=0, hidden=12):
-    """A network whose corrections are not zero."""
+    """Networks whose predictions depend on all of their inputs."""
     torch.manual_seed(seed)
-    net = SequenceNet(hidden)
-    for layer in (net.score, net.carry):
-        torch.nn.init.normal_(layer.weight)
-    torch.nn.init.normal_(net.anchor.output.weight, std=0.01)
+    net = AnchorNetworks(hidden)
+    torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
     return net
 
 
@@ -107,7 +109,7 @@ def test_a_change_of_units_changes_no_decision(options, length, time):
     world = WorldOptions.of(**options)
     results, actions = [], []
     for one in (world, in_other_units(world, length, time)):
-        decider = SequenceDecider(random_net(), one, 0.02)
+        decider = AnchorDecider(random_net(), one, 0.02)
         results.append(posteriors_of(decider, HybridTrackVectorEnv(TRACKS, **vars(one))))
         actions.append(evaluate(decider, episodes=20, seed=1, **vars(one)))
     np.testing.assert_allclose(*results, atol=1e-4)
@@ -118,7 +120,7 @@ def test_a_change_of_units_changes_no_decision(options, length, time):
 @pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
 def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii):
     env = HybridTrackVectorEnv(TRACKS, radii=radii)
-    decider = SequenceDecider(random_net(), env.options)
+    decider = AnchorDecider(random_net(), env.options)
     order = mirrored(env.reset(seed=0)[0])[1]
     original = posteriors_of(decider, env)
     reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
@@ -129,37 +131,56 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
     posteriors = []
     for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
         env = HybridTrackVectorEnv(TRACKS, radii=radii, scheme="S60 L60r5 S60")
-        decider = SequenceDecider(random_net(), env.options)
+        decider = AnchorDecider(random_net(), env.options)
         posteriors.append(posteriors_of(decider, env, ticks=20, declare=False))
     order = [0, 3, 2, 1, 6, 5, 4]
     np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
 
 
-def test_an_untrained_network_does_not_change_the_posterior_of_the_filters():
-    env = HybridTrackVectorEnv(TRACKS)
-    decider = SequenceDecider(SequenceNet(8), env.options)
-    rows, state = env.reset(seed=3)[0], None
-    for _ in range(30):
-        posterior, state = decider.posterior(rows, state, None)
-        ratio = state.filters.log_likelihood
-        expected = np.exp(ratio - ratio.max(-1, keepdims=True))
-        np.testing.assert_allclose(posterior, expected / expected.sum(-1, keepdims=True), atol=1e-6)
-        rows = env.step(np.zeros(TRACKS, np.int64))[0]
+def test_a_network_without_experience_scales_the_stated_covariance():
+    env = HybridTrackVectorEnv(TRACKS, bank="anchor_aware")
+    layout, net = env.world.layout, AnchorNetworks(8)
+    rows, _ = env.reset(seed=3)
+    side = np.where(np.arange(TRACKS) % 2, 1.0, -1.0)
+    factor = stated_factor(layout, rows, np.full(TRACKS, 0.1), side)
+    inputs = np.random.default_rng(0).normal(size=(TRACKS, net.anchor.inputs)).astype(np.float32)
+    log_weights, mean, covariance = net.anchor.anchors(inputs, factor)
+    np.testing.assert_allclose(np.exp(log_weights).sum(1), 1.0, rtol=1e-6)
+    np.testing.assert_allclose(mean, 0.0)
+    scales = np.exp(2 * np.array(INITIAL_LOG_SCALES))[:, None, None]
+    expected = scales * stated_covariance(layout, rows)[:, None]
+    np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-6)
+
+
+def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
+    net = random_net().anchor
+    inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
+    with torch.no_grad():
+        log_weight, mean, factor = net(inputs)
+        weight, covariance = log_weight.exp().double(), (factor @ factor.mT).double()
+        density = [
+            sum(
+                weight[i, c] * multivariate_normal(mean[i, c].double(), covariance[i, c]).pdf(errors[i])
+                for c in range(weight.shape[1])
+            )
+            for i in range(5)
+        ]
+        assert net.loss(inputs, errors).item() == pytest.approx(-np.log(density).mean(), rel=1e-4)
 
 
 def test_an_episode_starts_without_memory_and_a_segment_does_not():
     env = HybridTrackVectorEnv(4, scheme="random 3x5")
-    decider = SequenceDecider(random_net(), env.options, alpha=1e-6)
+    decider = AnchorDecider(random_net(), env.options, alpha=1e-6)
     rows, _ = env.reset(seed=2)
     state, start = None, np.ones(4, np.bool_)
     for _ in range(5):
         _, state = decider.predict(rows, state, start)
         rows, _, start, _, _ = env.step(np.zeros(4, np.int64))
-    assert (Layout(3).read(rows, "ticks") == 1).all()
+    assert (np.rint(Layout(3).read(rows, "ticks")) == 1).all()
     fresh = decider.posterior(rows, None, np.ones(4, np.bool_))[0]
+    continued = decider.posterior(rows, copy.deepcopy(state), np.zeros(4, np.bool_))[0]
     restarted = decider.posterior(rows, state, np.ones(4, np.bool_))[0]
     np.testing.assert_array_equal(restarted, fresh)
-    continued = decider.posterior(rows, decider.predict(rows)[1], None)[0]
     assert not np.allclose(continued, fresh)
 
 
@@ -169,7 +190,7 @@ def test_dropping_finished_tracks_changes_no_decision():
             self.predict = decider.predict
 
     options = {"radii": (3.0, 5.0), "measurement_variance": (0.05, 0.2)}
-    decider = SequenceDecider(random_net(), WorldOptions(**options), 0.05)
+    decider = AnchorDecider(random_net(), WorldOptions(**options), 0.05)
     ticks = [evaluate(one, episodes=40, seed=3, **options).ticks for one in (decider, KeepAll(decider))]
     np.testing.assert_array_equal(*ticks)
 
@@ -181,17 +202,17 @@ def test_the_same_seed_gives_the_same_weights():
 
 
 def test_short_training_beats_a_fixed_decision_time():
-    net = trained(load_recipe("sequence", ENV, ("hidden=16",)), 30_000)
-    learned = evaluate(SequenceDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
+    net = trained(load_recipe("anchor", ENV, ("hidden=16",)), 30_000)
+    learned = evaluate(AnchorDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
     fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
     assert learned.correct.mean() > fixed.correct.mean()
 
 
 def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
     net = random_net()
-    save_sequence(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
+    save_anchor(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
     weights, card = load_policy(tmp_path)
-    again = load_sequence(tmp_path, weights, card)
+    again = load_anchor(tmp_path, weights, card)
     for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
@@ -203,7 +224,7 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         load_policy(tmp_path)
     card["recipe"]["entry"]["hidden"] = 7
     with pytest.raises(ValueError, match="run="):
-        load_sequence(tmp_path, weights, card)
+        load_anchor(tmp_path, weights, card)
     (tmp_path / "policy.safetensors").write_bytes(b"\x00")
     with pytest.raises(ValueError, match="run="):
         load_policy(tmp_path)
@@ -243,11 +264,11 @@ def test_training_uses_several_environments_and_banks_at_once():
     recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
     net = trained(recipe, 1000)
     world = WorldOptions(radii=(2.0, 5.0))
-    assert evaluate(SequenceDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
+    assert evaluate(AnchorDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
     with pytest.raises(ValueError, match="alpha="):
-        SequenceDecider(net, world, 0.0)
+        AnchorDecider(net, world, 0.0)
     with pytest.raises(ValueError, match="observation shape"):
-        SequenceDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
+        AnchorDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
 
 
 def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
@@ -263,7 +284,7 @@ def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
     resumed = resume_run(folder)
     assert resumed.num_timesteps == 1536  # the incomplete rollout is lost
     for one, other in zip(
-        load_sequence(folder, *load_policy(folder)).state_dict().values(),
+        load_anchor(folder, *load_policy(folder)).state_dict().values(),
         resumed.net.state_dict().values(),
         strict=True,
     ):

@@ -1,0 +1,211 @@
+"""Training of the anchor agent: likelihood of the anchor errors, and squared error of the next losses.
+
+The agent itself decides during training. The threshold on the expected loss is drawn at random after each
+declaration, and a fraction of the declarations is replaced by random hypotheses. The anchors therefore
+include those after early, late and wrong decisions. Besides fixed worlds there are random ones, which are
+drawn anew regularly. After every rollout the networks are trained on random samples of the last anchors and
+declarations.
+"""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.evaluation import seeds
+from agents.evaluation.deciders import DeciderFamily, anchor_family
+from agents.evaluation.drawn_worlds import draw_world
+from agents.learned.anchor_decider import AnchorNetworks, check_declares_hypotheses, save_anchor
+from agents.learned.regret_net import regret_inputs
+from agents.training import run_folder
+from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout
+from agents.training.recipe import AnchorSettings, TrainingWorld, learning_rate_schedule
+from agents.training.run import Run, TrainingProgress
+from agents.training.sample_buffer import SampleBuffer
+from agents.training.track_state import check_tracks
+from hybrid_env.options import WorldOptions
+from hybrid_env.registration import make_vector_env
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
+MIN_LEARNING_RATE_FACTOR = 0.02  # lower bound of the linear decay
+LOG_EVERY = 10  # updates
+RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
+LARGEST_GRADIENT = 1.0  # norm of the gradient of each network
+
+
+class AnchorRun(Run):
+    """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments.
+
+    Raises:
+        ArgumentError: an invalid environment, or a damaged checkpoint.
+    """
+
+    def build(self) -> None:
+        """Create networks, optimizer and environments."""
+        assert isinstance(self.recipe.settings, AnchorSettings)
+        self.settings = self.recipe.settings
+        torch.manual_seed(self.seed)
+        self.net = AnchorNetworks(self.settings.hidden)
+        self.rate, self.decays = learning_rate_schedule(self.settings.learning_rate)
+        self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
+        for parameter in self.net.parameters():  # a network without samples yet has no gradient
+            parameter.grad = torch.zeros_like(parameter)
+        self.world = make_vector_env(self.env_id, 1, **self.options).options
+        self._fixed = [self._options_of(world) for world in self.settings.worlds]
+        for world in (self.world, *(world for world, _ in self._fixed)):
+            check_declares_hypotheses(world)
+        self._generator = np.random.default_rng(seeds.TRAINING + self.seed)
+        self._anchors = SampleBuffer(self.settings.buffer_size, self.net.anchor.inputs + 4)
+        self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
+        self._num_timesteps = 0
+        self._generation = 0
+        self._streams = self._draw_streams()
+        self._tracks = sum(stream.tracks for stream in self._streams)
+
+    @property
+    def num_timesteps(self) -> int:
+        """Environment steps so far."""
+        return self._num_timesteps
+
+    @num_timesteps.setter
+    def num_timesteps(self, steps: int) -> None:
+        self._num_timesteps = steps
+        generation = steps // (self.settings.n_steps * self._tracks) // self.settings.updates_per_world
+        if self.settings.drawn_worlds and generation != self._generation:
+            self._generation = generation
+            self._streams = self._draw_streams()
+
+    @property
+    def network(self) -> AnchorNetworks:
+        """The two networks."""
+        return self.net
+
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Their optimizer."""
+        return self._optimizer
+
+    def _draw_streams(self) -> list[AnchorStream]:
+        """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
+        first = seeds.TRAINING + self.seed * 10**9 + self._generation * 10**5
+        generator = np.random.default_rng(first)
+        worlds = list(self._fixed)
+        for drawn in self.settings.drawn_worlds:
+            options = [draw_world(generator, drawn.radii) for _ in range(drawn.worlds)]
+            worlds += [(WorldOptions.of(**one), drawn.n_envs) for one in options]
+        groups: dict[int, list[HybridTrackVectorEnv]] = {}
+        for world, count in worlds:
+            rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
+            env = HybridTrackVectorEnv(count, AutoresetMode.SAME_STEP, False, rows, **vars(world))
+            groups.setdefault(world.hypotheses, []).append(env)
+        return [AnchorStream(group, first + k * 10**4) for k, group in enumerate(groups.values())]
+
+    def _options_of(self, world: TrainingWorld) -> tuple[WorldOptions, int]:
+        options = self.options | dict(world.options)
+        return make_vector_env(world.env or self.env_id, 1, **options).options, world.n_envs
+
+    def track_tensors(self) -> dict[str, Tensor]:
+        """See `Run.track_tensors`."""
+        tensors = {
+            f"{k}.{name}": tensor
+            for k, stream in enumerate(self._streams)
+            for name, tensor in stream.state_tensors().items()
+        }
+        for name, buffer in (("anchors", self._anchors), ("declarations", self._declarations)):
+            tensors[name] = torch.from_numpy(buffer.rows)
+        return tensors
+
+    def values(self) -> dict[str, Any]:
+        """See `Run.values`."""
+        return {
+            "generators": [one.bit_generator.state for one in self._generators()],
+            "counts": [self._anchors.count, self._declarations.count],
+        }
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Run.restore_values`."""
+        for generator, state in zip(self._generators(), values["generators"], strict=True):
+            generator.bit_generator.state = state
+            if generator.bit_generator.state != state:  # NumPy rounds fractions
+                raise ValueError("the state of a generator is invalid")
+        for buffer, count in zip((self._anchors, self._declarations), values["counts"], strict=True):
+            buffer.restore_count(count)
+        for stream in self._streams:
+            for env in stream.envs:
+                check_tracks(env)
+
+    def _generators(self) -> list[np.random.Generator]:
+        return [self._generator, *(stream.generator for stream in self._streams)]
+
+    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """Train for the remaining steps; see `Run.learn`."""
+        recent: list[tuple[float, float]] = []
+        # one thread per stream; the samples do not depend on the order of completion
+        with ThreadPoolExecutor(len(self._streams)) as pool:
+            while self.num_timesteps < self.steps:
+                self.between_updates()
+                for rollout in pool.map(self._rollout, self._streams):
+                    self._anchors.add(rollout.anchors)
+                    self._declarations.add(rollout.declarations)
+                    recent = (recent + rollout.decisions)[-RECENT_STEPS:]
+                remaining = 1.0 - self.num_timesteps / self.steps
+                factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
+                losses = self._update(self.rate * factor)
+                self.num_timesteps += self.settings.n_steps * self._tracks
+                reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
+                if on_progress is not None:
+                    progress = TrainingProgress(self.num_timesteps, self.steps, float(reward), float(ticks))
+                    on_progress(progress)
+                updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
+                if self.folder is not None and updates % LOG_EVERY == 0:
+                    metrics = dict(zip(("anchor_loss", "regret_loss"), losses, strict=True))
+                    metrics["seconds"] = self.seconds
+                    run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
+
+    def _rollout(self, stream: AnchorStream) -> Rollout:
+        return stream.rollout(self.net, self.settings)
+
+    def _update(self, rate: float) -> tuple[float, float]:
+        """Train on random samples; return the mean losses of anchors and declarations."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        totals = np.zeros(2)
+        for _ in range(self.settings.batches):
+            losses = self._losses()
+            self.optimizer.zero_grad(set_to_none=False)
+            for k, loss in enumerate(losses):
+                if loss is not None:
+                    loss.backward()
+                    totals[k] += float(loss.detach())
+            for part in (self.net.anchor, self.net.regret):
+                nn.utils.clip_grad_norm_(part.parameters(), LARGEST_GRADIENT)
+            self.optimizer.step()
+        mean: NDArray[np.float64] = totals / self.settings.batches
+        return float(mean[0]), float(mean[1])
+
+    def _losses(self) -> tuple[Tensor | None, Tensor | None]:
+        """Return the losses of random anchors and declarations; None without samples."""
+        size, inputs = self.settings.batch_size, self.net.anchor.inputs
+        of_anchors = of_regrets = None
+        if self._anchors.count:
+            rows = torch.from_numpy(self._anchors.draw(self._generator, size))
+            of_anchors = self.net.anchor.loss(rows[:, :inputs], rows[:, inputs:])
+        if self._declarations.count:
+            *values, losses = self._declarations.draw(self._generator, size).astype(np.float64).T
+            of_regrets = self.net.regret.loss(*regret_inputs(*values), torch.from_numpy(losses).float())
+        return of_anchors, of_regrets
+
+    def family(self, name: str) -> DeciderFamily:
+        """Return the current agent as a family of deciders for the environment of the run."""
+        return anchor_family(name, self.net, self.world)
+
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the current agent."""
+        save_anchor(folder, self.net, card)
