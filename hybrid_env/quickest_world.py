@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from hybrid_env.checks import reject
 from hybrid_env.core.imm_bank import ImmBank, imm_arrays
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
@@ -30,6 +31,11 @@ class QuickestWorld(Tracks):
 
     options: QuickestOptions
     bank: ImmBank
+
+    def __init__(self, options: QuickestOptions, tracks: int, trace_rows: int = 0, threads: int = 1):
+        if trace_rows:
+            raise reject("trace_rows", trace_rows, "0: info describes every tick")
+        super().__init__(options, tracks, trace_rows, threads)
 
     def _allocate(self, tracks: int, trace_rows: int) -> None:
         blocks = -(-tracks // LANES)

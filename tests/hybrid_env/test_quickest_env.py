@@ -171,6 +171,11 @@ def test_unknown_options_and_options_of_the_other_environment_are_refused():
         HybridTrackQuickestVectorEnv(2, scheme="random")
 
 
+def test_traces_are_refused():
+    with pytest.raises(ArgumentError, match="trace_rows=5 is not allowed"):
+        HybridTrackQuickestVectorEnv(2, trace_rows=5)
+
+
 def test_options_are_plain_and_the_hazard_follows_the_law():
     options = QuickestOptions(durations="uniform 50-100", hazard=np.float64(0.1), radii=[5])
     assert pickle.loads(pickle.dumps(options)) == options
