@@ -80,16 +80,16 @@ def test_a_wrong_value_on_a_card_is_refused(folder, place, value, reason):
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), -1e30])
 def test_weights_that_are_not_finite_or_too_large_are_refused(folder, number):
     weights = load_file(folder / WEIGHTS)
-    weights["mix.bias"][3] = number
+    weights["anchor.output.bias"][3] = number
     save_file(weights, folder / WEIGHTS)
-    assert "mix.bias" in refusal(folder)
+    assert "anchor.output.bias" in refusal(folder)
 
 
 def test_weights_of_another_type_or_shape_are_refused(folder):
     weights = load_file(folder / WEIGHTS)
-    for changed in (weights["mix.bias"].double(), torch.zeros(3), torch.zeros(0), torch.zeros(40).bool()):
-        save_file(weights | {"mix.bias": changed}, folder / WEIGHTS)
-        assert "mix.bias" in refusal(folder)
+    for changed in (weights["anchor.output.bias"].double(), torch.zeros(3), torch.zeros(0), torch.zeros(40).bool()):
+        save_file(weights | {"anchor.output.bias": changed}, folder / WEIGHTS)
+        assert "anchor.output.bias" in refusal(folder)
     save_file({name: value for name, value in weights.items() if name != "trust"}, folder / WEIGHTS)
     assert "trust" in refusal(folder)
 
