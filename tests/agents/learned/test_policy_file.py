@@ -87,7 +87,8 @@ def test_weights_that_are_not_finite_or_too_large_are_refused(folder, number):
 
 def test_weights_of_another_type_or_shape_are_refused(folder):
     weights = load_file(folder / WEIGHTS)
-    for changed in (weights["anchor.output.bias"].double(), torch.zeros(3), torch.zeros(0), torch.zeros(40).bool()):
+    bias = weights["anchor.output.bias"]
+    for changed in (bias.double(), torch.zeros(3), torch.zeros(0), torch.zeros(len(bias)).bool()):
         save_file(weights | {"anchor.output.bias": changed}, folder / WEIGHTS)
         assert "anchor.output.bias" in refusal(folder)
     save_file({name: value for name, value in weights.items() if name != "trust"}, folder / WEIGHTS)
