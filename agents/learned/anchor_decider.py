@@ -300,12 +300,18 @@ class AnchorDecider:
     ) -> tuple[Actions, AnchorState]:
         """See `Decider.predict`. The state is a `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
+        error, best = self.errors(observation, posterior, state)
+        return np.where(error <= self.alpha, best + 1, 0), state
+
+    def errors(
+        self, observation: Observations, posterior: FloatArray, state: AnchorState
+    ) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return the expected loss of a declaration and the hypothesis to declare, see `errors_and_best`."""
         tracks = len(posterior)
-        error, best = errors_and_best(
+        return errors_and_best(
             self.net, observation, state.filters.scales, posterior,
             np.full(tracks, self.by_type), np.full(tracks, self.alpha),
         )  # fmt: skip
-        return np.where(error <= self.alpha, best + 1, 0), state
 
     def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""

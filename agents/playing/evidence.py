@@ -1,10 +1,11 @@
 """The evidence of a decider: the quantity that it compares with its threshold, for the evidence panel."""
 
 import copy
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.spaces import Discrete
@@ -17,6 +18,9 @@ from baselines.deciders.decider import Decider, Observations
 from baselines.deciders.msprt import mode_types, type_sums
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, ratio_limits, sprt_panel
+
+if TYPE_CHECKING:
+    from agents.learned.anchor_decider import AnchorDecider
 
 FloatArray = NDArray[np.float64]
 EvidenceFunction = Callable[[Observations, Any, NDArray[np.bool_]], FloatArray]
@@ -86,14 +90,7 @@ def learned_evidence(decider: Decider) -> DeciderEvidence:
         case AnchorDecider():
             by_type = decider.by_type
             panel = posterior_panel("learned anchors", by_type, np.array([decider.alpha]))
-            return DeciderEvidence(
-                panel,
-                lambda observation, state, start: posterior_evidence(
-                    # a copy, because the decider changes its state in place
-                    decider.posterior(observation, copy.deepcopy(state), start)[0],
-                    by_type,
-                ),
-            )
+            return DeciderEvidence(panel, functools.partial(anchor_evidence, decider))
         case PolicyDecider():
             return DeciderEvidence(
                 log_odds_panel(decider.threshold, single=decider.policy.action_space == Discrete(2)),
@@ -169,6 +166,20 @@ def posterior_evidence(posterior: NDArray[np.floating], by_type: bool) -> FloatA
     hypotheses = posterior.shape[-1]
     values = type_sums(posterior)[:, mode_types(hypotheses)] if by_type else posterior.astype(np.float64)
     return values / posterior.sum(-1, dtype=np.float64, keepdims=True)
+
+
+def anchor_evidence(
+    decider: "AnchorDecider", observation: Observations, state: Any, start: NDArray[np.bool_]
+) -> FloatArray:
+    """Return the posterior of each hypothesis or of its type, (N, M), for the best one 1 - expected loss."""
+    # a copy, because the decider changes its state in place
+    posterior, state = decider.posterior(observation, copy.deepcopy(state), start)
+    error, best = decider.errors(observation, posterior, state)
+    values = posterior_evidence(posterior, decider.by_type)
+    if decider.by_type:
+        types = mode_types(posterior.shape[1])
+        return np.where(types == types[best][:, None], 1.0 - error[:, None], values)
+    return values
 
 
 def log_odds_evidence(logits: FloatArray, observation: Observations) -> FloatArray:

@@ -91,8 +91,10 @@ def test_weights_of_another_type_or_shape_are_refused(folder):
     for changed in (bias.double(), torch.zeros(3), torch.zeros(0), torch.zeros(len(bias)).bool()):
         save_file(weights | {"anchor.output.bias": changed}, folder / WEIGHTS)
         assert "anchor.output.bias" in refusal(folder)
-    save_file({name: value for name, value in weights.items() if name != "trust"}, folder / WEIGHTS)
-    assert "trust" in refusal(folder)
+    save_file(
+        {name: value for name, value in weights.items() if name != "regret.base.0.bias"}, folder / WEIGHTS
+    )
+    assert "regret.base.0.bias" in refusal(folder)
 
 
 def test_files_that_are_too_large_or_would_block_are_refused(folder):

@@ -111,7 +111,10 @@ def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_t
     assert panel.legend == "1 - alpha at alpha = 0.03"
     for _, _, values in ticks_of(env, decider, 10):
         own = values[:, [0, 1, 4]] if by_type else values
-        np.testing.assert_allclose(own.sum(axis=1), 1.0)
+        if by_type:  # the best type has 1 - expected loss, which is at most its posterior
+            assert (own.sum(axis=1) <= 1.0 + 1e-9).all()
+        else:
+            np.testing.assert_allclose(own.sum(axis=1), 1.0)
         assert not by_type or (values[:, 1:4] == values[:, 1:2]).all()
 
 
