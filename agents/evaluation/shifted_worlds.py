@@ -213,15 +213,16 @@ def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     deciders = list(dict.fromkeys(result.decider for result in results))
     table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.caption = (
-        "Reward per segment ± half-width of the 95 % confidence interval, at the threshold selected in this\n"
-        "environment; below it the reward at the threshold selected in the nominal environment."
+        "Reward per segment ± half-width of the 95 % confidence interval, at the\n"
+        "threshold selected in this environment; below it the reward at the\n"
+        "threshold selected in the nominal environment."
     )
     table.add_column("environment")
     for name in deciders:
-        table.add_column(Text(name), justify="right", no_wrap=True)
+        table.add_column(Text(name.replace(" ", "\n")), justify="right", no_wrap=True)
     gains = {}
     if len(deciders) > 1:
-        table.add_column(Text(f"{deciders[0]} - best other"), justify="right", no_wrap=True)
+        table.add_column(Text(f"{deciders[0]} -\nbest other"), justify="right", no_wrap=True)
         gains = {one.world: one for one in differences(results)}
         table.caption += "\nThe last column compares the same episodes."
     for world in dict.fromkeys(result.world for result in results):
