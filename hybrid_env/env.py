@@ -127,26 +127,6 @@ class HybridTrackEnv(TrackEnv):
     def _create_rendering(self, human: bool) -> tuple[EpisodeHistory, Renderer]:
         return EpisodeHistory(self.options), Renderer(self.options, human)
 
-    def _bind_views(self) -> None:
-        super()._bind_views()
-        block = self.world.blocks[0]
-        self._log_likelihood = self.world.bank.hypotheses["log_likelihood"][0, :, 0]
-        self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
-        self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
-        self._anchor, self._estimate = block["anchor"][:, 0], block["estimate"][:, 0]
-
-    def _info(self) -> dict[str, Any]:
-        return {
-            "segment": self._segment.item(0),
-            "tick": self._tick.item(0),
-            "true_mode": self._true_mode.item(0),
-            "truth": self._truth.copy(),
-            "measurement": self._measurement.copy(),
-            "anchor": self._anchor.copy(),
-            "estimate": self._estimate.copy(),
-            "log_likelihood": self._log_likelihood.copy(),
-        }
-
     def _step_info(self, events: int) -> dict[str, Any]:
         if not events & DECIDED:
             return {}

@@ -105,25 +105,6 @@ class HybridTrackQuickestEnv(TrackEnv):
     def _create_rendering(self, human: bool) -> tuple[QuickestHistory, QuickestRenderer]:
         return QuickestHistory(), QuickestRenderer(self.options, human)
 
-    def _bind_views(self) -> None:
-        super()._bind_views()
-        block = self.world.blocks[0]
-        self._log_probability = self.world.bank.hypotheses["log_probability"][0, :, 0]
-        self._segment, self._tick, self._true_mode = block["segment"], block["tick"], block["true_mode"]
-        self._truth, self._measurement = block["truth"][:, 0], block["measurement"][:, 0]
-        self._estimate = block["estimate"][:, 0]
-
-    def _info(self) -> dict[str, Any]:
-        return {
-            "segment": self._segment.item(0),
-            "tick": self._tick.item(0),
-            "true_mode": self._true_mode.item(0),
-            "truth": self._truth.copy(),
-            "measurement": self._measurement.copy(),
-            "estimate": self._estimate.copy(),
-            "log_probability": self._log_probability.copy(),
-        }
-
     def _record(self, info: dict[str, Any], begins: bool) -> None:
         assert self.history is not None
         if begins:

@@ -1,6 +1,7 @@
 """Learned deciders: networks, policies and their files.
 
 - `anchor_decider`: filters that start from learned distributions of the anchor error, as a decider.
+- `track_filters`: these filters.
 - `anchor_net`: the network that predicts the distribution of the anchor error.
 - `regret_net`: the network that predicts what a wrong radius costs in the next segment.
 - `dimensionless`: the inputs of both networks, without units.

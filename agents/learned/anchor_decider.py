@@ -8,7 +8,6 @@ All inputs are without units (`dimensionless`), and left and right turns are mir
 therefore apply to objects of any size and to banks of any size.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,33 +17,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.anchor_net import COMPONENTS, AnchorNet, stated_factor
-from agents.learned.dimensionless import (
-    LastRow,
-    Scales,
-    anchor_inputs,
-    bias_of_bank,
-    declared_side,
-    ratios,
-    turns_per_tick,
-)
+from agents.learned.anchor_net import AnchorNet
+from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.network_settings import LARGEST_HIDDEN
 from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
-from baselines.deciders.component_filters import (
-    ANCHOR_COLUMNS,
-    ComponentFilters,
-    anchor_rows,
-    stated_covariance,
-)
+from agents.learned.track_filters import TrackFilters
 from baselines.deciders.decider import Actions, Observations
-from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
+from baselines.deciders.msprt import error_and_best, mode_types
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
-SMALLEST = 1e-300
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
 
 
@@ -59,135 +44,6 @@ class AnchorNetworks(nn.Module):
         super().__init__()
         self.anchor = AnchorNet(hidden)
         self.regret = RegretNet(hidden)
-
-
-class TrackFilters:
-    """The filters of N tracks in one or several worlds, started as the network predicts.
-
-    Args:
-        worlds: options, all with the same number of hypotheses.
-        tracks: number of tracks of each.
-
-    Attributes:
-        last: what is remembered of the last row.
-        anchor_samples: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in the
-            last tick.
-    """
-
-    def __init__(self, worlds: Sequence[WorldOptions], tracks: Sequence[int]):
-        self.layout = Layout(worlds[0].hypotheses)
-        self.filters = [
-            ComponentFilters("anchor_aware", COMPONENTS, count, world, robust=True)
-            for world, count in zip(worlds, tracks, strict=True)
-        ]
-        self.splits = np.cumsum(tracks)[:-1]
-        self.scales = Scales.of(worlds, tracks)
-        total, M = int(sum(tracks)), self.layout.hypotheses
-        self.log_weights = np.zeros((total, COMPONENTS))
-        zeros = [np.zeros(total) for _ in range(3)]
-        self.last = LastRow(
-            np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS),
-            np.zeros((total, M, 2)), *zeros,
-        )  # fmt: skip
-        self.anchor_samples: tuple[NDArray[np.float32], FloatArray, NDArray[np.int64]] | None = None
-
-    def advance(self, net: AnchorNetworks, rows: Observations, first: NDArray[np.bool_]) -> FloatArray:
-        """Process one row of every track; return the posterior of the hypotheses, (N, M).
-
-        Args:
-            net: predicts the anchors.
-            rows: (N, width).
-            first: (N,) True at the first tick of an episode, whose anchor is as the options say.
-        """
-        layout = self.layout
-        ticks = layout.read(rows, "ticks")
-        begins = ticks < 1.5
-        anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
-        self.anchor_samples = None
-        if begins.any():
-            anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
-        parts = zip(
-            self.filters, np.split(rows, self.splits), np.split(begins, self.splits),
-            np.split(anchors, self.splits, axis=1), strict=True,
-        )  # fmt: skip
-        for filters, own_rows, own_begins, own_anchors in parts:
-            filters.advance(own_rows, own_begins, own_anchors)
-        joint = np.concatenate([filters.log_likelihood for filters in self.filters], axis=1)
-        joint += self.log_weights.T[..., None]
-        share = np.exp(joint - joint.max((0, 2), keepdims=True))
-        share /= share.sum((0, 2), keepdims=True)
-        posterior = share.sum(0)
-        innovations = np.concatenate([filters.innovations for filters in self.filters], axis=1)
-        own = (share[..., None] * innovations).sum(0) / np.maximum(posterior, SMALLEST)[..., None]
-        self.last = LastRow(
-            posterior, share.sum(-1).T, bias_of_bank(layout, rows, own), ticks,
-            layout.read(rows, "ticks_left"), layout.read(rows, "speed"),
-        )  # fmt: skip
-        return posterior
-
-    def select_tracks(self, tracks: NDArray[np.bool_]) -> "TrackFilters":
-        """Return the filters of the tracks selected by a mask (N,)."""
-        parts = np.split(tracks, self.splits)
-        selected = TrackFilters(
-            [filters.world for filters in self.filters], [int(one.sum()) for one in parts]
-        )
-        selected.filters = [
-            filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
-        ]
-        selected.log_weights = self.log_weights[tracks]
-        selected.last = self.last.select(tracks)
-        return selected
-
-    def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all arrays that determine the next ticks; writing into them changes the filters."""
-        arrays = {f"last.{name}": array for name, array in vars(self.last).items()}
-        arrays |= {
-            "log_weights": self.log_weights,
-        }
-        for k, filters in enumerate(self.filters):
-            arrays |= {f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()}
-        return arrays
-
-    def _anchors(
-        self, net: AnchorNetworks, rows: Observations, begins: NDArray[np.bool_], first: NDArray[np.bool_]
-    ) -> FloatArray:
-        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their weights."""
-        layout, scales, last = self.layout, self.scales.select(begins), self.last.select(begins)
-        log_weights = np.full((len(rows), COMPONENTS), -1e3)
-        log_weights[:, 0] = 0.0
-        mean = np.zeros((len(rows), COMPONENTS, 4))
-        covariance = np.repeat(stated_covariance(layout, rows)[:, None], COMPONENTS, axis=1)
-        later = np.flatnonzero(~first)
-        if later.size:
-            side = declared_side(layout, rows, last)
-            inputs = anchor_inputs(layout, rows, scales, last, side)[later]
-            factor = stated_factor(layout, rows, scales.tau, side)[later]
-            log_weights[later], mean[later], covariance[later] = net.anchor.anchors(inputs, factor)
-            self.anchor_samples = inputs, factor, np.flatnonzero(begins)[later]
-        self.log_weights[begins] = log_weights
-        return np.stack([anchor_rows(layout, rows, mean[:, k], covariance[:, k]) for k in range(COMPONENTS)])
-
-
-def error_probabilities_and_best(
-    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return the hypothesis to declare and the posterior probabilities of a wrong type and a wrong radius.
-
-    Args:
-        posterior: (N, M).
-        by_type: choose the most likely hypothesis of the most likely type instead of the most likely
-            hypothesis; one value for all tracks, or (N,).
-
-    Returns:
-        Posterior of all other types, posterior of the other radii of the chosen type, and index of the chosen
-        hypothesis, each (N,).
-    """
-    types = type_sums(posterior)
-    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(1))
-    kind = mode_types(posterior.shape[1])
-    same_type = kind == kind[best][:, None]
-    same_type[np.arange(len(best)), best] = False
-    return other_types_sum(types, kind[best]), np.where(same_type, posterior, 0.0).sum(1), best
 
 
 @torch.no_grad()
@@ -216,8 +72,7 @@ def errors_and_best(
     Returns:
         Loss (N,) and hypothesis (N,).
     """
-    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, by_type)
-    error = np.where(by_type, wrong_type, wrong_type + wrong_radius)
+    error, best = error_and_best(posterior, by_type)
     chosen = np.flatnonzero(by_type & (error <= alpha))
     if posterior.shape[1] == 3 or not chosen.size:
         return error, best
@@ -258,12 +113,13 @@ class AnchorState:
 
 
 class AnchorDecider:
-    """Declares the most likely hypothesis once its posterior error probability is at most alpha.
+    """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
     Args:
-        net: trained network.
+        net: trained networks.
         world: options of the world; the filters use its model.
-        alpha: threshold on the posterior error probability, in (0, 1].
+        alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1]. If the hypothesis is
+            rewarded, the loss is the posterior error probability.
 
     Raises:
         ArgumentError: alpha is out of range.
@@ -282,14 +138,11 @@ class AnchorDecider:
         rows = np.asarray(observation)
         tracks = len(rows)
         if state is None:
-            state = AnchorState(
-                TrackFilters([self.world], [tracks]),
-                np.ones(tracks, np.bool_),
-            )
+            state = AnchorState(TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
         starting = state.starting if episode_start is None else state.starting | episode_start
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
         state.starting = starting & ~first
-        return state.filters.advance(self.net, rows, first), state
+        return state.filters.advance(self.net.anchor, rows, first), state
 
     def predict(
         self,
@@ -298,7 +151,7 @@ class AnchorDecider:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, AnchorState]:
-        """See `Decider.predict`. The state is a `AnchorState`."""
+        """See `Decider.predict`. The state is an `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
         return np.where(error <= self.alpha, best + 1, 0), state

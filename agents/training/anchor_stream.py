@@ -9,8 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.learned.anchor_decider import AnchorNetworks, TrackFilters, errors_and_best
+from agents.learned.anchor_decider import AnchorNetworks, errors_and_best
 from agents.learned.dimensionless import ratios, turns_per_tick
+from agents.learned.track_filters import TrackFilters
 from agents.training.recipe import LARGEST_ALPHA, AnchorSettings
 from agents.training.track_state import track_arrays
 from baselines.deciders.anchor_prior import anchor_errors
@@ -90,7 +91,7 @@ class AnchorStream:
         for _ in range(settings.n_steps):
             self._draw_thresholds(settings)
             observation = np.concatenate(self.rows)
-            posterior = self.filters.advance(net, observation, self.first)
+            posterior = self.filters.advance(net.anchor, observation, self.first)
             if self.filters.anchor_samples is not None:
                 inputs, factor, tracks = self.filters.anchor_samples
                 white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]

@@ -206,6 +206,18 @@ class ComponentFilters:
         return selected
 
 
+def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
+    """Return the joint posterior of components and hypotheses, (C, N, M); hypotheses have equal priors.
+
+    Args:
+        log_likelihood: (C, N, M).
+        log_weights: (N, C) logarithms of the prior probabilities of the components.
+    """
+    joint = log_likelihood + log_weights.T[..., None]
+    share = np.exp(joint - joint.max((0, 2), keepdims=True))
+    return np.asarray(share / share.sum((0, 2), keepdims=True))
+
+
 def anchor_rows(
     layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray
 ) -> FloatArray:

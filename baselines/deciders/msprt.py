@@ -63,6 +63,24 @@ def other_types_sum(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
     return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
+def error_and_best(
+    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
+
+    Args:
+        posterior: (N, M).
+        by_type: only hypotheses of other types are errors, and the best one is the most likely one of the
+            most likely type; one value for all tracks, or (N,).
+    """
+    types = type_sums(posterior)
+    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(-1))
+    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
+        -1, dtype=np.float64
+    )
+    return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
+
+
 def read_error_probability(
     observation: Observations, by: Literal["hypothesis", "type"]
 ) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -18,10 +18,11 @@ from baselines.deciders.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
     anchor_rows,
+    joint_posterior,
     stated_covariance,
 )
 from baselines.deciders.decider import Actions, Observations
-from baselines.deciders.msprt import likeliest_of_type, mode_types, other_types_sum, type_sums
+from baselines.deciders.msprt import error_and_best, mode_types
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -104,23 +105,13 @@ class RefilteringDecider:
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
         state.filters.advance(rows, begins, anchors)
-        joint = state.filters.log_likelihood.swapaxes(0, 1) + state.log_weights[..., None]
-        likelihood = np.exp(joint - joint.max((1, 2), keepdims=True)).sum(1)
-        state.posterior = likelihood / likelihood.sum(-1, keepdims=True)
-        return self._declare(state.posterior), state
+        state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
+        error, best = error_and_best(state.posterior, self.by_type)
+        return np.where(error <= self.alpha, best + 1, 0), state
 
     def select_tracks(self, state: _State, tracks: NDArray[np.bool_]) -> _State:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
-
-    def _declare(self, posterior: FloatArray) -> Actions:
-        if self.by_type:
-            types = type_sums(posterior)
-            error, best = other_types_sum(types, types.argmax(-1)), likeliest_of_type(types, posterior)
-        else:
-            best = posterior.argmax(-1)
-            error = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(-1)
-        return np.where(error <= self.alpha, best + 1, 0)
 
 
 class KeptCovarianceDecider(RefilteringDecider):

@@ -64,6 +64,17 @@ def clipped_innovation(white: float) -> float:
 
 
 @inlined
+def innovation_in_frame(
+    innovation: Any, lane: int, heading_x: float, heading_y: float
+) -> tuple[float, float]:
+    """Return the clipped whitened innovation of one lane along and across a heading."""
+    return heading_frame(
+        clipped_innovation(innovation.white_x[lane]), clipped_innovation(innovation.white_y[lane]),
+        heading_x, heading_y,
+    )  # fmt: skip
+
+
+@inlined
 def log_error_probability(others: float) -> float:
     """Return ln(1 - maximum posterior) for equal priors, at least `LOG_FLOOR`.
 
@@ -149,10 +160,7 @@ def write_tick(
     heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
     for h in range(M):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
-        along, across = heading_frame(
-            clipped_innovation(innovation.white_x[lane]), clipped_innovation(innovation.white_y[lane]),
-            heading_x, heading_y,
-        )  # fmt: skip
+        along, across = innovation_in_frame(innovation, lane, heading_x, heading_y)
         row[h] = LOG_SCALE * max(kalman.log_likelihood[lane] - scratch.largest[lane], LOG_FLOOR)
         row[M + h] = along
         row[2 * M + h] = across

@@ -16,8 +16,7 @@ from hybrid_env.core.observation_row import (
     LOG_FLOOR,
     LOG_SCALE,
     TICK_SCALE,
-    clipped_innovation,
-    heading_frame,
+    innovation_in_frame,
 )
 
 QUICKEST_HYPOTHESIS_FEATURES = {
@@ -60,10 +59,7 @@ def write_quickest_row(row: NDArray[np.float32], block: Any, lane: int, bank: An
         largest = max(largest, bank.hypotheses[h].log_likelihood[lane])
     for h in range(M):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
-        along, across = heading_frame(
-            clipped_innovation(innovation.white_x[lane]), clipped_innovation(innovation.white_y[lane]),
-            heading_x, heading_y,
-        )  # fmt: skip
+        along, across = innovation_in_frame(innovation, lane, heading_x, heading_y)
         # positive only by rounding
         row[h] = LOG_SCALE * min(max(kalman.log_probability[lane], LOG_FLOOR), 0.0)
         row[M + h] = max(kalman.log_likelihood[lane] - largest, LOG_FLOOR)

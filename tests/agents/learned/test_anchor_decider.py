@@ -1,4 +1,4 @@
-"""The anchor agent: invariances, reproducible training, files, and decisions."""
+"""The anchor agent: invariances, files and decisions."""
 
 import copy
 import json
@@ -13,7 +13,6 @@ from agents.evaluation.evaluate import evaluate
 from agents.learned.anchor_decider import (
     AnchorDecider,
     AnchorNetworks,
-    error_probabilities_and_best,
     errors_and_best,
     load_anchor,
     save_anchor,
@@ -21,21 +20,14 @@ from agents.learned.anchor_decider import (
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
 from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_policy
-from agents.training.recipe import load_recipe, recipe_of
-from agents.training.runs import make_run, resume_run
-from baselines import FixedTimeDecider, SPRTDecider
+from agents.training.recipe import load_recipe
+from baselines import SPRTDecider
 from baselines.deciders.component_filters import stated_covariance
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
 SMALL = load_recipe("anchor", ENV, ("n_steps=16", "hidden=12", "worlds=[{n_envs: 32}]"))
 TRACKS, TICKS = 16, 150
-
-
-def trained(recipe, steps, seed=0, **options):
-    run = make_run(ENV, options, recipe, seed, steps=steps)
-    run.train()
-    return run.net
 
 
 def random_net(seed=0, hidden=12):
@@ -195,19 +187,6 @@ def test_dropping_finished_tracks_changes_no_decision():
     np.testing.assert_array_equal(*ticks)
 
 
-def test_the_same_seed_gives_the_same_weights():
-    nets = [trained(SMALL, 2000, seed=4) for _ in range(2)]
-    for one, other in zip(*(net.state_dict().values() for net in nets), strict=True):
-        assert torch.equal(one, other)
-
-
-def test_short_training_beats_a_fixed_decision_time():
-    net = trained(load_recipe("anchor", ENV, ("hidden=16",)), 30_000)
-    learned = evaluate(AnchorDecider(net, WorldOptions(), 0.1), episodes=200, seed=7)
-    fixed = evaluate(FixedTimeDecider(round(learned.ticks.mean())), episodes=200, seed=7)
-    assert learned.correct.mean() > fixed.correct.mean()
-
-
 def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
     net = random_net()
     save_anchor(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
@@ -230,83 +209,6 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         load_policy(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"n_steps": 0}, "n_steps=0"),
-        ({"random_declarations": 1.0}, "random_declarations=1.0"),
-        ({"worlds": [{"n_envs": 0}]}, "n_envs=0"),
-        ({"worlds": [{"tracks": 3}]}, "worlds="),
-        ({"worlds": [{"n_envs": 3, "options": 3}]}, "options=3"),
-        ({"worlds": [{"n_envs": 3, "options": {"bad": 1}}]}, "option='bad'"),
-        ({"worlds": [{"n_envs": 3, "env": 3}]}, "env=3"),
-        ({"hidden": 1.5}, "hidden=1.5"),
-        ({"learning_rate": -1.0}, "learning_rate=-1.0"),
-        ({"smallest_alpha": 0.5}, "smallest_alpha=0.5"),
-        ({"last_tick": 0}, "last_tick=0"),
-        ({"updates_per_world": 0}, "updates_per_world=0"),
-        ({"drawn_worlds": [{"radii": 0, "worlds": 1, "n_envs": 1}]}, "radii=0"),
-        ({"drawn_worlds": [{"radii": 1}]}, "drawn_worlds="),
-        ({"drawn_worlds": [{"radii": 900, "worlds": 900, "n_envs": 900}]}, "n_steps="),
-    ],
-)
-def test_invalid_settings_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        recipe_of("mine", SMALL.as_json()["entry"] | arguments)
-
-
-def test_training_uses_several_environments_and_banks_at_once():
-    worlds = [
-        {"n_envs": 8, "options": {"measurement_variance": 0.01}},
-        {"n_envs": 8, "options": {"measurement_variance": 1.0}},
-        {"n_envs": 4, "env": "hybrid_env:HybridTrackBank-v0"},
-    ]
-    recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
-    net = trained(recipe, 1000)
-    world = WorldOptions(radii=(2.0, 5.0))
-    assert evaluate(AnchorDecider(net, world, 0.5), episodes=3, radii=(2.0, 5.0)).ticks.shape == (3, 6)
-    with pytest.raises(ValueError, match="alpha="):
-        AnchorDecider(net, world, 0.0)
-    with pytest.raises(ValueError, match="observation shape"):
-        AnchorDecider(net, WorldOptions(), 0.5).predict(np.zeros((3, 40), np.float32))
-
-
-def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
-    folder = tmp_path / "run"
-    run = make_run(ENV, {}, SMALL, 0, folder, 4096)
-
-    def interrupt(progress):
-        if progress.steps == 2048:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run.train(interrupt, save_every=1e-9)
-    resumed = resume_run(folder)
-    assert resumed.num_timesteps == 1536  # the incomplete rollout is lost
-    for one, other in zip(
-        load_anchor(folder, *load_policy(folder)).state_dict().values(),
-        resumed.net.state_dict().values(),
-        strict=True,
-    ):
-        assert torch.equal(one, other)
-    resumed.train()
-    assert resumed.num_timesteps == 4096
-    assert resume_run(folder, steps=5000).steps == 5000
-
-
-def test_the_error_probabilities_are_the_posterior_of_wrong_declarations():
-    posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
-    wrong_type, wrong_radius, best = error_probabilities_and_best(posterior, True)
-    np.testing.assert_allclose(wrong_type, [0.39, 0.6])
-    np.testing.assert_allclose(wrong_radius, [0.3, 0.0])
-    np.testing.assert_array_equal(best, [2, 0])
-    # the most likely hypothesis need not be of the most likely type
-    split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
-    assert [error_probabilities_and_best(split, by_type)[2][0] for by_type in (True, False)] == [1, 0]
-    small = np.array([[1.0, 1e-12, 1e-13]])
-    np.testing.assert_allclose(error_probabilities_and_best(small, False)[0], 1.1e-12)
-
-
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
     world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
     rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)
@@ -321,17 +223,6 @@ def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_r
     assert (best > 0).all()
     exact, _ = errors_and_best(net, rows, scales, posterior, np.zeros(3, np.bool_), alpha)
     np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
-
-
-def test_environment_options_of_the_recipe_override_those_of_the_run():
-    worlds = [{"n_envs": 8, "options": {"measurement_variance": 0.5}}, {"n_envs": 8}]
-    recipe = recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds})
-    run = make_run(ENV, {"measurement_variance": 0.2}, recipe, steps=1)
-    envs = [env for stream in run._streams for env in stream.envs]
-    assert [env.options.measurement_variance for env in envs] == [0.5, 0.2]
-    worlds[0]["options"]["actions"] = "best"
-    with pytest.raises(ValueError, match="actions='best'"):
-        make_run(ENV, {}, recipe_of("mine", SMALL.as_json()["entry"] | {"worlds": worlds}), steps=1)
 
 
 @pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])

@@ -8,7 +8,7 @@ from scipy.special import softmax
 
 from agents.evaluation.evaluate import evaluate
 from baselines import GapDecider, MSPRTDecider
-from baselines.deciders.msprt import type_posteriors
+from baselines.deciders.msprt import error_and_best, type_posteriors
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 
@@ -70,3 +70,17 @@ def test_invalid_by_and_gap_raise():
     for bad in (0.0, -2.0, 30.0, float("inf"), None):
         with pytest.raises(ArgumentError, match="gap="):
             GapDecider(bad)
+
+
+def test_the_error_probability_is_the_posterior_of_wrong_declarations():
+    posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
+    error, best = error_and_best(posterior, True)
+    np.testing.assert_allclose(error, [0.39, 0.6])
+    np.testing.assert_array_equal(best, [2, 0])
+    error, best = error_and_best(posterior, np.array([False, True]))
+    np.testing.assert_allclose(error, [0.69, 0.6])
+    # the most likely hypothesis need not be of the most likely type
+    split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
+    assert [error_and_best(split, by_type)[1][0] for by_type in (True, False)] == [1, 0]
+    small = np.array([[1.0, 1e-12, 1e-13]])
+    np.testing.assert_allclose(error_and_best(small, False)[0], 1.1e-12)
