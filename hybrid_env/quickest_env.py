@@ -51,7 +51,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     ## Rewards
     A statement of the right mode has a reward of 1, a statement of a wrong mode one of 0. A change of the
     statement to a wrong mode costs `change_cost` in addition; the first statement of an episode is no change.
-    Train with a discount factor of 1, or one that hardly differs from it.
+    A statement changes later rewards only through the cost of the next change: a discount factor of 0.95, an
+    average over 20 ticks, is enough for training.
 
     ## Starting State
     The object starts at the origin with the given `speed` and a uniformly random heading, in a random mode.

@@ -23,12 +23,19 @@ SMALL_ANCHOR = (
     "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )  # fmt: skip
-KINDS = {
-    "ppo": ("HybridTrack-v0", SMALL_PPO),
-    "anchor": ("HybridTrack-v0", SMALL_ANCHOR),
-    "recurrent-ppo": ("HybridTrack-v0", (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
-}
 SCHEME = {"scheme": "random 2x20-30"}
+KINDS = {
+    "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
+    "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
+    "recurrent-ppo": (
+        "recurrent-ppo",
+        "HybridTrack-v0",
+        SCHEME,
+        (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8"),
+    ),
+    "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", {"ticks": 50, "durations": "uniform 5-20"}, SMALL_PPO),
+}
+"""Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 
 
@@ -36,14 +43,14 @@ def log_often(set_value=setattr):
     """Evaluate often and briefly, so that a small training writes several lines of metrics."""
     set_value(learning_curve, "FIRST_EVALUATION", 1000)
     set_value(learning_curve, "EPISODES", 5)
-    set_value(learning_curve.LearningCurve, "sprt_reward", 0.5)
+    set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
     set_value(anchor, "LOG_EVERY", 2)
 
 
 def small_run(kind, folder, steps):
     """A new run."""
-    env, changes = KINDS[kind]
-    return make_run(f"hybrid_env:{env}", SCHEME, load_recipe(kind, env, changes), 3, folder, steps)
+    recipe, env, options, changes = KINDS[kind]
+    return make_run(f"hybrid_env:{env}", options, load_recipe(recipe, env, changes), 3, folder, steps)
 
 
 def outcome(folder):

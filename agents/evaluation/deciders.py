@@ -22,11 +22,15 @@ from baselines.deciders.refiltering import (
     fit_calibrated_anchor,
 )
 from hybrid_env.checks import check_positive, reject
+from hybrid_env.model_options import ModelOptions
+from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 
 if TYPE_CHECKING:
     from agents.learned.anchor_decider import AnchorNetworks
     from agents.learned.policy import PolicyDecider
+    from agents.learned.statement_policy import StatementPolicyDecider
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,8 @@ LOG_ODDS = (
     4.0,
 )
 
+MARGINS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+
 BAYES = "bayes"
 KEPT_COVARIANCE = "msprt-kept"
 CALIBRATED_ANCHOR = "calibrated"
@@ -198,6 +204,11 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
+def statement_policy_family(name: str, decider: "StatementPolicyDecider") -> DeciderFamily:
+    """Return the family of a trained policy that states modes; see `StatementPolicyDecider`."""
+    return DeciderFamily(name, "margin", MARGINS, 0.0, decider.with_threshold, decider.hypotheses)
+
+
 def anchor_family(name: str, net: "AnchorNetworks", world: WorldOptions) -> DeciderFamily:
     """Return the family of a trained anchor agent; its threshold is the expected loss of a declaration."""
     from agents.learned.anchor_decider import AnchorDecider
@@ -227,11 +238,25 @@ def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
 
 
-def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
-    """Return the family of the policy in a run folder, for any training algorithm."""
-    from agents.learned.policy_file import load_policy
+def learned_family(folder: Path, world: ModelOptions) -> DeciderFamily:
+    """Return the family of the policy in a run folder, for any training algorithm.
+
+    Raises:
+        ArgumentError: the folder cannot be read, or its agent is for another kind of environment.
+    """
+    from agents.learned.policy_file import card_layout, load_policy
 
     weights, card = load_policy(folder)
+    states = card_layout(card) is QuickestLayout
+    if states != isinstance(world, QuickestOptions):
+        needed = "declares" if states else "states"
+        raise reject("decider", str(folder), f"an agent that {needed} modes, as this environment requires")
+    if states:
+        from agents.learned.policy import load_actor
+        from agents.learned.statement_policy import StatementPolicyDecider
+
+        return statement_policy_family(folder.name, StatementPolicyDecider(load_actor(folder, weights, card)))
+    assert isinstance(world, WorldOptions)
     if card["recipe"]["entry"]["algo"] == "anchor":
         from agents.learned.anchor_decider import load_anchor
 

@@ -6,6 +6,7 @@
 - `regret_net`: the network that predicts what a wrong radius costs in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
 - `policy`: an actor of Stable-Baselines3 as a decider.
+- `statement_policy`: an actor that states the present mode at every tick.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.
@@ -13,5 +14,5 @@
 
 All of them map observation rows to actions through the interface of `baselines.deciders.decider`.
 
-May import: `hybrid_env`, `baselines.deciders`, `agents.interface`.
+May import: `hybrid_env`, `baselines.deciders`, `baselines.quickest`, `agents.interface`.
 """

@@ -179,7 +179,7 @@ def check_declares_hypotheses(world: WorldOptions) -> None:
 
 def save_anchor(folder: Path, net: AnchorNetworks, card: dict[str, Any]) -> None:
     """Write weights and card. Each file is written atomically."""
-    save_policy(folder, net.state_dict(), card)
+    save_policy(folder, net.state_dict(), card, Layout)
 
 
 def load_anchor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> AnchorNetworks:

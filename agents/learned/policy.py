@@ -1,7 +1,7 @@
 """A trained actor of Stable-Baselines3 as a decider, and its file."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -12,10 +12,10 @@ from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.network_settings import check_policy_kwargs
-from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
+from agents.learned.policy_file import card_layout, load_weights, save_policy, unreadable_policy
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import check_integer, reject
-from hybrid_env.observation import Layout
+from hybrid_env.observation import Layout, QuickestLayout
 
 LARGEST_WIDTH = 2000  # of an observation row
 
@@ -26,15 +26,17 @@ def make_policy(
     policy_kwargs: dict[str, Any],
     observe: tuple[str, ...] = (),
     recurrent: bool = False,
+    layout: type[Layout] = Layout,
 ) -> ActorCriticPolicy:
     """Create an untrained actor-critic policy of Stable-Baselines3 or sb3-contrib.
 
     Args:
         observation_space: of one observation row.
-        action_space: wait, and the declarations.
+        action_space: of one track.
         policy_kwargs: keyword arguments of the policy, such as net_arch.
         observe: names of the quantities that the policy observes; all if empty.
         recurrent: use the LSTM policy of sb3-contrib.
+        layout: of the observation.
 
     Raises:
         ImportError: recurrent, and sb3-contrib is not installed.
@@ -44,22 +46,17 @@ def make_policy(
         from sb3_contrib.ppo_recurrent import MlpLstmPolicy
 
         kind = MlpLstmPolicy
-    policy: ActorCriticPolicy = kind(
-        observation_space, action_space, lambda _: 0.0, **policy_kwargs_with_features(policy_kwargs, observe)
-    )
+    keywords = policy_kwargs_with_features(policy_kwargs, observe, layout)
+    policy: ActorCriticPolicy = kind(observation_space, action_space, lambda _: 0.0, **keywords)
     return policy
 
 
-class PolicyDecider:
-    """Declares a hypothesis once the policy's log-odds of declaring exceed a threshold.
-
-    At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
-    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
-    the most likely hypothesis of the bank.
+class ActorDecider:
+    """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
     Args:
-        policy: actor with 2 actions (wait, declare the most likely) or M + 1; with or without an LSTM.
-        threshold: on ln p(the declaration) - ln p(wait).
+        policy: actor with or without an LSTM.
+        threshold: see the subclass.
     """
 
     def __init__(self, policy: ActorCriticPolicy, threshold: float = 0.0):
@@ -67,16 +64,14 @@ class PolicyDecider:
         self.threshold = threshold
         self.generator = np.random.default_rng(0)
 
-    def with_threshold(self, threshold: float) -> "PolicyDecider":
+    def with_threshold(self, threshold: float) -> Self:
         """Return the same policy at another threshold."""
-        return PolicyDecider(self.policy, threshold)
+        return type(self)(self.policy, threshold)
 
     @property
-    def hypotheses(self) -> int | None:
-        """Number M of hypotheses that the policy was trained for; None applies to any."""
-        shape = self.policy.observation_space.shape
-        assert shape is not None
-        return Layout.of_width(shape[0]).hypotheses
+    def hypotheses(self) -> int:
+        """Number M of hypotheses that the policy was trained for."""
+        raise NotImplementedError
 
     @torch.no_grad()
     def logits(
@@ -97,15 +92,13 @@ class PolicyDecider:
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state
 
-    def choose(
-        self, logits: NDArray[np.float64], deterministic: bool
-    ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Return whether to declare (N,) and which declaration (N,), from logits (N, actions)."""
-        if not deterministic:
-            logits = logits + self.generator.gumbel(size=logits.shape)
-        declare = logits[:, 1:].argmax(1)
-        odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
-        return odds > (self.threshold if deterministic else 0.0), declare
+    def sample(self, logits: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return logits (N, actions) with noise, the largest of which is a sample of the policy."""
+        return logits + self.generator.gumbel(size=logits.shape)
+
+    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+        """Return the actions (N,), from logits (N, actions) and observation rows (N, width)."""
+        raise NotImplementedError
 
     def predict(
         self,
@@ -123,24 +116,52 @@ class PolicyDecider:
         if observation.shape[1:] != expected:
             raise reject("observation shape", observation.shape, f"(N, *{expected}), as in training")
         logits, state = self.logits(observation, state, episode_start)
-        declared, declare = self.choose(logits, deterministic)
-        if logits.shape[1] == 2:
-            layout = Layout.of_rows(observation)
-            declare = layout.read(observation, "log_ratio").argmax(-1)
-        return np.where(declared, declare + 1, 0), state
+        return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
-def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any]) -> None:
-    """Write weights and card. Each file is written atomically."""
+class PolicyDecider(ActorDecider):
+    """Declares a hypothesis once the policy's log-odds of declaring exceed a threshold.
+
+    At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
+    accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
+    the most likely hypothesis of the bank.
+
+    Args:
+        policy: actor with 2 actions (wait, declare the most likely) or M + 1; with or without an LSTM.
+        threshold: on ln p(the declaration) - ln p(wait).
+    """
+
+    @property
+    def hypotheses(self) -> int:
+        """Number M of hypotheses that the policy was trained for."""
+        shape = self.policy.observation_space.shape
+        assert shape is not None
+        return Layout.of_width(shape[0]).hypotheses
+
+    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+        """See `ActorDecider.choose`."""
+        if not deterministic:
+            logits = self.sample(logits)
+        declare = logits[:, 1:].argmax(1)
+        odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
+        if logits.shape[1] == 2:
+            declare = Layout.of_rows(observation).read(observation, "log_ratio").argmax(-1)
+        return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
+
+
+def save_actor(
+    folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], layout: type[Layout] = Layout
+) -> None:
+    """Write weights and card, with the layout of the observation. Each file is written atomically."""
     shape = policy.observation_space.shape
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
-    save_policy(folder, policy.state_dict(), card)
+    save_policy(folder, policy.state_dict(), card, layout)
 
 
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
@@ -161,6 +182,7 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
             tuple(entry.get("observe", ())),
             recurrent,
+            card_layout(card),
         )
         load_weights(policy, weights)
     except ImportError:
@@ -175,7 +197,9 @@ def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
     """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
     width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
     actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    allowed = 2, Layout.of_width(width).hypotheses + 1
+    layout = card_layout(card)
+    hypotheses = layout.of_width(width).hypotheses
+    allowed = (hypotheses,) if layout is QuickestLayout else (2, hypotheses + 1)
     if actions not in allowed:
         raise reject("actions", actions, " or ".join(map(str, allowed)))
     return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)

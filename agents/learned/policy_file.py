@@ -15,10 +15,10 @@ from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from hybrid_env.checks import reject
-from hybrid_env.observation import HYPOTHESIS_FEATURES, TRACK_FEATURES
+from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
-OBSERVATION_SCALES = HYPOTHESIS_FEATURES | TRACK_FEATURES
+LAYOUTS: tuple[type[Layout], ...] = (Layout, QuickestLayout)
 ALGORITHMS = ("ppo", "recurrent_ppo", "anchor")
 LARGEST_FILE = 2**27  # bytes
 LARGEST_HEADER = 2**20  # bytes
@@ -31,11 +31,22 @@ def package_versions() -> dict[str, str]:
     return {name: version(name) for name in names} | {"python": platform.python_version()}
 
 
-def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any]) -> None:
-    """Write weights and card. Each file is written atomically."""
+def save_policy(
+    folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], layout: type[Layout]
+) -> None:
+    """Write weights and card, with the layout of the observation. Each file is written atomically."""
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
-    write_json(folder / CARD, dict(card) | {"observation_scales": OBSERVATION_SCALES})
+    write_json(folder / CARD, dict(card) | {"observation_scales": _scales(layout)})
+
+
+def _scales(layout: type[Layout]) -> dict[str, float]:
+    return layout.hypothesis_features | layout.track_features
+
+
+def card_layout(card: Mapping[str, Any]) -> type[Layout]:
+    """Return the layout of the observation that a policy was trained on, from a card of `load_policy`."""
+    return next(layout for layout in LAYOUTS if card["observation_scales"] == _scales(layout))
 
 
 def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -53,7 +64,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         weights, _ = read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
-    if scales != OBSERVATION_SCALES:
+    if not any(scales == _scales(layout) for layout in LAYOUTS):
         raise reject(
             "run",
             str(folder),

@@ -2,11 +2,11 @@
 
 - `recipe`: hyper-parameters, read from `recipes/*.yml`.
 - `runs`: creates or resumes a run.
-- `run`: base class of all runs; `ppo` and `anchor` are its two kinds.
+- `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`) and `anchor`.
 - `anchor_stream`, `sample_buffer`: the tracks and the samples of the anchor agent.
 - `run_folder`: lock, config and metrics.
 - `checkpoint`: the state of a run on disk; `track_state` and `random_state` are parts of it.
-- `learning_curve`, `learning_figure`: evaluation during training, and its plot.
+- `learning_curve`, `statement_curve`, `learning_figure`: evaluation during training, and its plot.
 - `vec_env`: the vectorised environment for Stable-Baselines3.
 - `command`: `hybridtrack train`.
 

@@ -51,7 +51,6 @@ class Train(WorldArguments):
         from rich.console import Console
 
         from agents.interface.progress import progress_display
-        from agents.training.learning_curve import summary
         from agents.training.learning_figure import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
@@ -63,9 +62,9 @@ class Train(WorldArguments):
                 display.update(task, completed=min(now.steps, now.total), note=now.note)
 
             run.train(show, self.save_every)
-        for line in summary(read_metrics(folder)):
+        for line in run.curve.summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
-        draw_learning_curve(folder, folder / "learning.png")
+        draw_learning_curve(folder, folder / "learning.png", run.curve)
         steps = f"{run.num_timesteps:,} steps"
         console.print(f"Run {folder}: {steps}, learning.png", markup=False, highlight=False)
         console.print(f"Next: hybridtrack evaluate {folder}", markup=False, highlight=False)

@@ -1,7 +1,11 @@
-"""Training with PPO of Stable-Baselines3 or RecurrentPPO of sb3-contrib, as a resumable run."""
+"""Training with PPO of Stable-Baselines3 or RecurrentPPO of sb3-contrib, as a resumable run.
+
+`ppo_runs` has its two kinds: agents that declare a mode, and agents that state one at every tick.
+"""
 
 import math
 import threading
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -18,9 +22,8 @@ from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation import seeds
-from agents.evaluation.deciders import DeciderFamily, policy_family
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import PolicyDecider, save_actor
+from agents.learned.policy import ActorDecider, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
 from agents.training.checkpoint import check_scalars
@@ -108,10 +111,9 @@ class _RunCallback(BaseCallback):
         reward = ticks = math.nan
         episodes = self.model.ep_info_buffer
         if episodes:
-            reward = float(np.mean([episode["r"] for episode in episodes])) / self.run.segments
-            ticks = float(np.mean([episode["l"] for episode in episodes])) / self.run.segments
-            self.logger.record("segment/reward", reward)
-            self.logger.record("segment/ticks", ticks)
+            reward, ticks = self.run.recent_means(
+                *(float(np.mean([episode[key] for episode in episodes])) for key in ("r", "l"))
+            )
         if self.on_progress is not None:
             self.on_progress(TrainingProgress(self.model.num_timesteps, self.run.steps, reward, ticks))
 
@@ -127,7 +129,7 @@ def _model_class(algo: str) -> Any:
 
 
 class PPORun(Run):
-    """A PPO or RecurrentPPO run; see `agents.training.runs.make_run` for the arguments.
+    """Base class of PPO and RecurrentPPO runs; see `agents.training.runs.make_run` for the arguments.
 
     `steps` is rounded up to a multiple of the rollout size.
 
@@ -142,7 +144,7 @@ class PPORun(Run):
         self.settings = settings
         kind = _model_class(self.recipe.algo)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
-        self.segments = env.env.options.segments
+        self.layout = type(env.env.world.layout)
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
             self.model = kind(
@@ -151,7 +153,9 @@ class PPORun(Run):
                 n_steps=settings.n_steps, batch_size=settings.batch_size, n_epochs=settings.n_epochs,
                 gamma=settings.gamma, gae_lambda=settings.gae_lambda, ent_coef=settings.ent_coef,
                 seed=self.seed, device="cpu",
-                policy_kwargs=policy_kwargs_with_features(settings.policy_kwargs, settings.observe),
+                policy_kwargs=policy_kwargs_with_features(
+                    settings.policy_kwargs, settings.observe, self.layout
+                ),
             )  # fmt: skip
         except ArgumentError:
             raise
@@ -160,8 +164,6 @@ class PPORun(Run):
             raise reject(
                 "policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})"
             ) from None
-        with torch.no_grad():
-            self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
         # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
         env.seed(self.track_seeds()[0])
         self.model._last_obs = env.reset()
@@ -198,13 +200,18 @@ class PPORun(Run):
         return [first + track for track in range(self.settings.n_envs)]
 
     @property
-    def decider(self) -> PolicyDecider:
+    @abstractmethod
+    def decider(self) -> ActorDecider:
         """The current policy as a decider."""
-        return PolicyDecider(self.model.policy)
 
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current policy as a family of deciders."""
-        return policy_family(name, self.decider)
+    @abstractmethod
+    def recent_means(self, reward: float, ticks: float) -> tuple[float, float]:
+        """Log means of recent episodes, and return those of `TrainingProgress`.
+
+        Args:
+            reward: mean reward of an episode.
+            ticks: mean number of steps of an episode.
+        """
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
@@ -264,11 +271,6 @@ class PPORun(Run):
             finally:
                 model.logger.close()
 
-    def evaluate(self) -> None:
-        """Add a point of the learning curve, if the actions are declarations of hypotheses."""
-        if self.model.env.env.options.actions == "all":
-            super().evaluate()
-
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""
-        save_actor(folder, self.model.policy, card)
+        save_actor(folder, self.model.policy, card, self.layout)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -17,7 +17,7 @@ from agents.evaluation.deciders import DeciderFamily
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions
 from agents.training import checkpoint, run_folder
-from agents.training.learning_curve import LearningCurve
+from agents.training.learning_curve import DecisionCurve, LearningCurve
 from agents.training.recipe import Recipe
 from hybrid_env.checks import ArgumentError, reject
 
@@ -29,8 +29,10 @@ class TrainingProgress:
     Attributes:
         steps: environment steps so far.
         total: environment steps of the run.
-        reward: mean reward of recent segments; NaN before the first segment ends.
-        ticks: mean decision time of recent segments, in ticks; NaN before the first segment ends.
+        reward: mean reward of recent segments, or of recent ticks where a mode is stated at every tick; NaN
+            before there is one.
+        ticks: mean decision time of recent segments, in ticks; NaN before the first segment ends, or where
+            a mode is stated at every tick.
     """
 
     steps: int
@@ -41,7 +43,10 @@ class TrainingProgress:
     @property
     def note(self) -> str:
         """Text for a progress display."""
-        return "" if math.isnan(self.reward) else f"reward {self.reward:+.3f}, {self.ticks:.1f} ticks"
+        if math.isnan(self.reward):
+            return ""
+        reward = f"reward {self.reward:+.3f}"
+        return f"{reward} per tick" if math.isnan(self.ticks) else f"{reward}, {self.ticks:.1f} ticks"
 
 
 class Run(ABC):
@@ -57,6 +62,9 @@ class Run(ABC):
         seconds: training time so far, without evaluations.
         last_evaluation: last point of the learning curve.
     """
+
+    curve_class: ClassVar[type[LearningCurve]] = DecisionCurve
+    """Class of the learning curve."""
 
     def __init__(
         self,
@@ -78,7 +86,7 @@ class Run(ABC):
                 run_folder.check_free(folder)
         self.seconds = 0.0
         self.last_evaluation: dict[str, float] = {}
-        self.curve = LearningCurve(env_id, options)
+        self.curve = self.curve_class(env_id, options)
         self._opened = False
         torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
         self.build()

@@ -6,10 +6,12 @@ from typing import Any
 from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
-from agents.training.ppo import PPORun
+from agents.training.ppo_runs import DecisionPPORun, StatementPPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
 from hybrid_env.checks import check_integer, reject
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.registration import environment_options
 
 
 def make_run(
@@ -39,7 +41,10 @@ def make_run(
     if seed >= 2**31:
         raise reject("seed", seed, "an integer below 2^31")
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    kind = AnchorRun if recipe.algo == "anchor" else PPORun
+    kind: type[Run] = AnchorRun
+    if recipe.algo != "anchor":
+        states = environment_options(env_id) is QuickestOptions
+        kind = StatementPPORun if states else DecisionPPORun
     return kind(env_id, options, recipe, seed, folder, steps, resume)
 
 

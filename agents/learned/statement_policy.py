@@ -1,0 +1,37 @@
+"""A trained actor of Stable-Baselines3 that states the present mode at every tick."""
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from agents.learned.policy import ActorDecider
+from baselines.deciders.decider import Actions, Observations
+from baselines.quickest.threshold import read_statement
+
+
+class StatementPolicyDecider(ActorDecider):
+    """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
+
+    At margin 0 it states the policy's most probable mode. A larger margin changes the statement later and
+    less often to a wrong mode. The first statement of an episode is the most probable mode.
+
+    Args:
+        policy: actor whose action i states mode i, for M modes; with or without an LSTM.
+        threshold: margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
+    """
+
+    @property
+    def hypotheses(self) -> int:
+        """Number M of hypotheses that the policy was trained for."""
+        assert isinstance(self.policy.action_space, spaces.Discrete)
+        return int(self.policy.action_space.n)
+
+    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+        """See `ActorDecider.choose`; action i states mode i."""
+        if not deterministic:
+            return self.sample(logits).argmax(1)
+        best = logits.argmax(1)
+        stated, started = read_statement(observation)
+        tracks = np.arange(len(logits))
+        odds = logits[tracks, best] - logits[tracks, stated]
+        return np.where((odds > self.threshold) | ~started, best, stated)
