@@ -6,10 +6,13 @@ from typing import Annotated, Literal
 
 import tyro
 
-Group = Literal["single", "vector", "threads", "banks", "bank", "study", "training", "growth", "startup"]
+Group = Literal[
+    "single", "vector", "quickest", "threads", "banks", "bank", "study", "training", "growth", "startup"
+]
 ALL: tuple[Group, ...] = (
     "single",
     "vector",
+    "quickest",
     "threads",
     "banks",
     "bank",

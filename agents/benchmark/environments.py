@@ -10,16 +10,17 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 
 from agents.benchmark.timing import Measurement, measure_in_turn, speed_ratio
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
-from hybrid_env.registration import make_vector_env
+from hybrid_env.registration import make_track_vector_env, make_vector_env
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 BANKS: dict[str, tuple[float, ...]] = {"3 hypotheses": (5.0,), "21 hypotheses": BANK_RADII}
 ENV_ID = "hybrid_env:HybridTrack-v0"
+QUICKEST_ID = "hybrid_env:HybridTrackQuickest-v0"
 DECLARE_EVERY = 25  # steps, in the runs with declarations
 
 
 def waiting_step(env: Any) -> Callable[[], Any]:
-    """A call that makes every track of a reset vector environment wait."""
+    """A call that steps a reset vector environment with action 0: every track waits, or states mode 0."""
     wait = np.zeros(env.num_envs, np.int64)
     return lambda: env.step(wait)
 
@@ -63,6 +64,17 @@ def vector_environment() -> Iterator[Measurement]:
     times = measure_in_turn(waiting_step(_tracks(64)), _cartpole_step(64, sync))
     group = "vector environment against CartPole in SyncVectorEnv"
     yield speed_ratio(group, "3 hypotheses, 64 tracks", *times)
+
+
+def unknown_switches() -> Iterator[Measurement]:
+    """Ticks a second with unknown switch moments against those with announced ones, N tracks."""
+    for tracks in (1, 64, 1024):
+        quickest = make_track_vector_env(QUICKEST_ID, tracks, tick_info=False)
+        quickest.reset(seed=0)
+        times = measure_in_turn(waiting_step(quickest), waiting_step(_tracks(tracks)))
+        group = "HybridTrackQuickest-v0 against HybridTrack-v0, tick_info=False"
+        name = f"3 hypotheses, {tracks:,} track{'s' if tracks > 1 else ''}"
+        yield speed_ratio(group, name, *times, 0.25)
 
 
 def threads() -> Iterator[Measurement]:

@@ -65,13 +65,14 @@ def test_simulated_ticks_include_fast_forwarded_ones():
 def test_the_command_writes_table_figure_and_data(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(timing, "REPETITIONS", 1)
     monkeypatch.setattr(timing, "SECONDS", 1e-4)
-    assert main(["bench", "single", "bank", "--out", str(tmp_path)]) == 0
+    assert main(["bench", "single", "quickest", "bank", "--out", str(tmp_path)]) == 0
     assert "21 hypotheses" in capsys.readouterr().out
     found = json.loads((tmp_path / "bench.json").read_text())["measurements"]
-    assert len(found) == 6
+    assert len(found) == 9
+    assert [one["name"].split(", ")[1] for one in found[2:5]] == ["1 track", "64 tracks", "1,024 tracks"]
     assert (tmp_path / "bench.png").read_bytes().startswith(b"\x89PNG")
     table = (tmp_path / "bench.md").read_text()
-    assert table.count("\n| ") == 7
+    assert table.count("\n| ") == 10
     assert table == markdown([Measurement(**one) for one in found], table.splitlines()[0].rstrip("."))
 
 
