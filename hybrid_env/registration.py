@@ -3,9 +3,10 @@
 from typing import Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import register, registry
+from gymnasium.envs.registration import load_env_creator, register, registry
 
 from hybrid_env.checks import reject
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.track_vector_env import TrackVectorEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
@@ -59,6 +60,20 @@ def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVe
     env = make_track_vector_env(env_id, num_envs, **options)
     assert isinstance(env, HybridTrackVectorEnv)
     return env
+
+
+def environment_options(env_id: str) -> type[ModelOptions]:
+    """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`.
+
+    Raises:
+        ArgumentError: the id is not one of this package.
+    """
+    _check_env_id(env_id, "hybrid_env.")
+    entry_point = gym.spec(env_id.removeprefix("hybrid_env:")).vector_entry_point
+    assert isinstance(entry_point, str)
+    environment: Any = load_env_creator(entry_point)
+    found: type[ModelOptions] = environment.options_class
+    return found
 
 
 def check_env_id(env_id: str) -> None:

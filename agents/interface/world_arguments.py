@@ -10,18 +10,24 @@ import tyro
 from agents.interface.input_files import read_json
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
-from hybrid_env.registration import ENVIRONMENTS
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
+_FIELDS = {field.name: field for kind in (QuickestOptions, WorldOptions) for field in dataclasses.fields(kind)}
+
+
+_DEFAULT_TEXTS = {
+    "heading": "random",
+    "reset_covariance": "True for the published bank only",
+    "hazard": "inverse of the mean duration",
+}
 
 
 def _default(name: str) -> Any:
     """Help text of the default of an option, in place of None."""
-    value = next(field.default for field in dataclasses.fields(WorldOptions) if field.name == name)
-    texts = [
-        {"heading": "random", "reset_covariance": "True for the published bank only"}.get(name, _text(value))
-    ]
+    texts = [_DEFAULT_TEXTS.get(name, _text(_FIELDS[name].default))]
     texts += [
         f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options
     ]
@@ -67,20 +73,43 @@ class WorldArguments:
     """Filter bank: published, anchor_aware (with the uncertainty of the anchor), oracle (true anchor)."""
     reset_covariance: Annotated[bool | None, _default("reset_covariance")] = None
     """Reset the covariance to P := I at the start of every segment, as published."""
-
     follow: Annotated[Literal["declared", "bank"] | None, _default("follow")] = None
     """What runs on after a decision: the filter of the declared hypothesis, as published, or all filters,
     whose merged estimate is the next anchor."""
+    ticks: Annotated[int | None, _default("ticks")] = None
+    """Length of an episode of HybridTrackQuickest-v0 [ticks]."""
+    durations: Annotated[str | None, _default("durations")] = None
+    """Law of the durations of its segments: '25 + geometric 50', 'geometric 75', 'uniform 50-100'."""
+    start: Annotated[Literal["known", "random"] | None, _default("start")] = None
+    """Its first tick: at a switch to a known mode, or at a random moment in an unknown mode."""
+    change_cost: Annotated[float | None, _default("change_cost")] = None
+    """Cost of a change of the statement to a wrong mode, relative to the reward of a right tick."""
+    hazard: Annotated[float | None, _default("hazard")] = None
+    """Probability of a switch per tick that its bank assumes."""
 
     @property
     def env_id(self) -> str:
         """The given id, or the default."""
         return DEFAULT_ENV if self.env is None else self.env
 
-    def world_options(self) -> dict[str, Any]:
-        """The given options, as keyword arguments of `gym.make`."""
+    def world_options(self, env_id: str | None = None) -> dict[str, Any]:
+        """Return the given options, as keyword arguments of `gym.make`.
+
+        Args:
+            env_id: of the environment they are for; None is the given id, or the default.
+
+        Raises:
+            ArgumentError: the id is unknown, or its environment has no such option.
+        """
+        env_id = env_id or self.env_id
         names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
-        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        known = {field.name for field in dataclasses.fields(environment_options(env_id))}
+        for name, value in given.items():
+            if name not in known:
+                environment = env_id.rpartition(":")[2]
+                raise reject(name, value, f"no value, because {environment} has no such option")
+        return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
         """Environment id and options for a decider.
@@ -93,7 +122,7 @@ class WorldArguments:
         if card is None or self.env not in (None, card["environment"]):
             return self.env_id, self.world_options()
         trained = {name: value for name, value in card["options"].items() if name != "actions"}
-        return card["environment"], trained | self.world_options()
+        return card["environment"], trained | self.world_options(card["environment"])
 
 
 def read_card(decider: str) -> dict[str, Any] | None:
@@ -110,7 +139,8 @@ def read_card(decider: str) -> dict[str, Any] | None:
         if path.is_file():
             try:
                 card = read_json(path)
-                return {"environment": _text_of(card["environment"]), "options": _options(card["options"])}
+                environment = _text_of(card["environment"])
+                return {"environment": environment, "options": _options(card["options"], environment)}
             except (OSError, ValueError, KeyError, TypeError) as error:
                 raise reject("run", str(path.parent), f"a folder with a complete {CARD} ({error})") from None
     return None
@@ -122,10 +152,11 @@ def _text_of(value: Any) -> str:
     return value
 
 
-def _options(value: Any) -> dict[str, Any]:
+def _options(value: Any, environment: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise reject("options", value, "a mapping")
+    known = {field.name for field in dataclasses.fields(environment_options(environment))}
     for name in value:
-        if name not in {field.name for field in dataclasses.fields(WorldOptions)}:
+        if name not in known:
             raise reject("option", name, "an option of the environment")
     return value
