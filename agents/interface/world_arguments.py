@@ -15,7 +15,9 @@ from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
-_FIELDS = {field.name: field for kind in (QuickestOptions, WorldOptions) for field in dataclasses.fields(kind)}
+_FIELDS = {
+    field.name: field for kind in (QuickestOptions, WorldOptions) for field in dataclasses.fields(kind)
+}
 
 
 _DEFAULT_TEXTS = {
