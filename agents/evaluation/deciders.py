@@ -276,12 +276,8 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
     Raises:
         ArgumentError: unknown name, invalid threshold, or a policy trained for another number of hypotheses.
     """
-    base, colon, text = name.rpartition(":")
-    try:
-        threshold = float(text) if colon and not Path(name).is_dir() else None
-    except ValueError:
-        raise reject("decider", name, "a number after the colon") from None
-    family = decider_family(base if threshold is not None else name, options)
+    base, threshold = split_threshold(name)
+    family = decider_family(base, options)
     whole = family.symbol == "ticks"
     if threshold is not None and family is ML_AT_END:
         raise reject("decider", name, "'ml' without a threshold: it declares at the end of the segment")
@@ -295,6 +291,21 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
             raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
     check_family(family, name, options)
     return family.make(family.default if threshold is None else threshold)
+
+
+def split_threshold(name: str) -> tuple[str, float | None]:
+    """Return the name of a decider and the threshold after its colon, None if there is none.
+
+    Raises:
+        ArgumentError: what follows the colon is not a number.
+    """
+    base, colon, text = name.rpartition(":")
+    if not colon or Path(name).is_dir():
+        return name, None
+    try:
+        return base, float(text)
+    except ValueError:
+        raise reject("decider", name, "a number after the colon") from None
 
 
 def world_changes(name: str, world: WorldOptions) -> dict[str, Any]:

@@ -80,13 +80,7 @@ class OperatingCurve:
 
     def estimate(self, statistic: Callable[[FloatArray], Any]) -> Estimate:
         """Return a function of the means (..., 3, thresholds) with its confidence interval."""
-        episodes = self.episodes
-        flat = episodes.reshape(len(episodes), -1)
-
-        def of_means(means: FloatArray) -> Any:
-            return statistic(means.reshape(*means.shape[:-1], *episodes.shape[1:]))
-
-        return _estimate(flat, of_means)
+        return estimate(self.episodes, statistic)
 
     def difference(
         self, other: "OperatingCurve", statistic: Callable[[FloatArray], Any], of_other: Any = None
@@ -98,16 +92,47 @@ class OperatingCurve:
             statistic: function of the means (..., 3, thresholds).
             of_other: statistic of the other curve, if it differs.
         """
-        mine, theirs = self.episodes, other.episodes
-        split = mine[0].size
-        flat = np.concatenate([mine.reshape(len(mine), -1), theirs.reshape(len(theirs), -1)], axis=1)
+        return paired_estimate(
+            self.episodes,
+            other.episodes,
+            lambda mine, theirs: statistic(mine) - (of_other or statistic)(theirs),
+        )
 
-        def of_means(means: FloatArray) -> Any:
-            first = means[..., :split].reshape(*means.shape[:-1], *mine.shape[1:])
-            second = means[..., split:].reshape(*means.shape[:-1], *theirs.shape[1:])
-            return statistic(first) - (of_other or statistic)(second)
 
-        return _estimate(flat, of_means)
+def estimate(episodes: FloatArray, statistic: Callable[[FloatArray], Any]) -> Estimate:
+    """Return a function of means over episodes with its confidence interval.
+
+    Args:
+        episodes: (E, F, thresholds) figures of each episode.
+        statistic: number (...) from means (..., F, thresholds).
+    """
+    flat = episodes.reshape(len(episodes), -1)
+
+    def of_means(means: FloatArray) -> Any:
+        return statistic(means.reshape(*means.shape[:-1], *episodes.shape[1:]))
+
+    return _estimate(flat, of_means)
+
+
+def paired_estimate(
+    mine: FloatArray, theirs: FloatArray, statistic: Callable[[FloatArray, FloatArray], Any]
+) -> Estimate:
+    """Return a function of the means of two deciders with its paired confidence interval.
+
+    Args:
+        mine, theirs: (E, F, thresholds) figures of each of the same episodes; F and the thresholds may
+            differ.
+        statistic: number (...) from the means of both, (..., F, thresholds).
+    """
+    split = mine[0].size
+    flat = np.concatenate([mine.reshape(len(mine), -1), theirs.reshape(len(theirs), -1)], axis=1)
+
+    def of_means(means: FloatArray) -> Any:
+        first = means[..., :split].reshape(*means.shape[:-1], *mine.shape[1:])
+        second = means[..., split:].reshape(*means.shape[:-1], *theirs.shape[1:])
+        return statistic(first, second)
+
+    return _estimate(flat, of_means)
 
 
 def _estimate(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Estimate:
@@ -128,22 +153,29 @@ def ticks_at_accuracy(level: float) -> Callable[[FloatArray], FloatArray]:
 
     The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` below the accuracy.
     """
+    return lambda means: value_at_level(means[..., ACCURACY, :], level, means[..., TICKS, :])
 
-    def statistic(means: FloatArray) -> FloatArray:
-        accuracy, ticks = means[..., ACCURACY, :], means[..., TICKS, :]
-        reached = accuracy >= level
-        right = reached.argmax(-1)
-        left = np.maximum(right - 1, 0)
 
-        def pick(values: FloatArray, index: NDArray[np.int64]) -> FloatArray:
-            return np.take_along_axis(values, index[..., None], -1)[..., 0]
+def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> FloatArray:
+    """Return values (...) at the first threshold at which a measure reaches a level.
 
-        step = pick(accuracy, right) - pick(accuracy, left)
-        fraction = np.where(step > 0, (level - pick(accuracy, left)) / np.where(step > 0, step, 1.0), 1.0)
-        crossing = pick(ticks, left) + fraction * (pick(ticks, right) - pick(ticks, left))
-        return np.where(reached.any(-1), crossing, NOT_REACHED)
+    They are interpolated linearly from the threshold before; the value is `NOT_REACHED` below the level.
 
-    return statistic
+    Args:
+        measure, values: (..., thresholds).
+        level: of the measure.
+    """
+    reached = measure >= level
+    right = reached.argmax(-1)
+    left = np.maximum(right - 1, 0)
+
+    def pick(values: FloatArray, index: NDArray[np.int64]) -> FloatArray:
+        return np.take_along_axis(values, index[..., None], -1)[..., 0]
+
+    step = pick(measure, right) - pick(measure, left)
+    fraction = np.where(step > 0, (level - pick(measure, left)) / np.where(step > 0, step, 1.0), 1.0)
+    crossing = pick(values, left) + fraction * (pick(values, right) - pick(values, left))
+    return np.where(reached.any(-1), crossing, NOT_REACHED)
 
 
 def error_at_ticks(time: float) -> Callable[[FloatArray], FloatArray]:

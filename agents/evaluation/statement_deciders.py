@@ -1,0 +1,131 @@
+"""Deciders for unknown switch moments by name: rules with thresholds to sweep, policies in run folders."""
+
+import importlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents import learned
+from agents.evaluation.deciders import SHIPPED, DeciderFamily, split_threshold
+from baselines import CusumDecider, ShiryaevRobertsDecider, ThresholdDecider, WindowedRatioDecider
+from baselines.deciders.decider import Decider
+from baselines.quickest.beam import BeamDecider
+from hybrid_env.checks import reject
+from hybrid_env.durations import GeometricDurations
+from hybrid_env.limits import MAX_LENGTH
+from hybrid_env.quickest_options import QuickestOptions
+
+PROBABILITIES = (
+    *(0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95),
+    *(0.98, 0.99, 0.999),
+)
+LOG_RATIOS = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
+LOG_RATIO_SUMS = (2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 15.0)
+MARGINS = (-2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+SMALLEST_BEAM = 64  # histories of switches
+HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses
+SHIPPED_STATEMENTS = Path(learned.__file__).parent / "shipped_quickest"
+"""Folder of the weights for unknown switch moments that come with the package."""
+ALGORITHM = "statements"
+"""Algorithm of a policy for unknown switch moments, on its card."""
+
+
+def threshold_family(options: QuickestOptions) -> DeciderFamily:
+    """Return the threshold on the probabilities of the bank."""
+    return DeciderFamily("IMM threshold", "probability", _probabilities(options), 0.6, ThresholdDecider)
+
+
+def beam_family(options: QuickestOptions) -> DeciderFamily:
+    """Return the threshold on the posterior of switch histories with the true law of durations."""
+    return _beam_family("beam", options, None)
+
+
+def geometric_beam_family(options: QuickestOptions) -> DeciderFamily:
+    """Return the beam that assumes a geometric law of the same mean, for which the age has no meaning."""
+    mean = min(options.law.mean_duration, float(MAX_LENGTH))
+    return _beam_family("beam, geometric", options, GeometricDurations(mean))
+
+
+RULES: dict[str, Callable[[QuickestOptions], DeciderFamily]] = {
+    "threshold": threshold_family,
+    "cusum": lambda options: DeciderFamily("CUSUM", "G", LOG_RATIOS, 4.0, CusumDecider),
+    "shiryaev-roberts": lambda options: DeciderFamily(
+        "Shiryaev-Roberts", "ln R", LOG_RATIO_SUMS, 6.0, ShiryaevRobertsDecider
+    ),
+    "window": lambda options: DeciderFamily("windowed ratio", "G", LOG_RATIOS, 4.0, WindowedRatioDecider),
+    "beam": beam_family,
+    "beam-geometric": geometric_beam_family,
+}
+"""The classical rules by name, as families for the options of an environment."""
+
+
+def _probabilities(options: QuickestOptions) -> tuple[float, ...]:
+    """Return thresholds on the largest probability, which is never below 1 / M."""
+    return tuple(p for p in PROBABILITIES if p == 0.0 or p > 1.0 / options.hypotheses)
+
+
+def _beam_family(name: str, options: QuickestOptions, durations: GeometricDurations | None) -> DeciderFamily:
+    branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
+
+    def make(threshold: float) -> Any:  # it observes measurements, see `record_statements`
+        return BeamDecider(options, threshold, branches=branches, durations=durations)
+
+    return DeciderFamily(name, "probability", _probabilities(options), 0.6, make)
+
+
+def statement_family(name: str, options: QuickestOptions) -> DeciderFamily:
+    """Return the family of a classical rule, of the shipped agent or of a run folder, for an environment.
+
+    Raises:
+        ArgumentError: an unknown name, an unreadable run folder, or a policy for known switch moments.
+    """
+    if name in RULES:
+        return RULES[name](options)
+    folder = SHIPPED_STATEMENTS if name == SHIPPED else Path(name or os.devnull)
+    if folder.is_dir():
+        return learned_statement_family(SHIPPED if name == SHIPPED else folder.name, folder)
+    known = [*RULES, *shipped_agents()]
+    names = ", ".join(map(repr, known))
+    raise reject("decider", name, f"{names} or the path of a run folder, each with an optional ':threshold'")
+
+
+def shipped_agents() -> tuple[str, ...]:
+    """Return the name of the agent that comes with the package, or nothing if there is none."""
+    return (SHIPPED,) if SHIPPED_STATEMENTS.is_dir() else ()
+
+
+def learned_statement_family(name: str, folder: Path) -> DeciderFamily:
+    """Return the family of a trained policy; its threshold is the log-odds margin of a change."""
+    from agents.learned.policy_file import load_policy
+
+    weights, card = load_policy(folder)
+    if card["recipe"]["entry"]["algo"] != ALGORITHM:
+        raise reject("decider", str(folder), f"a policy for unknown switch moments, of algo {ALGORITHM!r}")
+    try:
+        module: Any = importlib.import_module("agents.learned.statement_decider")
+    except ModuleNotFoundError:
+        raise reject("decider", str(folder), "a classical rule: policies cannot be loaded yet") from None
+    net = module.load_statements(folder, weights, card)
+    return DeciderFamily(name, "log-odds", MARGINS, 0.0, lambda margin: module.StatementDecider(net, margin))
+
+
+def statement_decider(name: str, options: QuickestOptions) -> tuple[DeciderFamily, float, Decider]:
+    """Return the family, the threshold and the decider for "threshold", "beam:0.7" or "runs/agent:1.5".
+
+    Args:
+        name: classical rule, 'shipped' or run folder, with an optional threshold after a colon.
+        options: of the environment to decide in.
+
+    Raises:
+        ArgumentError: unknown name, or a threshold that is not allowed.
+    """
+    base, threshold = split_threshold(name)
+    family = statement_family(base, options)
+    if threshold is None:
+        threshold = family.default
+    if not np.isfinite(threshold):
+        raise reject("decider", name, "a finite number after the colon")
+    return family, threshold, family.make(threshold)
