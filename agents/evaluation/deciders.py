@@ -23,14 +23,12 @@ from baselines.deciders.refiltering import (
 )
 from hybrid_env.checks import check_positive, reject
 from hybrid_env.model_options import ModelOptions
-from hybrid_env.observation import QuickestLayout
+from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.quickest_options import QuickestOptions
 
 if TYPE_CHECKING:
     from agents.learned.anchor_decider import AnchorNetworks
     from agents.learned.policy import PolicyDecider
-    from agents.learned.statement_policy import StatementPolicyDecider
 
 
 @dataclass(frozen=True)
@@ -121,8 +119,6 @@ LOG_ODDS = (
     4.0,
 )
 
-MARGINS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-
 BAYES = "bayes"
 KEPT_COVARIANCE = "msprt-kept"
 CALIBRATED_ANCHOR = "calibrated"
@@ -204,11 +200,6 @@ def policy_family(name: str, decider: "PolicyDecider") -> DeciderFamily:
     return DeciderFamily(name, "log-odds", LOG_ODDS, 0.0, decider.with_threshold, decider.hypotheses)
 
 
-def statement_policy_family(name: str, decider: "StatementPolicyDecider") -> DeciderFamily:
-    """Return the family of a trained policy that states modes; see `StatementPolicyDecider`."""
-    return DeciderFamily(name, "margin", MARGINS, 0.0, decider.with_threshold, decider.hypotheses)
-
-
 def anchor_family(name: str, net: "AnchorNetworks", world: WorldOptions) -> DeciderFamily:
     """Return the family of a trained anchor agent; its threshold is the expected loss of a declaration."""
     from agents.learned.anchor_decider import AnchorDecider
@@ -238,25 +229,17 @@ def decider_family(name: str, world: WorldOptions) -> DeciderFamily:
     raise reject("decider", name, f"{known} or the path of a run folder, each with an optional ':threshold'")
 
 
-def learned_family(folder: Path, world: ModelOptions) -> DeciderFamily:
+def learned_family(folder: Path, world: WorldOptions) -> DeciderFamily:
     """Return the family of the policy in a run folder, for any training algorithm.
 
     Raises:
-        ArgumentError: the folder cannot be read, or its agent is for another kind of environment.
+        ArgumentError: the folder cannot be read, or its agent is for unknown switch moments.
     """
     from agents.learned.policy_file import card_layout, load_policy
 
     weights, card = load_policy(folder)
-    states = card_layout(card) is QuickestLayout
-    if states != isinstance(world, QuickestOptions):
-        needed = "declares" if states else "states"
-        raise reject("decider", str(folder), f"an agent that {needed} modes, as this environment requires")
-    if states:
-        from agents.learned.policy import load_actor
-        from agents.learned.statement_policy import StatementPolicyDecider
-
-        return statement_policy_family(folder.name, StatementPolicyDecider(load_actor(folder, weights, card)))
-    assert isinstance(world, WorldOptions)
+    if card_layout(card) is not Layout:
+        raise reject("decider", str(folder), "a policy for known switch moments")
     if card["recipe"]["entry"]["algo"] == "anchor":
         from agents.learned.anchor_decider import load_anchor
 
@@ -314,7 +297,7 @@ def world_changes(name: str, world: WorldOptions) -> dict[str, Any]:
     return dict(FITTED[base](world).options) if base in FITTED else {}
 
 
-def check_family(family: DeciderFamily, name: str, options: WorldOptions) -> None:
+def check_family(family: DeciderFamily, name: str, options: ModelOptions) -> None:
     """Check that a decider applies to the number of hypotheses of an environment.
 
     Raises:

@@ -4,19 +4,23 @@ import importlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from agents import learned
-from agents.evaluation.deciders import SHIPPED, DeciderFamily, split_threshold
+from agents.evaluation.deciders import SHIPPED, DeciderFamily, check_family, split_threshold
 from baselines import CusumDecider, ShiryaevRobertsDecider, ThresholdDecider, WindowedRatioDecider
 from baselines.deciders.decider import Decider
 from baselines.quickest.beam import BeamDecider
 from hybrid_env.checks import reject
 from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
+from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
+
+if TYPE_CHECKING:
+    from agents.learned.statement_policy import StatementPolicyDecider
 
 PROBABILITIES = (
     *(0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95),
@@ -97,13 +101,24 @@ def shipped_agents() -> tuple[str, ...]:
     return (SHIPPED,) if SHIPPED_STATEMENTS.is_dir() else ()
 
 
+def statement_policy_family(name: str, decider: "StatementPolicyDecider") -> DeciderFamily:
+    """Return the family of a policy trained with PPO; its threshold is the log-odds margin of a change."""
+    thresholds = tuple(margin for margin in MARGINS if margin >= 0.0)
+    return DeciderFamily(name, "log-odds", thresholds, 0.0, decider.with_threshold, decider.hypotheses)
+
+
 def learned_statement_family(name: str, folder: Path) -> DeciderFamily:
     """Return the family of a trained policy; its threshold is the log-odds margin of a change."""
-    from agents.learned.policy_file import load_policy
+    from agents.learned.policy_file import card_layout, load_policy
 
     weights, card = load_policy(folder)
     if card["recipe"]["entry"]["algo"] != ALGORITHM:
-        raise reject("decider", str(folder), f"a policy for unknown switch moments, of algo {ALGORITHM!r}")
+        if card_layout(card) is not QuickestLayout:
+            raise reject("decider", str(folder), "a policy for unknown switch moments")
+        from agents.learned.policy import load_actor
+        from agents.learned.statement_policy import StatementPolicyDecider
+
+        return statement_policy_family(name, StatementPolicyDecider(load_actor(folder, weights, card)))
     try:
         module: Any = importlib.import_module("agents.learned.statement_decider")
     except ModuleNotFoundError:
@@ -120,10 +135,12 @@ def statement_decider(name: str, options: QuickestOptions) -> tuple[DeciderFamil
         options: of the environment to decide in.
 
     Raises:
-        ArgumentError: unknown name, or a threshold that is not allowed.
+        ArgumentError: unknown name, a threshold that is not allowed, or a policy trained for another number
+            of hypotheses.
     """
     base, threshold = split_threshold(name)
     family = statement_family(base, options)
+    check_family(family, name, options)
     if threshold is None:
         threshold = family.default
     if not np.isfinite(threshold):

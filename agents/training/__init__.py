@@ -6,7 +6,7 @@
 - `anchor_stream`, `sample_buffer`: the tracks and the samples of the anchor agent.
 - `run_folder`: lock, config and metrics.
 - `checkpoint`: the state of a run on disk; `track_state` and `random_state` are parts of it.
-- `learning_curve`, `statement_curve`, `learning_figure`: evaluation during training, and its plot.
+- `learning_curve`, `statement_learning_curve`, `learning_figure`: evaluation during training, and its plot.
 - `vec_env`: the vectorised environment for Stable-Baselines3.
 - `command`: `hybridtrack train`.
 

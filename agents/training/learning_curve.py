@@ -99,7 +99,7 @@ class LearningCurve(ABC):
         return [*lines, f"{best} surpassed: {last[self.reference_key]:.3f}, {when}"]
 
 
-class DecisionCurve(LearningCurve):
+class DecisionLearningCurve(LearningCurve):
     """The learning curve of an agent that declares a mode of each segment, next to the SPRT."""
 
     reference_key, reference_name, reference, unit = "evaluation/sprt", ATE.name, "SPRT", "segment"

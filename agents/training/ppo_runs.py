@@ -5,12 +5,13 @@ from typing import ClassVar
 
 import torch
 
-from agents.evaluation.deciders import DeciderFamily, policy_family, statement_policy_family
+from agents.evaluation.deciders import DeciderFamily, policy_family
+from agents.evaluation.statement_deciders import statement_policy_family
 from agents.learned.policy import PolicyDecider
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.training.learning_curve import LearningCurve
 from agents.training.ppo import PPORun
-from agents.training.statement_curve import StatementCurve
+from agents.training.statement_learning_curve import StatementLearningCurve
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 
@@ -59,7 +60,7 @@ class StatementPPORun(PPORun):
         ArgumentError: also for a recipe whose initial policy waits.
     """
 
-    curve_class: ClassVar[type[LearningCurve]] = StatementCurve
+    curve_class: ClassVar[type[LearningCurve]] = StatementLearningCurve
 
     def build(self) -> None:
         """Create model and environments."""

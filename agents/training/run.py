@@ -17,7 +17,7 @@ from agents.evaluation.deciders import DeciderFamily
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions
 from agents.training import checkpoint, run_folder
-from agents.training.learning_curve import DecisionCurve, LearningCurve
+from agents.training.learning_curve import DecisionLearningCurve, LearningCurve
 from agents.training.recipe import Recipe
 from hybrid_env.checks import ArgumentError, reject
 
@@ -63,7 +63,7 @@ class Run(ABC):
         last_evaluation: last point of the learning curve.
     """
 
-    curve_class: ClassVar[type[LearningCurve]] = DecisionCurve
+    curve_class: ClassVar[type[LearningCurve]] = DecisionLearningCurve
     """Class of the learning curve."""
 
     def __init__(

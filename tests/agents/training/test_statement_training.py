@@ -11,13 +11,14 @@ from small_training import SMALL_PPO, log_often, small_run
 from agents.cli import main
 from agents.evaluation import seeds
 from agents.evaluation.deciders import learned_family
+from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.training.learning_figure import draw_learning_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run
-from agents.training.statement_curve import StatementCurve
+from agents.training.statement_learning_curve import StatementLearningCurve
 from baselines.quickest.metrics import measure_statements
 from baselines.quickest.statements import record_statements
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, WorldOptions
@@ -108,7 +109,7 @@ def test_a_run_folder_has_the_layout_on_its_card_and_an_equivalent_decider(tmp_p
     scales = QuickestLayout.hypothesis_features | QuickestLayout.track_features
     assert (card["environment"], card["actions"], card["observation_scales"]) == (ENV, 3, scales)
     world = QuickestOptions(**card["options"])
-    family = learned_family(tmp_path / "run", world)
+    family = learned_statement_family("run", tmp_path / "run")
     assert family.hypotheses == 3
     recorded = [
         record_statements(decider, 20, 3, **vars(world)).stated_modes
@@ -116,14 +117,16 @@ def test_a_run_folder_has_the_layout_on_its_card_and_an_equivalent_decider(tmp_p
     ]
     np.testing.assert_array_equal(recorded[0], recorded[1])
     np.testing.assert_array_equal(recorded[0], recorded[2])
-    with pytest.raises(ArgumentError, match="an agent that declares modes"):
+    with pytest.raises(ArgumentError, match="a policy for known switch moments"):
         learned_family(tmp_path / "run", WorldOptions())
+    with pytest.raises(ArgumentError, match="a policy for 5 hypotheses"):
+        statement_decider(str(tmp_path / "run"), QuickestOptions(radii=(5.0, 7.0)))
 
 
 def test_an_agent_that_declares_modes_is_refused_here(tmp_path):
     small_run("ppo", tmp_path / "run", 640).train()
-    with pytest.raises(ArgumentError, match="an agent that states modes"):
-        learned_family(tmp_path / "run", QuickestOptions())
+    with pytest.raises(ArgumentError, match="a policy for unknown switch moments"):
+        learned_statement_family("run", tmp_path / "run")
 
 
 def test_the_learning_curve_measures_fixed_tracks_of_the_environment(tmp_path, monkeypatch):
@@ -136,7 +139,7 @@ def test_the_learning_curve_measures_fixed_tracks_of_the_environment(tmp_path, m
     assert point["evaluation/reward"] == metrics.reward.mean()
     assert point["evaluation/right"] == metrics.right.mean()
     assert point["evaluation/wrong_changes"] == metrics.wrong_changes.mean()
-    curve = StatementCurve(ENV, SHORT)
+    curve = StatementLearningCurve(ENV, SHORT)
     assert point["evaluation/threshold"] == curve.reference_reward
     assert "threshold rule" in curve.summary([point])[1]
     assert "per tick" in curve.summary([point])[0]
@@ -183,7 +186,7 @@ def test_a_recurrent_agent_can_state_modes(tmp_path):
     changes = [*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8", "wait_bias=0"]
     run = make_run(ENV, SHORT, load_recipe("recurrent-ppo", ENV, changes), 0, tmp_path / "run", 640)
     run.train()
-    loaded = learned_family(tmp_path / "run", QuickestOptions(**SHORT)).make(0.5)
+    loaded = statement_decider(f"{tmp_path / 'run'}:0.5", QuickestOptions(**SHORT))[2]
     recorded = [
         record_statements(decider, 5, 3, **SHORT).stated_modes
         for decider in (run.decider.with_threshold(0.5), loaded)
