@@ -19,7 +19,7 @@ from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
 LAYOUTS: tuple[type[Layout], ...] = (Layout, QuickestLayout)
-ALGORITHMS = ("ppo", "recurrent_ppo", "anchor")
+ALGORITHMS = ("ppo", "recurrent_ppo", "anchor", "statements")
 LARGEST_FILE = 2**27  # bytes
 LARGEST_HEADER = 2**20  # bytes
 LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow

@@ -26,7 +26,8 @@ from agents.learned.anchor_decider import AnchorNetworks, check_declares_hypothe
 from agents.learned.regret_net import regret_inputs
 from agents.training import run_folder
 from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout
-from agents.training.recipe import AnchorSettings, TrainingWorld, learning_rate_schedule
+from agents.training.learning_rate import learning_rate_schedule
+from agents.training.recipe import AnchorSettings, TrainingWorld
 from agents.training.run import Run, TrainingProgress
 from agents.training.sample_buffer import SampleBuffer
 from agents.training.track_state import check_tracks

@@ -27,8 +27,9 @@ from agents.learned.policy import ActorDecider, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
 from agents.training.checkpoint import check_scalars
+from agents.training.learning_rate import learning_rate_schedule
 from agents.training.random_state import check_random_state, random_state, set_random_state
-from agents.training.recipe import PPOSettings, learning_rate_schedule
+from agents.training.recipe import PPOSettings
 from agents.training.run import Run, TrainingProgress
 from agents.training.track_state import check_tracks
 from agents.training.vec_env import HybridTrackVecEnv

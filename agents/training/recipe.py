@@ -7,15 +7,15 @@ learning rate that decays linearly. Unlike in the zoo, no value is evaluated as 
 
 import dataclasses
 import json
-import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from agents.interface.input_files import parse_yaml, read_text
 from agents.learned.network_settings import LARGEST_HIDDEN, check_policy_kwargs
+from agents.training.learning_rate import learning_rate_schedule
+from agents.training.statement_settings import StatementSettings
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
 from hybrid_env.limits import MAX_RADII
 from hybrid_env.options import WorldOptions
@@ -190,11 +190,12 @@ class AnchorSettings:
             raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
 
 
-Settings = PPOSettings | AnchorSettings
-ALGORITHMS: dict[str, type[PPOSettings] | type[AnchorSettings]] = {
+Settings = PPOSettings | AnchorSettings | StatementSettings
+ALGORITHMS: dict[str, type[PPOSettings] | type[AnchorSettings] | type[StatementSettings]] = {
     "ppo": PPOSettings,
     "recurrent_ppo": PPOSettings,
     "anchor": AnchorSettings,
+    "statements": StatementSettings,
 }
 
 
@@ -218,22 +219,6 @@ class Recipe:
         """Return plain values; `recipe_of` reads the entry."""
         entry = {"algo": self.algo, "n_timesteps": self.n_timesteps} | asdict(self.settings)
         return {"name": self.name, "entry": entry}
-
-
-def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
-    """Return the initial learning rate and whether it decays linearly.
-
-    Raises:
-        ArgumentError: not a number in (0, 1], with or without "lin_".
-    """
-    decays = isinstance(rate, str) and rate.startswith("lin_")
-    value = math.nan
-    if isinstance(rate, (str, int, float)):
-        with suppress(ValueError, OverflowError):
-            value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
-    if isinstance(rate, bool) or not 0.0 < value <= 1.0:
-        raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
-    return value, decays
 
 
 def recipe_names() -> list[str]:

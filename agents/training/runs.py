@@ -9,6 +9,7 @@ from agents.training.checkpoint import has_checkpoint
 from agents.training.ppo_runs import DecisionPPORun, StatementPPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
+from agents.training.statements import StatementRun
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import environment_options
@@ -41,11 +42,17 @@ def make_run(
     if seed >= 2**31:
         raise reject("seed", seed, "an integer below 2^31")
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    kind: type[Run] = AnchorRun
-    if recipe.algo != "anchor":
-        states = environment_options(env_id) is QuickestOptions
-        kind = StatementPPORun if states else DecisionPPORun
+    kind = _run_class(env_id, recipe)
     return kind(env_id, options, recipe, seed, folder, steps, resume)
+
+
+def _run_class(env_id: str, recipe: Recipe) -> type[Run]:
+    if recipe.algo == "anchor":
+        return AnchorRun
+    if recipe.algo == "statements":
+        return StatementRun
+    states = environment_options(env_id) is QuickestOptions
+    return StatementPPORun if states else DecisionPPORun
 
 
 def resume_run(folder: Path, steps: int | None = None) -> Run:
