@@ -23,6 +23,14 @@ SMALL_ANCHOR = (
     "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )  # fmt: skip
+SMALL_STATEMENTS = (
+    "n_envs=8",
+    "batch_size=8",
+    "n_steps=25",
+    "hidden=6",
+    "durations=[uniform 5-20, geometric 30]",
+)
+QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 KINDS = {
     "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
@@ -33,7 +41,8 @@ KINDS = {
         SCHEME,
         (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8"),
     ),
-    "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", {"ticks": 50, "durations": "uniform 5-20"}, SMALL_PPO),
+    "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
+    "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")

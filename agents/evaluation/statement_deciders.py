@@ -1,6 +1,5 @@
 """Deciders for unknown switch moments by name: rules with thresholds to sweep, policies in run folders."""
 
-import importlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
 if TYPE_CHECKING:
+    from agents.learned.statement_net import StatementNet
     from agents.learned.statement_policy import StatementPolicyDecider
 
 PROBABILITIES = (
@@ -90,7 +90,7 @@ def statement_family(name: str, options: QuickestOptions) -> DeciderFamily:
         return RULES[name](options)
     folder = SHIPPED_STATEMENTS if name == SHIPPED else Path(name or os.devnull)
     if folder.is_dir():
-        return learned_statement_family(SHIPPED if name == SHIPPED else folder.name, folder)
+        return learned_statement_family(SHIPPED if name == SHIPPED else folder.name, folder, options)
     known = [*RULES, *shipped_agents()]
     names = ", ".join(map(repr, known))
     raise reject("decider", name, f"{names} or the path of a run folder, each with an optional ':threshold'")
@@ -107,24 +107,30 @@ def statement_policy_family(name: str, decider: "StatementPolicyDecider") -> Dec
     return DeciderFamily(name, "log-odds", thresholds, 0.0, decider.with_threshold, decider.hypotheses)
 
 
-def learned_statement_family(name: str, folder: Path) -> DeciderFamily:
-    """Return the family of a trained policy; its threshold is the log-odds margin of a change."""
+def statement_net_family(name: str, net: "StatementNet", options: QuickestOptions) -> DeciderFamily:
+    """Return the family of an agent trained on its expected reward; see `StatementDecider`."""
+    from agents.learned.statement_decider import StatementDecider
+
+    return DeciderFamily(
+        name, "log-odds", MARGINS, 0.0, lambda margin: StatementDecider(net, options, margin)
+    )
+
+
+def learned_statement_family(name: str, folder: Path, options: QuickestOptions) -> DeciderFamily:
+    """Return the family of the policy in a run folder; its threshold is the log-odds margin of a change."""
     from agents.learned.policy_file import card_layout, load_policy
 
     weights, card = load_policy(folder)
-    if card["recipe"]["entry"]["algo"] != ALGORITHM:
-        if card_layout(card) is not QuickestLayout:
-            raise reject("decider", str(folder), "a policy for unknown switch moments")
-        from agents.learned.policy import load_actor
-        from agents.learned.statement_policy import StatementPolicyDecider
+    if card_layout(card) is not QuickestLayout:
+        raise reject("decider", str(folder), "a policy for unknown switch moments")
+    if card["recipe"]["entry"]["algo"] == ALGORITHM:
+        from agents.learned.statement_decider import load_statements
 
-        return statement_policy_family(name, StatementPolicyDecider(load_actor(folder, weights, card)))
-    try:
-        module: Any = importlib.import_module("agents.learned.statement_decider")
-    except ModuleNotFoundError:
-        raise reject("decider", str(folder), "a classical rule: policies cannot be loaded yet") from None
-    net = module.load_statements(folder, weights, card)
-    return DeciderFamily(name, "log-odds", MARGINS, 0.0, lambda margin: module.StatementDecider(net, margin))
+        return statement_net_family(name, load_statements(folder, weights, card), options)
+    from agents.learned.policy import load_actor
+    from agents.learned.statement_policy import StatementPolicyDecider
+
+    return statement_policy_family(name, StatementPolicyDecider(load_actor(folder, weights, card)))
 
 
 def statement_decider(name: str, options: QuickestOptions) -> tuple[DeciderFamily, float, Decider]:

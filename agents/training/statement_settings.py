@@ -9,7 +9,7 @@ from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import two_values
 
-LARGEST_ROUND = 2**18  # tracks
+LARGEST_ROUND = 2**12  # tracks
 LARGEST_FACTOR = 1000.0
 MOST_LAWS = 100
 LARGEST_BELIEF_WEIGHT = 100.0

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.evaluation import seeds
-from agents.evaluation.deciders import DeciderFamily, statement_family
+from agents.evaluation.deciders import DeciderFamily
+from agents.evaluation.statement_deciders import statement_net_family
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
@@ -24,7 +25,7 @@ from agents.training import run_folder
 from agents.training.learning_curve import LearningCurve
 from agents.training.learning_rate import learning_rate_schedule
 from agents.training.run import Run, TrainingProgress
-from agents.training.statement_curve import StatementCurve
+from agents.training.statement_learning_curve import StatementLearningCurve
 from agents.training.statement_reward import expected_reward
 from agents.training.statement_settings import StatementSettings
 from hybrid_env.checks import reject
@@ -35,6 +36,7 @@ from hybrid_env.registration import environment_options, make_track_vector_env
 
 MIN_LEARNING_RATE_FACTOR = 0.01  # lower bound of the linear decay
 LARGEST_GRADIENT = 0.5  # norm
+LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
 Batch = tuple[Tensor, Tensor, Tensor]
 """Inputs (T, N, M - 1, 26), log-probabilities (T, N, M) and true modes (T, N)."""
@@ -47,7 +49,7 @@ class StatementRun(Run):
         ArgumentError: an environment in which modes are not stated, or a damaged checkpoint.
     """
 
-    curve_class: ClassVar[type[LearningCurve]] = StatementCurve
+    curve_class: ClassVar[type[LearningCurve]] = StatementLearningCurve
 
     def build(self) -> None:
         """Create network and optimizer."""
@@ -66,6 +68,9 @@ class StatementRun(Run):
             parameter.grad = torch.zeros_like(parameter)
         self._num_timesteps = 0
         self._round_tracks = len(self.settings.durations) * self.settings.n_envs
+        if self._round_tracks * world.ticks * (world.hypotheses - 1) > LARGEST_ROUND:
+            allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
+            raise reject("n_envs", self.settings.n_envs, allowed)
 
     @property
     def num_timesteps(self) -> int:
@@ -174,7 +179,7 @@ class StatementRun(Run):
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders for the environment of the run."""
-        return statement_family(name, self.net, self.world)
+        return statement_net_family(name, self.net, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""

@@ -9,13 +9,15 @@ from hostile_input import accepted, damaged, mutated, profile
 from hypothesis import given
 
 from agents.evaluation.deciders import load_decider
+from agents.evaluation.statement_deciders import statement_decider
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.anchor_decider import AnchorNetworks, save_anchor
 from agents.learned.policy import make_policy, save_actor
-from agents.learned.policy_file import CARD, WEIGHTS
+from agents.learned.policy_file import CARD, WEIGHTS, save_policy
+from agents.learned.statement_net import StatementNet
 from agents.training.recipe import load_recipe
-from hybrid_env import HybridTrackVectorEnv
-from hybrid_env.registration import make_vector_env
+from hybrid_env import HybridTrackVectorEnv, QuickestLayout, QuickestOptions
+from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
 OPTIONS = {"measurement_variance": 0.2, "scheme": "S5 L5r5", "radii": [5.0]}
@@ -47,14 +49,27 @@ def save_small_recurrent(folder):
     save_small_actor(folder, "recurrent-ppo", lstm_hidden_size=4)
 
 
-KINDS = [save_small_anchor, save_small_actor, save_small_recurrent]
+def save_small_statements(folder):
+    torch.manual_seed(0)
+    recipe = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=4",))
+    card = {
+        "environment": "hybrid_env:HybridTrackQuickest-v0", "options": {"ticks": 20}, "seed": 0,
+        "recipe": recipe.as_json(),
+    }  # fmt: skip
+    save_policy(folder, StatementNet(4).state_dict(), card, QuickestLayout)
+
+
+KINDS = [save_small_anchor, save_small_actor, save_small_statements, save_small_recurrent]
 
 
 def decide(folder):
     """Load the decider of a run folder as a command does; it then decides on some ticks."""
     env_id, options = WorldArguments().world_of(str(folder))
-    env = make_vector_env(env_id, 3, **options)
-    decider = load_decider(str(folder), env.options)
+    env = make_track_vector_env(env_id, 3, **options)
+    if isinstance(env.options, QuickestOptions):
+        _, _, decider = statement_decider(str(folder), env.options)
+    else:
+        decider = load_decider(str(folder), env.options)
     rows, state = env.reset(seed=0)[0], None
     for _ in range(3):
         actions, state = decider.predict(rows, state, np.zeros(3, np.bool_))
@@ -81,7 +96,7 @@ def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_pa
 
 @pytest.mark.parametrize("examples", [30, pytest.param(3_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("name", [CARD, WEIGHTS])
-@pytest.mark.parametrize("save", KINDS[:2])
+@pytest.mark.parametrize("save", KINDS[:3])
 def test_a_damaged_file_is_used_or_refused(name, save, examples, tmp_path):
     save(tmp_path)
     decide(tmp_path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.evaluation.deciders import learned_family
+from agents.evaluation.statement_deciders import learned_statement_family
 from agents.learned.policy_file import load_policy, save_policy
 from agents.learned.statement_decider import StatementDecider, load_statements
 from agents.learned.statement_inputs import INPUTS, statement_inputs
@@ -146,7 +146,7 @@ def test_weights_are_restored_and_a_folder_is_a_decider(tmp_path):
     again = load_statements(tmp_path, weights, card)
     for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
         assert torch.equal(one, other)
-    family = learned_family(tmp_path, QuickestOptions())
+    family = learned_statement_family("mine", tmp_path, QuickestOptions())
     assert family.make(1.5).margin == 1.5
     card["recipe"]["entry"]["hidden"] = 7
     with pytest.raises(ValueError, match="run="):
@@ -154,7 +154,7 @@ def test_weights_are_restored_and_a_folder_is_a_decider(tmp_path):
     card["recipe"]["entry"]["hidden"] = 10**9
     (tmp_path / "policy.json").write_text(json.dumps(card))
     with pytest.raises(ValueError, match="run="):
-        learned_family(tmp_path, QuickestOptions())
+        learned_statement_family("mine", tmp_path, QuickestOptions())
 
 
 def test_invalid_arguments_are_refused():

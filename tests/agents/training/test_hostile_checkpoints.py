@@ -13,12 +13,21 @@ from agents.training.checkpoint import CHECKPOINT, PREVIOUS, digest
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG
 from agents.training.runs import make_run, resume_run
+from hybrid_env import Layout, QuickestLayout, QuickestOptions
+from hybrid_env.registration import environment_options
 
-ENV = "hybrid_env:HybridTrack-v0"
-OPTIONS = {"scheme": "random 2x5-8"}
+KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
+ENVIRONMENTS = {"statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"})}
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
+    "statements": (
+        "n_envs=2",
+        "batch_size=4",
+        "n_steps=4",
+        "hidden=4",
+        "durations=[uniform 2-4, geometric 3]",
+    ),
 }
 
 
@@ -26,7 +35,8 @@ def resume(folder):
     """A run that is resumed has a decider that decides."""
     run = resume_run(folder)
     family = run.family("run")
-    rows = np.zeros((2, 28), np.float32)
+    states = environment_options(run.env_id) is QuickestOptions
+    rows = np.zeros((2, (QuickestLayout if states else Layout)(3).width), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
     assert run.num_timesteps >= 0
@@ -36,7 +46,10 @@ def resume(folder):
 @pytest.fixture(params=RECIPES)
 def folder(request, tmp_path):
     folder = tmp_path / "run"
-    make_run(ENV, OPTIONS, load_recipe(request.param, ENV, RECIPES[request.param]), 0, folder, 128).train()
+    env_id, options = ENVIRONMENTS.get(request.param, KNOWN_SWITCHES)
+    make_run(
+        env_id, options, load_recipe(request.param, env_id, RECIPES[request.param]), 0, folder, 128
+    ).train()
     (folder / PREVIOUS).unlink(missing_ok=True)  # is used if the last one is damaged
     resume(folder)
     return folder

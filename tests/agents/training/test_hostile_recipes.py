@@ -85,7 +85,7 @@ def test_values_of_the_anchor_agent_are_bounded(change):
 
 
 @pytest.mark.parametrize("examples", [50, STUDY])
-@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "anchor-all"])
+@pytest.mark.parametrize("name", ["ppo", "recurrent-ppo", "anchor-all", "statements"])
 def test_a_recipe_with_one_changed_value_is_used_or_refused(name, examples, tmp_path):
     path = tmp_path / "recipe.yml"
 
