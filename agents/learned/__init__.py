@@ -7,6 +7,8 @@
 - `dimensionless`: the inputs of both networks, without units.
 - `policy`: an actor of Stable-Baselines3 as a decider.
 - `statement_policy`: an actor that states the present mode at every tick.
+- `statement_decider`: a recurrent network that states the present mode, as a decider.
+- `statement_net`, `statement_inputs`: the network, and its inputs without units.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.

@@ -1,8 +1,9 @@
 """Training of agents into run folders.
 
-- `recipe`: hyper-parameters, read from `recipes/*.yml`.
+- `recipe`: hyper-parameters, read from `recipes/*.yml`; `statement_settings` and `learning_rate` are parts of it.
 - `runs`: creates or resumes a run.
-- `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`) and `anchor`.
+- `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`), `anchor` and `statements`.
+- `statement_reward`: the expected reward of random statements, which `statements` trains on.
 - `anchor_stream`, `sample_buffer`: the tracks and the samples of the anchor agent.
 - `run_folder`: lock, config and metrics.
 - `checkpoint`: the state of a run on disk; `track_state` and `random_state` are parts of it.

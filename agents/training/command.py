@@ -13,7 +13,7 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'recurrent-ppo', three ablations
+    'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an hour), three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: tuple[str, ...] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
