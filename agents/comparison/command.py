@@ -1,38 +1,59 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
 
 from agents.evaluation import seeds
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.registration import environment_options
 
 if TYPE_CHECKING:
     from agents.comparison.study import Comparison
+
+DECIDERS = ("ate", "fixed", "msprt", "msprt-kept", "calibrated")
+AGENTS = ("ppo", "shipped")
+EPISODES = 1500
+TRACKS = 500  # episodes with unknown switch moments, each of about eight segments
+DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
+"""Flags that do not apply to unknown switch moments."""
+
+
+def _default(decisions: str, statements: str, *aliases: str) -> object:
+    """Help text of a default that depends on the environment."""
+    hint = f"(default: {decisions}; {statements} in HybridTrackQuickest-v0)"
+    return tyro.conf.arg(help_behavior_hint=hint, aliases=aliases or None)
 
 
 @dataclass(kw_only=True)
 class Compare(WorldArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for about half a minute and take about six minutes in total on two cores.
+    The defaults train PPO for about half a minute and take about six minutes in total on two cores. With
+    --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
+    two minutes.
     """
 
-    deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "msprt-kept", "calibrated")
+    deciders: Annotated[tuple[str, ...] | None, _default(" ".join(DECIDERS), "all")] = None
     """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
-    the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run)."""
-    agents: tuple[str, ...] = ("ppo", "shipped")
+    the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run).
+    In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
+    'window', 'beam' (semi-Markov posterior), 'beam-geometric' (which does not know the law of durations)."""
+    agents: Annotated[tuple[str, ...] | None, _default(" ".join(AGENTS), "the shipped agent, if any")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
-    package), or run folders."""
+    package), or run folders. In HybridTrackQuickest-v0 'shipped' or run folders."""
     accuracy: float | None = None
     """Select the fastest threshold that reaches this accuracy; by default the one with the best reward."""
     curves: bool = True
     """False evaluates all deciders but the reference at their selected threshold only, in half the time."""
-    episodes: int = 1500
-    """Number of episodes that every decider is evaluated on."""
-    selection_episodes: int = seeds.SELECTION_EPISODES
+    episodes: Annotated[int | None, _default(f"{EPISODES}", f"{TRACKS}", "--tracks")] = None
+    """Number of episodes, of one track each, that every decider is evaluated on."""
+    selection_episodes: Annotated[int | None, _default(f"{seeds.SELECTION_EPISODES}", f"{TRACKS}")] = None
     """Number of separate episodes for the selection of thresholds."""
     seed: int = 0
     """Seed of the first evaluation episode; training and threshold selection use other seeds."""
@@ -50,19 +71,53 @@ class Compare(WorldArguments):
         Raises:
             ArgumentError: an argument is out of range, or the output folder cannot be written.
         """
+        if issubclass(environment_options(self.env_id), QuickestOptions):
+            self._compare_statements()
+        else:
+            self._compare_decisions()
+
+    def _check(self, deciders: tuple[str, ...], agents: tuple[str, ...], episodes: int) -> None:
+        """Check what both kinds of environment have in common."""
         for name in ("episodes", "selection_episodes", "training_seeds"):
-            check_integer(name.replace("_", "-"), getattr(self, name))
+            value = getattr(self, name)
+            if value is not None:
+                check_integer(name.replace("_", "-"), value)
         if self.steps is not None:
             check_integer("steps", self.steps)
         check_integer("seed", self.seed, minimum=0)
         if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
             raise reject("accuracy", self.accuracy, "a number between 0 and 1")
-        if self.seed + self.episodes > seeds.SELECTION:
+        if self.seed + episodes > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes")
-        if not self.deciders or len(set(self.deciders)) != len(self.deciders):
-            raise reject("deciders", self.deciders, "one or more different names")
-        if len(set(self.agents)) != len(self.agents):
-            raise reject("agents", self.agents, "different names")
+        if not deciders or len(set(deciders)) != len(deciders):
+            raise reject("deciders", deciders, "one or more different names")
+        if len(set(agents)) != len(agents):
+            raise reject("agents", agents, "different names")
+
+    def _compare_statements(self) -> None:
+        from agents.comparison.statement_command import run_statement_comparison
+        from agents.comparison.statement_study import StatementPlan
+        from agents.evaluation.statement_deciders import RULES, shipped_agents
+
+        deciders = tuple(RULES) if self.deciders is None else self.deciders
+        agents = shipped_agents() if self.agents is None else self.agents
+        episodes = TRACKS if self.episodes is None else self.episodes
+        self._check(deciders, agents, episodes)
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in DECISION_FLAGS and value != field.default:
+                name = field.name.replace("_", "-")
+                raise reject(name, value, "no value with unknown switch moments")
+        selection = TRACKS if self.selection_episodes is None else self.selection_episodes
+        options = self.world_options()
+        plan = StatementPlan(self.env_id, options, deciders, agents, episodes, self.seed, selection)
+        run_statement_comparison(plan, self.out)
+
+    def _compare_decisions(self) -> None:
+        deciders = DECIDERS if self.deciders is None else self.deciders
+        agents = AGENTS if self.agents is None else self.agents
+        episodes = EPISODES if self.episodes is None else self.episodes
+        self._check(deciders, agents, episodes)
         from rich.console import Console
 
         from agents.comparison.figure import draw_operating_curves
@@ -80,15 +135,15 @@ class Compare(WorldArguments):
         plan = Plan(
             self.env_id,
             self.world_options(),
-            self.deciders,
-            self.agents,
-            self.episodes,
+            deciders,
+            agents,
+            episodes,
             self.seed,
             self.steps,
             self.training_seeds,
             self.accuracy,
             self.curves,
-            self.selection_episodes,
+            seeds.SELECTION_EPISODES if self.selection_episodes is None else self.selection_episodes,
         )
         plan.families()  # reject invalid deciders before any file is written
         folder = output_folder("out", self.out)

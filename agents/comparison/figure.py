@@ -55,10 +55,10 @@ def operating_curves(result: Comparison) -> Canvas:
         label = name if len(entries) == 1 else f"{name}, {len(entries)} seeds"
         curve = np.maximum(1.0 - means[ACCURACY], least)
         points = [(point[TICKS], max(1.0 - point[ACCURACY], least)) for point in selected]
-        errors.append((_draw_curve(left, means[TICKS], curve, bounds, points, styles[name]), label))
+        errors.append((draw_curve(left, means[TICKS], curve, bounds, points, styles[name]), label))
         points = [(point[TICKS], point[REWARD]) for point in selected]
         bounds = _band(entries, REWARD)
-        rewards.append((_draw_curve(right, means[TICKS], means[REWARD], bounds, points, styles[name]), label))
+        rewards.append((draw_curve(right, means[TICKS], means[REWARD], bounds, points, styles[name]), label))
 
     _set_limits(left, right, result, list(groups.values()))
     left.set_ylabel("accuracy, % of segments")
@@ -88,27 +88,36 @@ def operating_curves(result: Comparison) -> Canvas:
     _mark_unreached_levels(left, swept, styles)
     for axes, curves in ((left, errors), (right, rewards)):
         for line, _ in curves:
-            _mark_edges(axes, line)
+            mark_edges(axes, line)
         label_curves(axes, curves)
     return canvas
 
 
-def _draw_curve(
+def draw_curve(
     axes: Any,
-    ticks: FloatArray,
+    abscissas: FloatArray,
     values: FloatArray,
     bounds: FloatArray,
     selected: Sequence[tuple[float, float]],
     style: DeciderStyle,
 ) -> Any:
-    axes.fill_between(ticks, *bounds, color=style.colour, alpha=0.13, linewidth=0)
+    """Draw the curve of a decider with hollow markers, and return its line.
+
+    Args:
+        axes: to draw in.
+        abscissas, values: (K,) of each threshold.
+        bounds: (2, K) of the band.
+        selected: points with filled markers.
+        style: of the decider.
+    """
+    axes.fill_between(abscissas, *bounds, color=style.colour, alpha=0.13, linewidth=0)
     (line,) = axes.plot(
-        ticks, values, color=style.colour, marker=style.marker, markersize=4.5, markerfacecolor="white",
+        abscissas, values, color=style.colour, marker=style.marker, markersize=4.5, markerfacecolor="white",
         markeredgewidth=0.9, linewidth=1.4,
     )  # fmt: skip
     axes.plot(
-        *np.transpose(selected), linestyle="none", color=style.colour, marker=style.marker, markersize=8,
-        zorder=5,
+        *np.reshape(selected, (-1, 2)).T, linestyle="none", color=style.colour, marker=style.marker,
+        markersize=8, zorder=5,
     )  # fmt: skip
     return line
 
@@ -160,7 +169,7 @@ def _mark_unreached_levels(
             )  # fmt: skip
 
 
-def _mark_edges(axes: Any, line: Any) -> None:
+def mark_edges(axes: Any, line: Any) -> None:
     """An arrow along a curve wherever it crosses an edge of the axes."""
     axes.figure.draw_without_rendering()  # fixes the layout
     box = axes.get_window_extent()

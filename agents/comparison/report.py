@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
+from agents.evaluation.cells import estimate_cell, signed
 from agents.evaluation.deciders import NO_EARLY_DECISION
 from agents.evaluation.operating_curve import ACCURACY, Estimate
 from baselines.deciders.posterior_paths import MIN_COUNT
@@ -105,9 +106,9 @@ def summary_lines(result: Comparison) -> list[str]:
     for entry in result.entries[1:]:
         parts = []
         difference = result.differences(entry)
-        parts.append(f"reward {_signed(difference['reward'], 3)} per segment")
+        parts.append(f"reward {signed(difference['reward'], 3)} per segment")
         if "ticks_at_98" in difference:
-            parts.append(f"{_signed(difference['ticks_at_98'], 1)} ticks at 98 % accuracy")
+            parts.append(f"{signed(difference['ticks_at_98'], 1)} ticks at 98 % accuracy")
         lines.append(f"{entry.name} compared with {reference.name}: " + ", ".join(parts))
     for group, trained in result.seed_groups().items():
         if len(trained) < 2:
@@ -128,13 +129,4 @@ def summary_lines(result: Comparison) -> list[str]:
 
 
 def _cell(estimate: Estimate, scale: float, digits: int) -> str:
-    if not np.isfinite(estimate.value):
-        return "not\nreached"
-    value = f"{scale * estimate.value:.{digits}f}"
-    if not np.isfinite(estimate.high):
-        return f"{value}\n[bright_black]> {scale * estimate.low:.{digits}f}[/]"
-    return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"
-
-
-def _signed(estimate: Estimate, digits: int) -> str:
-    return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
+    return estimate_cell(estimate, scale, digits, "not\nreached")

@@ -10,6 +10,8 @@ import tyro
 from agents.evaluation import seeds
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.registration import environment_options
 
 if TYPE_CHECKING:
     from baselines.deciders.decider import Decider
@@ -20,11 +22,16 @@ LARGEST_FACTOR = 10.0
 
 @dataclass(kw_only=True)
 class Evaluate(WorldArguments):
-    """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix."""
+    """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
 
-    deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
-    """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'gap', 'ml', 'bayes',
-    'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
+    """
+
+    deciders: tyro.conf.Positional[tuple[str, ...]] = ()
+    """'ate' (default), 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'gap',
+    'ml', 'bayes', 'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
+    In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'window', 'beam',
+    'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000
     """Number of evaluation episodes."""
     seed: int = 0
@@ -45,29 +52,48 @@ class Evaluate(WorldArguments):
         check_integer("seed", self.seed, minimum=0)
         if self.out is not None and not self.out.parent.is_dir():
             raise reject("out", str(self.out), "a file in a folder that exists")
-        if not self.deciders or len(set(self.deciders)) != len(self.deciders):
-            raise reject("deciders", self.deciders, "one or more different names")
+        if len(set(self.deciders)) != len(self.deciders):
+            raise reject("deciders", self.deciders, "different names")
         from agents.interface.output_files import write_json
 
         check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
         if not 1.0 <= check_number("beyond", self.beyond) <= LARGEST_FACTOR:
             raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
-        shifted = self.shifted or self.drawn > 0
-        if shifted and self.seed + self.episodes > seeds.SELECTION:
-            limit = f"at most {seeds.SELECTION} minus the number of episodes, with --shifted or --drawn"
-            raise reject("seed", self.seed, limit)
         metrics: Any
-        if shifted:
-            metrics = self._evaluate_shifts()
+        if self._states_modes():
+            metrics = self._evaluate_statements(self.deciders or ("threshold",))
         else:
-            loaded = [self._load(name) for name in self.deciders]  # checks all names before evaluating
-            metrics = [self._evaluate(*one) for one in loaded]
-            metrics = metrics[0] if len(metrics) == 1 else metrics
+            metrics = self._evaluate_decisions(self.deciders or ("ate",))
         if self.out is not None:
             write_json(self.out, metrics)
             print(f"Data {self.out}")
 
-    def _evaluate_shifts(self) -> dict[str, Any]:
+    def _states_modes(self) -> bool:
+        """Whether the environment has unknown switch moments."""
+        env_id, _ = self.world_of(self.deciders[0]) if self.deciders else (self.env_id, {})
+        return issubclass(environment_options(env_id), QuickestOptions)
+
+    def _evaluate_statements(self, deciders: tuple[str, ...]) -> list[dict[str, Any]]:
+        from agents.evaluation.evaluate_statements import evaluate_statements
+
+        if self.shifted or self.drawn:
+            name, value = ("shifted", True) if self.shifted else ("drawn", self.drawn)
+            raise reject(name, value, "no value with unknown switch moments")
+        env_id, options = self.world_of(deciders[0])
+        return evaluate_statements(deciders, env_id, options, self.episodes, self.seed)
+
+    def _evaluate_decisions(self, deciders: tuple[str, ...]) -> Any:
+        shifted = self.shifted or self.drawn > 0
+        if shifted and self.seed + self.episodes > seeds.SELECTION:
+            limit = f"at most {seeds.SELECTION} minus the number of episodes, with --shifted or --drawn"
+            raise reject("seed", self.seed, limit)
+        if shifted:
+            return self._evaluate_shifts(deciders)
+        loaded = [self._load(name) for name in deciders]  # checks all names before evaluating
+        metrics = [self._evaluate(*one) for one in loaded]
+        return metrics[0] if len(metrics) == 1 else metrics
+
+    def _evaluate_shifts(self, deciders: tuple[str, ...]) -> dict[str, Any]:
         from rich.console import Console
 
         from agents.evaluation.deciders import check_family, decider_family
@@ -82,21 +108,21 @@ class Evaluate(WorldArguments):
         from agents.interface.progress import progress_display
         from hybrid_env.registration import make_vector_env
 
-        env_id, options = self.world_of(self.deciders[0])
+        env_id, options = self.world_of(deciders[0])
         world = make_vector_env(env_id, 1, **options).options
-        for name in self.deciders:
+        for name in deciders:
             if ":" in name and not Path(name).is_dir():
                 raise reject("deciders", name, "a name without a threshold, with --shifted or --drawn")
         worlds = shifted_worlds(world) if self.shifted else {NOMINAL: {}}
         worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
-        for name in self.deciders:
+        for name in deciders:
             check_family(decider_family(name, world), name, world)
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            total = len(self.deciders) * len(worlds)
+            total = len(deciders) * len(worlds)
             task = progress.add_task("Evaluating", total=total, completed=-1, note="")
             results = evaluate_shifts(
-                self.deciders, env_id, worlds, options, self.episodes, self.seed,
+                deciders, env_id, worlds, options, self.episodes, self.seed,
                 lambda note: progress.update(task, advance=1, note=note),
             )  # fmt: skip
             progress.update(task, completed=total, note="")
@@ -104,7 +130,7 @@ class Evaluate(WorldArguments):
         name = env_id.rpartition(":")[2]
         console.print(shift_table(results, f"{name} under distribution shift: {segments:,} segments each"))
         found: dict[str, Any] = {"results": [result.as_json() for result in results]}
-        if len(self.deciders) > 1:
+        if len(deciders) > 1:
             found["differences"] = [asdict(one) for one in differences(results)]
         return found | {"worlds": worlds}
 

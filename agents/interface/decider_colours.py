@@ -43,6 +43,16 @@ STYLES = {
 }
 """Styles of the classical rules and of the most common agents, by name."""
 
+STATEMENT_STYLES = {
+    "IMM threshold": DeciderStyle("#6900ff", "o"),
+    "CUSUM": DeciderStyle("#a0a0a0", "s"),
+    "Shiryaev-Roberts": DeciderStyle("#ff87f0", "d"),
+    "windowed ratio": DeciderStyle("#695a00", "P"),
+    "beam": DeciderStyle("#c80f82", "D"),
+    "beam, geometric": DeciderStyle("#00e196", "p"),
+}
+"""Styles of the rules for unknown switch moments, which share no figure with those of `STYLES` but agents."""
+
 _FURTHER_COLOURS = ("#690f96", "#f5a0b4", "#969600", "#4b4b4b")
 _FURTHER_MARKERS = (">", "p", "*", "8")
 FURTHER_STYLES = tuple(
@@ -66,7 +76,8 @@ def decider_style(name: str) -> DeciderStyle:
             ("HybridTrack-v0-ppo-seed0") with their recipe. An unknown name always gets the same style.
     """
     recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
-    return STYLES.get(recipe) or FURTHER_STYLES[zlib.crc32(recipe.encode()) % len(FURTHER_STYLES)]
+    known = STYLES | STATEMENT_STYLES
+    return known.get(recipe) or FURTHER_STYLES[zlib.crc32(recipe.encode()) % len(FURTHER_STYLES)]
 
 
 def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
