@@ -9,7 +9,7 @@ from PIL import Image
 
 from agents.interface.output_files import atomic_file
 from hybrid_env.checks import reject
-from hybrid_env.options import WorldOptions
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering.figure import RENDER_FPS
 from hybrid_env.rendering.modes import mode_colour, shade
 from hybrid_env.rendering.track_axes import CURRENT_COLOUR
@@ -20,7 +20,7 @@ MAX_FRAMES = 1700  # Pillow has all of them in memory before it writes the file
 PALETTE_SIZE = 255  # a GIF has 256 colours, and Pillow uses one for unchanged pixels
 
 
-def write_gif(path: Path, frames: Iterator[Frame], options: WorldOptions) -> None:
+def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> None:
     """Write frames, (height, width, 3) uint8, as an endless animation with RENDER_FPS frames per second.
 
     All frames share one palette. With one palette for each frame, which is the default of Pillow, files are
@@ -53,7 +53,7 @@ def _bounded(path: Path, frames: Iterator[Frame]) -> Iterator[Frame]:
         yield frame
 
 
-def palette_colours(options: WorldOptions) -> NDArray[np.uint8]:
+def palette_colours(options: ModelOptions) -> NDArray[np.uint8]:
     """Return the colours of all frames and their mixtures with white, (n, 3) with n <= PALETTE_SIZE."""
     greys = [f"#{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)]
     current = [shade(CURRENT_COLOUR, amount) for amount in (-0.75, -0.5, -0.25, 0.0, 0.5)]

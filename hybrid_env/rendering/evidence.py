@@ -77,3 +77,18 @@ def sprt_panel(alpha: float) -> EvidencePanel:
         thresholds=(Threshold(np.array([upper]), "A"), Threshold(np.array([-upper]), "B")),
         legend=f"A, B at alpha = {alpha:g}",
     )
+
+
+def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel:
+    """Return the panel of the probabilities of the modes, for unknown switch moments.
+
+    Args:
+        source: of the probabilities; "" does not name it.
+        threshold: smallest probability of a mode to which the statement changes; 0 draws none.
+    """
+    return EvidencePanel(
+        label=f"probability ({source})" if source else "probability",
+        limits=(0.0, 1.0),
+        thresholds=(Threshold(np.array([threshold])),) if threshold > 0.0 else (),
+        legend=f"threshold {threshold:g}" if threshold > 0.0 else "",
+    )

@@ -89,7 +89,7 @@ class EpisodeFigure:
         figure: the matplotlib figure, FRAME_SIZE pixels large.
     """
 
-    def __init__(self, options: Any, panel: EvidencePanel | None):
+    def __init__(self, options: Any, panel: EvidencePanel):
         self.options = options
         width, height = FRAME_SIZE
         self.figure = figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
@@ -118,8 +118,11 @@ class EpisodeFigure:
         self._add_legend(
             track_legend() | decision_legend() | {"after the decision": Patch(**SKIPPED_STYLE)}, 0.095
         )
-        thresholds = {panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if panel.legend else {}
-        self._add_mode_legend(thresholds)
+        self._add_threshold_legend(panel)
+
+    def _add_threshold_legend(self, panel: EvidencePanel) -> None:
+        """Add the colours of the modes, and the threshold if there is one."""
+        self._add_mode_legend({panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if panel.legend else {})
 
     def _add_mode_legend(self, more: dict[str, Any]) -> None:
         """Add the colours of the modes, by type if there are too many, and further entries."""

@@ -7,6 +7,8 @@ from matplotlib.artist import Artist
 from numpy.typing import NDArray
 
 from hybrid_env.model_options import ModelOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
+from hybrid_env.rendering.evidence_axes import THRESHOLD_STYLE
 from hybrid_env.rendering.figure import EpisodeFigure, Renderer
 from hybrid_env.rendering.modes import mode_colour, mode_name
 from hybrid_env.rendering.quickest_history import ACTIVE, QuickestHistory
@@ -22,18 +24,21 @@ class ProbabilityAxes:
     Args:
         axes: empty axes.
         options: of the world.
+        panel: label and threshold.
 
     Attributes:
         artists: artists that change from frame to frame, in drawing order.
     """
 
-    def __init__(self, axes: Any, options: ModelOptions):
+    def __init__(self, axes: Any, options: ModelOptions, panel: EvidencePanel):
         axes.set_ylim(-0.36, 1.05)
         axes.set_yticks(
             [*RIBBONS.values(), 0.0, 0.25, 0.5, 0.75, 1.0], [*RIBBONS, "0", "", "0.5", "", "1"], fontsize=8
         )
         axes.set_xlabel("time [ticks]", fontsize=9)
-        axes.set_ylabel("probability", fontsize=9)
+        axes.set_ylabel(panel.label, fontsize=9)
+        for threshold in panel.thresholds:
+            axes.axhline(threshold.levels[0], **THRESHOLD_STYLE)
         colours = [mode_colour(mode, options.radii) for mode in range(options.hypotheses)]
         self._curves = [axes.plot([], [], color=colour, linewidth=1.3)[0] for colour in colours]
         self._ribbons = {
@@ -60,17 +65,14 @@ class ProbabilityAxes:
 
 
 class QuickestFigure(EpisodeFigure):
-    """The figure with both panels and the legends. options: of the world."""
+    """The figure with both panels and the legends; see `EpisodeFigure`."""
 
-    def __init__(self, options: ModelOptions):
-        super().__init__(options, None)
+    def _create_evidence(self, axes: Any, panel: EvidencePanel) -> ProbabilityAxes:
+        return ProbabilityAxes(axes, self.options, panel)
 
-    def _create_evidence(self, axes: Any, panel: None) -> ProbabilityAxes:
-        return ProbabilityAxes(axes, self.options)
-
-    def _add_legends(self, panel: None) -> None:
+    def _add_legends(self, panel: EvidencePanel) -> None:
         self._add_legend(track_legend(), 0.095)
-        self._add_mode_legend({})
+        self._add_threshold_legend(panel)
 
     def _title_text(self, history: QuickestHistory) -> str:
         radii = self.options.radii
@@ -83,7 +85,16 @@ class QuickestFigure(EpisodeFigure):
 
 
 class QuickestRenderer(Renderer):
-    """Draws an episode with unknown switch moments, frame by frame; see `Renderer`."""
+    """Draws an episode with unknown switch moments, frame by frame; see `Renderer`.
+
+    Args:
+        options: of the world.
+        human: whether frames are shown in a window instead of being returned.
+        panel: what the panel of probabilities shows; None shows those of the bank.
+    """
+
+    def __init__(self, options: ModelOptions, human: bool, panel: EvidencePanel | None = None):
+        super().__init__(options, human, panel or probability_panel())
 
     def _create_figure(self) -> QuickestFigure:
-        return QuickestFigure(self.options)
+        return QuickestFigure(self.options, self.panel)

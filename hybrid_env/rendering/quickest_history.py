@@ -54,6 +54,10 @@ class QuickestHistory:
         self._modes.append(info["true_mode"])
         self._probabilities.append(np.exp(info["log_probability"]))
 
+    def set_evidence(self, probabilities: NDArray[np.float64]) -> None:
+        """Replace the probabilities of the modes at the current tick, (M,)."""
+        self._probabilities[-1] = probabilities
+
     @property
     def trace(self) -> NDArray[np.float64]:
         """(T, len(TRACE_COLUMNS)), one row for each tick; the active mode is the stated one, at first NaN."""
@@ -66,7 +70,7 @@ class QuickestHistory:
 
     @property
     def probabilities(self) -> NDArray[np.float64]:
-        """(T, M) probabilities of the modes."""
+        """(T, M) probabilities of the modes, of the bank unless `set_evidence` replaces them."""
         return np.array(self._probabilities)
 
     @property

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 import agents.playing.command
+import agents.playing.episodes
 import hybrid_env  # noqa: F401
 from agents.evaluation.deciders import load_decider
 from agents.interface.recording_files import read_recording
@@ -162,7 +163,7 @@ def test_a_folder_is_not_an_output_file(tmp_path):
 
 @pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
 def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(agents.playing.command, "load_decider", lambda *_: Decider(4, fail))
+    monkeypatch.setattr(agents.playing.episodes, "load_decider", lambda *_: Decider(4, fail))
     (tmp_path / name).write_bytes(b"old")
     with pytest.raises(RuntimeError, match="decider failed"):
         play(out=tmp_path / name, record=tmp_path / "episode.csv")
@@ -191,7 +192,7 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     import pygame
 
     decider = Decider(2, lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)))
-    monkeypatch.setattr(agents.playing.command, "load_decider", lambda *_: decider)
+    monkeypatch.setattr(agents.playing.episodes, "load_decider", lambda *_: decider)
     play(record=tmp_path / "episode.csv")
     assert decider.calls == 2
     assert list(tmp_path.iterdir()) == []

@@ -12,6 +12,7 @@ from agents.cli import main
 from agents.evaluation import seeds
 from agents.evaluation.deciders import learned_family
 from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
+from agents.learned.features import ObservationFeatures
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.training.learning_figure import draw_learning_curve
@@ -90,6 +91,17 @@ def test_sampling_follows_the_probabilities_of_the_policy(policy):
     expected = np.exp(logits) / np.exp(logits).sum()
     found = np.bincount(decider.predict(rows, deterministic=False)[0], minlength=3) / len(rows)
     np.testing.assert_allclose(found, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
+
+
+def test_the_probabilities_of_the_bank_can_be_observed():
+    env = HybridTrackQuickestVectorEnv(50)
+    rows, info = env.reset(seed=0)
+    features = ObservationFeatures(env.single_observation_space, ("posterior", "speed"), QuickestLayout)
+    selected = features(torch.from_numpy(rows))
+    assert selected.shape == (50, 4)
+    # a logarithm of the row has float32 precision and is at least -30
+    np.testing.assert_allclose(selected[:, :3], np.exp(info["log_probability"]), atol=1e-5)
+    np.testing.assert_array_equal(selected[:, 3], rows[:, -2])
 
 
 def test_a_short_training_learns_to_state_the_mode():
