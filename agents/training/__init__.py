@@ -1,6 +1,7 @@
 """Training of agents into run folders.
 
-- `recipe`: hyper-parameters, read from `recipes/*.yml`; `statement_settings` and `learning_rate` are parts of it.
+- `recipe`: hyper-parameters, read from `recipes/*.yml`.
+- `statement_settings`, `learning_rate`: parts of a recipe.
 - `runs`: creates or resumes a run.
 - `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`), `anchor` and `statements`.
 - `statement_reward`: the expected reward of random statements, which `statements` trains on.
