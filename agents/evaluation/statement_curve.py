@@ -205,6 +205,11 @@ def sweep_statements(
             if on_progress is not None:
                 on_progress((first + count * len(found) / len(deciders)) / tracks)
         batches.append(found)
+    return joined_tracks(family, batches)
+
+
+def joined_tracks(family: DeciderFamily, batches: Sequence[Sequence[TrackMetrics]]) -> StatementCurve:
+    """Return the curve of all tracks from the metrics of some of them at every threshold."""
     return StatementCurve(
         family,
         tuple(

@@ -5,8 +5,8 @@ All rules have the `predict` of `baselines.deciders.decider.Decider`. Two files 
 large enough; `change_detection` has CUSUM and Shiryaev-Roberts. The others filter the measurements themselves
 (`measurements`): `restarted` has the windowed generalized likelihood ratio and the detector of Golubkov 2020,
 which start filters at every tick (`restarted_filters`); `beam` is the threshold on the semi-Markov posterior,
-which `beam_filters` computes. `statements` records a decider on fixed episodes, and `metrics` measures what
-it recorded.
+which `beam_filters` computes; `beam_smoother` has the posterior of earlier ticks. `statements` records a
+decider on fixed episodes, and `metrics` measures what it recorded.
 
 May import: `hybrid_env`, `baselines.deciders`. Never `agents`.
 """

@@ -1,0 +1,37 @@
+"""The part of `hybridtrack limits` for the environment with unknown switch moments."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.markdown import Markdown
+
+from agents.interface.output_files import atomic_file, output_folder, write_json
+from agents.interface.progress import progress_display
+from agents.limits.statement_figure import draw_statement_limits
+from agents.limits.statement_report import statement_steps_markdown
+from agents.limits.statement_study import LAWS, PARTS, evaluate_statement_steps
+from agents.limits.study import NOISE_LEVELS
+
+
+def run_statement_limits(tracks: int, seed: int, out: Path) -> None:
+    """Evaluate the steps, print the tables and write the files.
+
+    Raises:
+        ArgumentError: the output folder cannot be written.
+    """
+    folder = output_folder("out", out)
+    console = Console(emoji=False)
+    with progress_display(console) as progress:
+        total = len(LAWS) * len(NOISE_LEVELS) * PARTS
+        task = progress.add_task("Evaluating", total=total, note="")
+        found = evaluate_statement_steps(
+            tracks, seed, lambda note: progress.update(task, advance=1, note=note)
+        )
+        progress.update(task, note="")
+    text = statement_steps_markdown(found)
+    console.print(Markdown(text))
+    with atomic_file(folder / "limits.md") as part:
+        part.write_text(text, encoding="utf-8")
+    write_json(folder / "limits.json", {"steps": [one.as_json() for one in found]})
+    draw_statement_limits(found, folder / "limits.png")
+    console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)
