@@ -8,6 +8,7 @@ from baselines.deciders.fixed_time import FixedTimeDecider
 from baselines.deciders.msprt import GapDecider, MSPRTDecider
 from baselines.deciders.sprt import SPRTDecider, sprt_test, sprt_thresholds
 from baselines.filters.recording import first_estimate
+from baselines.online.tracker import OnlineEstimate, OnlineTracker
 from baselines.quickest.beam import BeamDecider
 from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider, WindowedRatioDecider
 from baselines.quickest.metrics import StatementMetrics, measure_statements
@@ -22,6 +23,8 @@ __all__ = [
     "FixedTimeDecider",
     "GapDecider",
     "MSPRTDecider",
+    "OnlineEstimate",
+    "OnlineTracker",
     "SPRTDecider",
     "ShiryaevRobertsDecider",
     "StatementMetrics",
