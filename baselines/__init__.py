@@ -1,6 +1,7 @@
 """Classical decision rules: Wald's SPRT, MSPRT and gap rule, fixed decision time; ATE on recordings.
 
 For unknown switch moments: a threshold, CUSUM, Shiryaev-Roberts, a windowed ratio and a beam of histories.
+`OnlineTracker` puts a rule behind a live sensor.
 """
 
 from baselines.deciders.decider import Decider

@@ -116,7 +116,8 @@ class OnlineWorld(OnlineTrack, World):
 
     The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
     bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
-    filter runs on, and they do not change until the next segment; with `follow="bank"` all run on.
+    filter runs on, and they do not change until the next segment; with `follow="bank"` all run on. The
+    published bank with one measurement variance has one covariance for both axes: it starts from that of x.
 
     Args:
         options: of the model; `bank="oracle"` is not available.
@@ -126,7 +127,9 @@ class OnlineWorld(OnlineTrack, World):
 
     def _kernel(self) -> Any:
         if self.options.bank == "oracle":
-            raise reject("bank", self.options.bank, "'published' or 'anchor_aware': the true state is unknown")
+            raise reject(
+                "bank", self.options.bank, "'published' or 'anchor_aware': the true state is unknown"
+            )
         return ONLINE_KERNELS[self.options.bank, self.options.follow]
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
@@ -167,8 +170,10 @@ class OnlineWorld(OnlineTrack, World):
 
     def probabilities(self) -> FloatArray:
         """Return the posteriors of the modes with equal priors at the switch, (M,)."""
-        weights = np.exp(self._values - self._values.max())
-        return np.asarray(weights / weights.sum())
+        # maximum and sum of a list: NumPy's take longer for a few numbers
+        weights: FloatArray = np.exp(self._values - max(self._values.tolist()))
+        weights /= sum(weights.tolist())
+        return weights
 
 
 class OnlineQuickestWorld(OnlineTrack, QuickestWorld):

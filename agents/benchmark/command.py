@@ -6,13 +6,16 @@ from typing import Annotated, Literal
 
 import tyro
 
-Group = Literal["single", "vector", "threads", "banks", "bank", "study", "training", "growth", "startup"]
+Group = Literal[
+    "single", "vector", "threads", "banks", "bank", "online", "study", "training", "growth", "startup"
+]
 ALL: tuple[Group, ...] = (
     "single",
     "vector",
     "threads",
     "banks",
     "bank",
+    "online",
     "study",
     "training",
     "growth",
@@ -22,7 +25,7 @@ ALL: tuple[Group, ...] = (
 
 @dataclass(kw_only=True)
 class Bench:
-    """Measure the speed of environment, bank, study and training against CartPole, NumPy and filterpy."""
+    """Measure the speed of environment, bank, tracker, study and training, against CartPole and filterpy."""
 
     groups: Annotated[tuple[Group, ...], tyro.conf.Positional] = ALL
     """Groups to measure; all by default, in about three minutes."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 from agents.benchmark.environments import banks, single_environment, threads, vector_environment
 from agents.benchmark.filters import bank_step, study_2018
+from agents.benchmark.online import online_tracker
 from agents.benchmark.scaling import growth, start_up
 from agents.benchmark.timing import Measurement
 from agents.benchmark.training import training
@@ -14,6 +15,7 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "threads": threads,
     "banks": banks,
     "bank": bank_step,
+    "online": online_tracker,
     "study": study_2018,
     "training": training,
     "growth": growth,

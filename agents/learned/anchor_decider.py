@@ -125,6 +125,8 @@ class AnchorDecider:
         ArgumentError: alpha is out of range.
     """
 
+    every_tick = True
+
     def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")

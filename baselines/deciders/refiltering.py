@@ -59,6 +59,7 @@ class RefilteringDecider:
 
     bank: str
     components: int
+    every_tick = True
 
     def __init__(self, world: WorldOptions, alpha: float = 0.02):
         self.world = world

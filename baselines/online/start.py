@@ -7,7 +7,11 @@ from hybrid_env.model_options import ModelOptions
 
 FloatArray = NDArray[np.float64]
 
-MOST = 10  # measurements, as in `baselines.first_estimate`
+FEW = 3
+"""Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it."""
+
+MANY = 10
+"""Measurements for a bank that starts at a switch: the centre of its turns follows from the estimate."""
 
 
 def line_estimate(
@@ -54,18 +58,19 @@ class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
     The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the
-    object turns by a large angle in a tick, many if the measurements are noisy, at most `MOST`.
+    object turns by a large angle in a tick, many if the measurements are noisy.
 
     Args:
         options: of the model.
+        most: largest number of measurements.
 
     Attributes:
         estimate, covariance: see `line_estimate`; NaN and infinite before the first measurement.
         complete: whether a track can begin with the estimate.
     """
 
-    def __init__(self, options: ModelOptions):
-        self.options = options
+    def __init__(self, options: ModelOptions, most: int):
+        self.options, self.most = options, most
         self.estimate: FloatArray = np.full(4, np.nan)
         self.covariance: FloatArray = np.diag(np.full(4, np.inf))
         self.complete = False
@@ -95,4 +100,4 @@ class FirstMeasurements:
         variances = [covariance[1, 1] + covariance[3, 3] for _, covariance in fits]
         best = int(np.argmin(variances))
         self.estimate, self.covariance = fits[best]
-        self.complete = best + 1 < len(fits) or len(ticks) == MOST
+        self.complete = best + 1 < len(fits) or len(ticks) >= self.most

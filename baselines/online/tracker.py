@@ -1,5 +1,6 @@
-"""A decider on a live sensor: one measurement at a time gives mode, probabilities, estimate and covariance."""
+"""A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
 
+import copy
 import operator
 from typing import Any, NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.deciders.decider import Decider
-from baselines.online.start import FirstMeasurements
+from baselines.online.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     check_array,
@@ -75,7 +76,7 @@ class OnlineTracker:
             outliers and scheme, are not used, except `initial_error` if `begin` is given an estimate without
             a covariance, and by deciders.
         decider: reads rows of that environment.
-        tolerance: of the time between two measurements, as a fraction of a tick, 0 to 0.5.
+        tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed, or the decider does not read these rows.
@@ -107,8 +108,9 @@ class OnlineTracker:
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate the first measurements are collected, up to 10, and a straight line is fitted to
-        them (`baselines.online.start`); the bank begins after the last of them.
+        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced
+        switches, and a straight line is fitted to them (`start.FirstMeasurements`). The bank begins after the
+        last of them; until then the estimate is that of the line, and all modes are equally probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
@@ -126,9 +128,10 @@ class OnlineTracker:
         self._mode = -1 if mode is None else mode
         self._collected: FirstMeasurements | None = None
         if first is None:
-            self._collected = FirstMeasurements(self.options)
+            known = isinstance(self.options, WorldOptions)
+            self._collected = FirstMeasurements(self.options, MANY if known else FEW)
         else:
-            self._begin_bank(*first)
+            self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
         self._measured = False
         self._ticks: int | None = self._longest  # of the segment that the next measurement begins
@@ -168,14 +171,18 @@ class OnlineTracker:
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
         if missing and getattr(self.decider, "every_tick", False):
-            allowed = f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
+            allowed = (
+                f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
+            )
             raise reject("missing measurements", missing, allowed)
         if moment is not None:
             self._last_time = moment
         elif self._last_time is not None:
             self._last_time += self.options.tau
-        if self._collected is not None and not self._begins_after(self._collected, point, missing):
-            return self._line_so_far(self._collected)
+        if self._collected is not None:
+            if not self._begins_after(self._collected, point, missing):
+                return self._line_so_far(self._collected)
+            missing = 0
         world = self.world
         for _ in range(missing):
             world.skip()
@@ -191,17 +198,20 @@ class OnlineTracker:
             world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance()
         )
 
+    def __copy__(self) -> "OnlineTracker":
+        return copy.deepcopy(self)  # two objects that share a bank would disturb each other
+
     def _missing_ticks(self, time: float | None) -> int:
         """Return the number of ticks between the last measurement and a time, without both."""
         if time is None or self._last_time is None:
             return 0
         tau = self.options.tau
         passed = (time - self._last_time) / tau
-        ticks = round(passed)
+        ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0  # it may be infinite
         if not (1 <= ticks <= LONGEST_GAP and abs(passed - ticks) <= self.tolerance):
             allowed = (
-                f"{self._last_time:g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more, within {self.tolerance:g} "
-                "of a tick; begin() begins a new track"
+                f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more, within "
+                f"{self.tolerance:g} of a tick; begin() begins a new track"
             )
             raise reject("time", time, allowed)
         return ticks - 1
@@ -215,7 +225,7 @@ class OnlineTracker:
         if point is None:
             return False
         if collected.complete:
-            self._begin_bank(collected.estimate, collected.covariance)
+            self.world.begin_track(collected.estimate, collected.covariance, self._mode)
             self._collected = None
             return True
         collected.add(*point)
@@ -230,9 +240,6 @@ class OnlineTracker:
             max(self._mode, 0), False, np.full(M, 1.0 / M),
             collected.estimate.copy(), collected.covariance.copy(),
         )  # fmt: skip
-
-    def _begin_bank(self, estimate: FloatArray, covariance: FloatArray) -> None:
-        self.world.begin_track(estimate, covariance, self._mode)
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""

@@ -73,6 +73,8 @@ class BeamDecider:
         ArgumentError: an argument is out of range.
     """
 
+    every_tick = True
+
     def __init__(
         self,
         options: QuickestOptions,

@@ -99,10 +99,11 @@ class ThresholdDecider:
         rows = np.ascontiguousarray(observation, np.float32)
         layout = QuickestLayout.of_rows(rows)
         actions = np.empty(len(rows), np.int64)
+        columns = layout.slices["log_probability"].start, layout.slices["stated"].start
+        scale = layout.scales["log_probability"]
         _choose_by_rows(
-            rows, layout.hypotheses, (layout.slices["log_probability"].start, layout.slices["stated"].start), layout.scales["log_probability"],
-            self._log_threshold, self._log_release, actions,
-        )  # fmt: skip
+            rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
+        )
         return actions, None
 
     def choose(

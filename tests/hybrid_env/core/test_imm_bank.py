@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from matrix_filters import LiteralImm, transition_matrix
 from numba import njit
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv
