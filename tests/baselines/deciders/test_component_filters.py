@@ -1,4 +1,4 @@
-"""Robust filters equal extended Kalman filters in matrix form that treat the same measurements as outliers."""
+"""Robust filters equal extended Kalman filters in matrix form that take the same measurements as outliers."""
 
 import copy
 
@@ -22,7 +22,7 @@ SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
 
 
 def recorded(options):
-    """Return world and rows (TICKS, TRACKS, width) of the first segment, with outliers in every second track."""
+    """Return world, layout and rows (TICKS, TRACKS, width), with outliers in every second track."""
     env = HybridTrackVectorEnv(TRACKS, radii=(3.0, 8.0), scheme="random 1x50-60", **options)
     rows = [env.reset(seed=3)[0].copy()]
     while len(rows) < TICKS:
@@ -35,7 +35,7 @@ def recorded(options):
 
 
 def reference(world, layout, rows, R, robust):
-    """Return the log-likelihoods (TICKS, M) of one track, and the number of measurements taken as outliers."""
+    """Return the log-likelihoods (TICKS, M) of one track, and how many measurements were outliers."""
     covariance = stated_covariance(layout, rows[0][None])[0]
     anchor = (0.0, float(layout.read(rows[0][None], "speed")[0]), 0.0, 0.0)
     signed = [0.0, *world.radii, *(-radius for radius in world.radii)]
