@@ -31,7 +31,6 @@ from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
-LARGEST_REGRET_ALPHA = 0.1  # the costs were learned from segments with thresholds up to this
 
 
 class AnchorNetworks(nn.Module):
@@ -68,7 +67,7 @@ def errors_and_best(
         scales: of the worlds.
         posterior: (N, M).
         by_type: (N,) only the type is rewarded.
-        alpha: (N,) the cost is added where the error probability is at most alpha; -1 adds none.
+        alpha: (N,) the cost is added where the error probability is at most alpha.
 
     Returns:
         Loss (N,) and hypothesis (N,).
@@ -120,7 +119,7 @@ class AnchorDecider:
         net: trained networks.
         world: options of the world; the filters use its model.
         alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1]. If the hypothesis is
-            rewarded, or alpha exceeds `LARGEST_REGRET_ALPHA`, the loss is the posterior error probability.
+            rewarded, the loss is the posterior error probability.
 
     Raises:
         ArgumentError: alpha is out of range.
@@ -162,10 +161,9 @@ class AnchorDecider:
     ) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the expected loss of a declaration and the hypothesis to declare, see `errors_and_best`."""
         tracks = len(posterior)
-        regret_alpha = self.alpha if self.alpha <= LARGEST_REGRET_ALPHA else -1.0
         return errors_and_best(
             self.net, observation, state.filters.scales, posterior,
-            np.full(tracks, self.by_type), np.full(tracks, regret_alpha),
+            np.full(tracks, self.by_type), np.full(tracks, self.alpha),
         )  # fmt: skip
 
     def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:

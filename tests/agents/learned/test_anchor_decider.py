@@ -11,7 +11,6 @@ from scipy.stats import multivariate_normal
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
 from agents.learned.anchor_decider import (
-    LARGEST_REGRET_ALPHA,
     AnchorDecider,
     AnchorNetworks,
     errors_and_best,
@@ -21,7 +20,6 @@ from agents.learned.anchor_decider import (
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
 from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_policy
-from agents.training.anchor_stream import TYPICAL_ALPHAS
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.deciders.component_filters import stated_covariance
@@ -225,20 +223,6 @@ def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_r
     assert (best > 0).all()
     exact, _ = errors_and_best(net, rows, scales, posterior, np.zeros(3, np.bool_), alpha)
     np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
-
-
-def test_no_cost_of_a_wrong_radius_is_added_at_thresholds_beyond_those_of_the_training():
-    world = WorldOptions(radii=(2.0, 8.0), correctness="type")
-    rows, _ = HybridTrackVectorEnv(1, **vars(world)).reset(seed=0)
-    posterior = np.array([[0.0, 0.6, 0.4, 0.0, 0.0]])
-    found = []
-    for alpha in (LARGEST_REGRET_ALPHA, 1.001 * LARGEST_REGRET_ALPHA):
-        decider = AnchorDecider(random_net(), world, alpha)
-        _, state = decider.posterior(rows, None, np.ones(1, np.bool_))
-        found.append(decider.errors(rows, posterior, state)[0][0])
-    assert found[0] > 0.01
-    assert found[1] == pytest.approx(0.0)
-    assert TYPICAL_ALPHAS[1] == LARGEST_REGRET_ALPHA
 
 
 @pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])
