@@ -190,7 +190,7 @@ def anchor_aware_family(world: WorldOptions) -> DeciderFamily:
     )
 
 
-FITTED = {
+FITTED: dict[str, Callable[[WorldOptions], DeciderFamily]] = {
     BAYES: bayes_family,
     KEPT_COVARIANCE: kept_covariance_family,
     CALIBRATED_ANCHOR: calibrated_anchor_family,
