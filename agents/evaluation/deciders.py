@@ -75,7 +75,7 @@ ALPHAS = (
     *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
-FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4)
+FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
 
 MSPRT = DeciderFamily("MSPRT", "alpha", ALPHAS, 0.02, MSPRTDecider)

@@ -23,7 +23,7 @@ NOMINAL = "nominal"
 SELECTION_EPISODES = 400
 """Episodes per threshold in each environment; a threshold is one number, and its optimum is flat."""
 
-MOST_THRESHOLDS = 12
+MOST_THRESHOLDS = 13
 """Thresholds tried in each environment, spread over those of the decider; all posteriors use `FEW_ALPHAS`."""
 
 
