@@ -111,6 +111,7 @@ class MatrixExtendedKalmanFilter:
         K = P @ H.T @ np.linalg.inv(Sigma)
         self.s, self.P = s + K @ innovation, P - K @ H @ P
         quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+        self.distance = quadratic
         self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
 
 

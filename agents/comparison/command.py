@@ -22,7 +22,8 @@ class Compare(WorldArguments):
     deciders: tuple[str, ...] = ("ate", "fixed", "msprt", "msprt-kept", "calibrated")
     """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
-    the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run)."""
+    the run), 'calibrated-robust' (with filters that reject outliers), 'gap', 'ml' (maximum likelihood at the
+    end), 'bayes' (Bayes risk, fitted during the run)."""
     agents: tuple[str, ...] = ("ppo", "shipped")
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), or run folders."""

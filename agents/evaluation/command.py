@@ -23,8 +23,9 @@ class Evaluate(WorldArguments):
     """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix."""
 
     deciders: tyro.conf.Positional[tuple[str, ...]] = ("ate",)
-    """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'gap', 'ml', 'bayes',
-    'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'."""
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'calibrated-robust',
+    'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30',
+    'runs/ppo:-2'."""
     episodes: int = 1000
     """Number of evaluation episodes."""
     seed: int = 0
