@@ -2,6 +2,7 @@
 
 For unknown switch moments: a threshold, CUSUM, Shiryaev-Roberts, the windowed generalized likelihood ratio,
 the detector of Golubkov 2020 and a beam of histories.
+`OnlineTracker` puts a rule behind a live sensor.
 """
 
 from baselines.deciders.decider import Decider
@@ -9,6 +10,7 @@ from baselines.deciders.fixed_time import FixedTimeDecider
 from baselines.deciders.msprt import GapDecider, MSPRTDecider
 from baselines.deciders.sprt import SPRTDecider, sprt_test, sprt_thresholds
 from baselines.filters.recording import first_estimate
+from baselines.online.tracker import OnlineEstimate, OnlineTracker
 from baselines.quickest.beam import BeamDecider
 from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.quickest.metrics import StatementMetrics, measure_statements
@@ -26,6 +28,8 @@ __all__ = [
     "GapDecider",
     "MSPRTDecider",
     "MeanRatioDecider",
+    "OnlineEstimate",
+    "OnlineTracker",
     "SPRTDecider",
     "ShiryaevRobertsDecider",
     "StatementMetrics",

@@ -4,6 +4,7 @@
 and removes its scale.
 """
 
+import functools
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -61,6 +62,7 @@ class Layout:
         self.width = start
 
     @classmethod
+    @functools.cache
     def of_width(cls, width: int) -> Self:
         """Return the layout of observations of a given width. Raises `ArgumentError` if there is none."""
         blocks, singles = len(cls.hypothesis_features), len(cls.track_features)

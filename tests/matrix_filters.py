@@ -34,8 +34,12 @@ class MatrixKalmanFilter:
         self.H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
 
     def step(self, z):
+        """One tick; a measurement None only predicts."""
         x = self.Phi @ self.x + self.B
         P = self.Phi @ self.P @ self.Phi.T + self.GQG
+        if z is None:
+            self.x, self.P = x, P
+            return
         self.innovation = z - self.H @ x
         self.Sigma = self.H @ P @ self.H.T + self.R
         K = P @ self.H.T @ np.linalg.inv(self.Sigma)
@@ -91,11 +95,15 @@ class MatrixExtendedKalmanFilter:
         self.P = J @ P @ J.T
 
     def step(self, z):
+        """One tick; a measurement None only predicts."""
         F = jacobian(lambda state: move(state, self.tau), self.s)
         if self.s[6] == 0.0:  # the turn rate of the straight line is exactly zero
             F[:4, 6] = 0.0
         s = move(self.s, self.tau)
         P = F @ self.P @ F.T + self.Q
+        if z is None:
+            self.s, self.P = s, P
+            return
         H = np.zeros((2, 7))
         H[0, 0] = H[1, 2] = 1.0
         Sigma = H @ P @ H.T + np.diag(self.R)
@@ -103,4 +111,67 @@ class MatrixExtendedKalmanFilter:
         K = P @ H.T @ np.linalg.inv(Sigma)
         self.s, self.P = s + K @ innovation, P - K @ H @ P
         quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+        self.distance = quadratic
         self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+
+
+class LiteralImm:
+    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
+
+    def __init__(self, estimate, P, curvatures, transition, tau, Q, R):
+        self.curvatures, self.transition, self.tau = curvatures, transition, tau
+        self.GQG, self.R = np.diag([0.0, Q, 0.0, Q]), np.diag(R)
+        self.states = [np.array(estimate) for _ in curvatures]
+        self.covariances = [np.array(P) for _ in curvatures]
+        self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
+
+    def step(self, z):
+        """One tick; a measurement None only predicts."""
+        prior = self.transition.T @ self.probability
+        weights = self.transition * self.probability[:, None] / prior
+        mixed = [
+            sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))
+        ]
+        spread = [
+            sum(
+                w * (P + np.outer(x - mixed[j], x - mixed[j]))
+                for w, x, P in zip(weights[:, j], self.states, self.covariances, strict=True)
+            )
+            for j in range(len(prior))
+        ]
+        H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
+        self.log_likelihood = np.empty(len(prior))
+        for j, curvature in enumerate(self.curvatures):
+            F = turn_matrix(mixed[j], curvature, self.tau)
+            x, P = F @ mixed[j], F @ spread[j] @ F.T + self.GQG
+            if z is None:
+                self.states[j], self.covariances[j], self.log_likelihood[j] = x, P, 0.0
+                continue
+            Sigma = H @ P @ H.T + self.R
+            innovation = z - H @ x
+            K = P @ H.T @ np.linalg.inv(Sigma)
+            self.states[j], self.covariances[j] = x + K @ innovation, P - K @ H @ P
+            quadratic = innovation @ np.linalg.solve(Sigma, innovation)
+            self.log_likelihood[j] = -0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+        self.probability = prior * np.exp(self.log_likelihood)
+        self.probability /= self.probability.sum()
+        self.estimate = sum(p * x for p, x in zip(self.probability, self.states, strict=True))
+        self.covariance = sum(
+            p * (P + np.outer(x - self.estimate, x - self.estimate))
+            for p, x, P in zip(self.probability, self.states, self.covariances, strict=True)
+        )
+
+
+def turn_matrix(state, curvature, tau):
+    """Return the transition matrix of [x, vx, y, vy] in a coordinated turn."""
+    a = curvature * math.hypot(state[1], state[3]) * tau
+    C, S = math.cos(a), math.sin(a)
+    along, across = (tau * S / a, tau * (1 - C) / a) if a else (tau, 0.0)
+    return np.array([[1, along, 0, -across], [0, C, 0, -S], [0, across, 1, along], [0, S, 0, C]])
+
+
+def transition_matrix(M, hazard):
+    matrix = np.full((M, M), hazard / (M - 1))
+    np.fill_diagonal(matrix, 1 - hazard)
+    np.testing.assert_allclose(matrix.sum(1), 1)
+    return matrix

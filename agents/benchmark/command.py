@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 import tyro
 
 Group = Literal[
-    "single", "vector", "quickest", "threads", "banks", "bank", "study", "training", "growth", "startup"
+    "single",
+    "vector",
+    "quickest",
+    "threads",
+    "banks",
+    "bank",
+    "online",
+    "study",
+    "training",
+    "growth",
+    "startup",
 ]
 ALL: tuple[Group, ...] = (
     "single",
@@ -16,6 +26,7 @@ ALL: tuple[Group, ...] = (
     "threads",
     "banks",
     "bank",
+    "online",
     "study",
     "training",
     "growth",
@@ -25,7 +36,7 @@ ALL: tuple[Group, ...] = (
 
 @dataclass(kw_only=True)
 class Bench:
-    """Measure the speed of environment, bank, study and training against CartPole, NumPy and filterpy."""
+    """Measure the speed of environment, bank, tracker, study and training, against CartPole and filterpy."""
 
     groups: Annotated[tuple[Group, ...], tyro.conf.Positional] = ALL
     """Groups to measure; all by default, in about three minutes."""

@@ -10,6 +10,7 @@ from agents.benchmark.environments import (
     vector_environment,
 )
 from agents.benchmark.filters import bank_step, study_2018
+from agents.benchmark.online import online_tracker
 from agents.benchmark.scaling import growth, start_up
 from agents.benchmark.timing import Measurement
 from agents.benchmark.training import training
@@ -21,6 +22,7 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "threads": threads,
     "banks": banks,
     "bank": bank_step,
+    "online": online_tracker,
     "study": study_2018,
     "training": training,
     "growth": growth,

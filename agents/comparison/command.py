@@ -42,7 +42,8 @@ class Compare(WorldArguments):
     deciders: Annotated[tuple[str, ...] | None, _default(" ".join(DECIDERS), "all")] = None
     """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
-    the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run).
+    the run), 'calibrated-robust' (with filters that reject outliers), 'gap', 'ml' (maximum likelihood at the
+    end), 'bayes' (Bayes risk, fitted during the run).
     In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
     'glr', 'detector-2020' (of Golubkov 2020), 'beam' (semi-Markov posterior), 'beam-geometric' (which does
     not know the law of durations)."""

@@ -77,7 +77,9 @@ ALPHAS = (
     *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
     *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
 )
-FEW_ALPHAS = (0.3, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 3e-3, 5e-4)  # networks are slow to evaluate
+FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
+"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
+
 MSPRT = DeciderFamily("MSPRT", "alpha", ALPHAS, 0.02, MSPRTDecider)
 TYPE_MSPRT = DeciderFamily(
     "MSPRT of types", "alpha", ALPHAS, 0.02, lambda alpha: MSPRTDecider(alpha, by="type")
@@ -122,6 +124,7 @@ LOG_ODDS = (
 BAYES = "bayes"
 KEPT_COVARIANCE = "msprt-kept"
 CALIBRATED_ANCHOR = "calibrated"
+CALIBRATED_ROBUST = "calibrated-robust"
 ANCHOR_AWARE = "msprt-aware"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
@@ -155,19 +158,24 @@ def kept_covariance_family(world: WorldOptions) -> DeciderFamily:
     )
 
 
-def calibrated_anchor_family(world: WorldOptions) -> DeciderFamily:
-    """Return the MSPRT whose anchor distribution is fitted to simulated episodes of an environment."""
+def calibrated_anchor_family(world: WorldOptions, robust: bool = False) -> DeciderFamily:
+    """Return the MSPRT whose anchor distribution is fitted to simulated episodes of an environment.
+
+    Args:
+        world: options of the environment.
+        robust: with the robust filters of the anchor agent, see `ComponentFilters`.
+    """
 
     @functools.cache
     def prior() -> AnchorPrior:
-        return fit_calibrated_anchor(world, CALIBRATION_EPISODES, seeds.FITTING)
+        return fit_calibrated_anchor(world, CALIBRATION_EPISODES, seeds.FITTING, robust=robust)
 
     return DeciderFamily(
-        "calibrated anchor",
+        "calibrated anchor, robust" if robust else "calibrated anchor",
         "alpha",
         ALPHAS,
         0.02,
-        lambda alpha: CalibratedAnchorDecider(world, prior(), alpha),
+        lambda alpha: CalibratedAnchorDecider(world, prior(), alpha, robust),
     )
 
 
@@ -184,10 +192,11 @@ def anchor_aware_family(world: WorldOptions) -> DeciderFamily:
     )
 
 
-FITTED = {
+FITTED: dict[str, Callable[[WorldOptions], DeciderFamily]] = {
     BAYES: bayes_family,
     KEPT_COVARIANCE: kept_covariance_family,
     CALIBRATED_ANCHOR: calibrated_anchor_family,
+    CALIBRATED_ROBUST: functools.partial(calibrated_anchor_family, robust=True),
     ANCHOR_AWARE: anchor_aware_family,
 }
 """Rules that read the options of the environment, or are fitted to its simulation."""

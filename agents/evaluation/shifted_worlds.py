@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agents.evaluation import seeds
-from agents.evaluation.deciders import DeciderFamily, decider_family
+from agents.evaluation.deciders import ALPHAS, FEW_ALPHAS, DeciderFamily, decider_family
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
 from hybrid_env.options import WorldOptions
@@ -23,8 +23,8 @@ NOMINAL = "nominal"
 SELECTION_EPISODES = 400
 """Episodes per threshold in each environment; a threshold is one number, and its optimum is flat."""
 
-MOST_THRESHOLDS = 12
-"""Thresholds tried in each environment, spread over those of the decider."""
+MOST_THRESHOLDS = 13
+"""Thresholds tried in each environment, spread over those of the decider; all posteriors use `FEW_ALPHAS`."""
 
 
 def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
@@ -173,8 +173,8 @@ def evaluate_shifts(
 
 def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any]) -> float:
     """Return the threshold with the best reward on the selection episodes."""
-    step = -(-len(family.thresholds) // MOST_THRESHOLDS)
-    thresholds = family.thresholds[::step]
+    thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds
+    thresholds = thresholds[:: -(-len(thresholds) // MOST_THRESHOLDS)]
     curve = sweep(family, env_id, SELECTION_EPISODES, seeds.SELECTION, thresholds=thresholds, **options)
     return thresholds[curve.best_index()]
 

@@ -1,6 +1,6 @@
 """The colour and the marker of each decider, the same in every figure.
 
-The palette contains purples, pinks, yellows, greys, one green and one dark blue. It stays apart from the
+The palette contains purples, pinks, yellows, greys, two greens and one dark blue. It stays apart from the
 colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with
 red-green colour blindness.
 """
@@ -34,6 +34,7 @@ STYLES = {
     "MSPRT, kept P": DeciderStyle("#0000b4", ">"),
     "MSPRT, anchor-aware": DeciderStyle("#3c000f", "*"),
     "calibrated anchor": DeciderStyle("#00e196", "p"),
+    "calibrated anchor, robust": DeciderStyle("#0f961e", "8"),
     "gap rule": DeciderStyle("#695a00", "P"),
     "ML at the end": DeciderStyle("#2d0069", "X"),
     "Bayes risk": DeciderStyle("#780f3c", "h"),

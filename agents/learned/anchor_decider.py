@@ -59,7 +59,8 @@ def errors_and_best(
 
     If the hypothesis is rewarded, the loss is the posterior error probability of the most likely one. If only
     the type is rewarded, a wrong radius costs nothing at once, but the next anchor is less accurate. Its
-    expected cost is added, and the radius may be the mean one instead of the most likely one.
+    expected cost is added, and the radius may be the mean one instead of the most likely one. If all filters
+    run on (`follow="bank"`), the next anchor does not depend on the declaration, and the cost is zero.
 
     Args:
         net: predicts the cost in the next segment.
@@ -73,7 +74,7 @@ def errors_and_best(
         Loss (N,) and hypothesis (N,).
     """
     error, best = error_and_best(posterior, by_type)
-    chosen = np.flatnonzero(by_type & (error <= alpha))
+    chosen = np.flatnonzero(by_type & (error <= alpha) & (scales.follows_bank == 0.0))
     if posterior.shape[1] == 3 or not chosen.size:
         return error, best
     layout = Layout.of_rows(rows)
@@ -124,6 +125,8 @@ class AnchorDecider:
     Raises:
         ArgumentError: alpha is out of range.
     """
+
+    every_tick = True
 
     def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:

@@ -10,7 +10,11 @@ Actions = NDArray[np.int64]
 
 
 class Decider(Protocol):
-    """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks."""
+    """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
+
+    A decider with filters of its own has an attribute `every_tick` that is True: it needs a row of every
+    tick, so that `baselines.OnlineTracker` cannot leave out missing measurements.
+    """
 
     def predict(
         self,

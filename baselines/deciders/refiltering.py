@@ -52,6 +52,7 @@ class RefilteringDecider:
     Args:
         world: options of the world; the filters use its model.
         alpha: threshold of the error probability, above 0 and at most 1.
+        robust: the filters reject outliers and allow for axes of different variances, see `ComponentFilters`.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
@@ -59,9 +60,10 @@ class RefilteringDecider:
 
     bank: str
     components: int
+    every_tick = True
 
-    def __init__(self, world: WorldOptions, alpha: float = 0.02):
-        self.world = world
+    def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
+        self.world, self.robust = world, robust
         self.alpha = check_number("alpha", alpha)
         if not 0.0 < self.alpha <= 1.0:
             raise reject("alpha", alpha, "a number > 0 and <= 1")
@@ -93,7 +95,7 @@ class RefilteringDecider:
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
         begins = ticks == 1
         if state is None:
-            filters = ComponentFilters(self.bank, self.components, tracks, self.world)
+            filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
             shape = (tracks, self.world.hypotheses)
             state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
             begins[:] = True
@@ -135,14 +137,16 @@ class CalibratedAnchorDecider(RefilteringDecider):
         world: see `RefilteringDecider`.
         prior: distribution of the anchor error after correct and after wrong declarations; None uses the
             covariance that the bank states.
-        alpha: see `RefilteringDecider`.
+        alpha, robust: see `RefilteringDecider`.
     """
 
     bank = "anchor_aware"
     components = 4
 
-    def __init__(self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02):
-        super().__init__(world, alpha)
+    def __init__(
+        self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False
+    ):
+        super().__init__(world, alpha, robust)
         self.prior = prior
 
     def anchors(
@@ -172,6 +176,7 @@ def fit_calibrated_anchor(
     rounds: int = 2,
     alpha: float = 0.05,
     on_progress: Callable[[float], None] | None = None,
+    robust: bool = False,
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
@@ -182,10 +187,11 @@ def fit_calibrated_anchor(
         rounds: the first round declares with the stated covariance, later rounds with the last fit.
         alpha: error probability at which the decider declares.
         on_progress: called with the finished share.
+        robust: see `RefilteringDecider`.
     """
     prior: AnchorPrior | None = None
     for k in range(rounds):
-        decider = CalibratedAnchorDecider(world, prior, alpha)
+        decider = CalibratedAnchorDecider(world, prior, alpha, robust)
         prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
         if on_progress is not None:
             on_progress((k + 1) / rounds)

@@ -25,6 +25,7 @@ class MeasurementDecider(Generic[State]):
         hypotheses: M, number of modes.
     """
 
+    every_tick = True
     hypotheses: int
 
     def begin(self, tracks: int) -> State:

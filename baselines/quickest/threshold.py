@@ -1,5 +1,6 @@
 """A threshold with hysteresis on the probabilities of the bank."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,59 @@ from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import check_number, reject
+from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.observation import QuickestLayout
+
+
+@internal
+def _choose(
+    log_probability: NDArray[np.float64],
+    stated: Actions,
+    started: NDArray[np.bool_],
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    """Write the next statements; see `ThresholdDecider.choose`. The thresholds are logarithms."""
+    for i in range(stated.size):
+        values = log_probability[i]
+        best = values.argmax()
+        changes = values[best] >= threshold and values[stated[i]] <= release
+        actions[i] = best if changes or not started[i] else stated[i]
+
+
+@compiled
+def _choose_by_arrays(
+    log_probability: NDArray[np.float64],
+    stated: Actions,
+    started: NDArray[np.bool_],
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    _choose(log_probability, stated, started, threshold, release, actions)
+
+
+@compiled
+def _choose_by_rows(
+    observation: Observations,
+    modes: int,
+    columns: tuple[int, int],
+    scale: float,
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    """Write the next statements from rows. columns: the first of the log probabilities, of the statement."""
+    tracks = observation.shape[0]
+    log_probability = np.empty((tracks, modes))
+    stated, started = np.zeros(tracks, np.int64), np.zeros(tracks, np.bool_)
+    for i in range(tracks):
+        for h in range(modes):
+            log_probability[i, h] = observation[i, columns[0] + h] / scale
+            if observation[i, columns[1] + h] > 0.0:
+                stated[i], started[i] = h, True
+    _choose(log_probability, stated, started, threshold, release, actions)
 
 
 class ThresholdDecider:
@@ -28,6 +81,7 @@ class ThresholdDecider:
     def __init__(self, threshold: float = 0.6, release: float = 1.0):
         self.threshold = _check_probability("threshold", threshold)
         self.release = _check_probability("release", release)
+        self._log_threshold, self._log_release = _log(self.threshold), _log(self.release)
 
     def predict(
         self,
@@ -42,9 +96,15 @@ class ThresholdDecider:
             observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
             state, episode_start, deterministic: not used.
         """
-        layout = QuickestLayout.of_rows(observation)
-        log_probability = layout.read(observation, "log_probability")
-        return self.choose(log_probability, *read_statement(observation)), None
+        rows = np.ascontiguousarray(observation, np.float32)
+        layout = QuickestLayout.of_rows(rows)
+        actions = np.empty(len(rows), np.int64)
+        columns = layout.slices["log_probability"].start, layout.slices["stated"].start
+        scale = layout.scales["log_probability"]
+        _choose_by_rows(
+            rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
+        )
+        return actions, None
 
     def choose(
         self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
@@ -56,12 +116,9 @@ class ThresholdDecider:
             stated: (N,) last statements.
             started: (N,) whether there has been a statement; the first one is the most probable mode.
         """
-        best = log_probability.argmax(-1)
-        of_best, of_stated = (
-            np.exp(np.take_along_axis(log_probability, mode[:, None], -1)[:, 0]) for mode in (best, stated)
-        )
-        changes = (of_best >= self.threshold) & (of_stated <= self.release)
-        return np.where(changes | ~started, best, stated)
+        actions = np.empty(len(stated), np.int64)
+        _choose_by_arrays(log_probability, stated, started, self._log_threshold, self._log_release, actions)
+        return actions
 
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
@@ -76,3 +133,7 @@ def _check_probability(name: str, value: Any) -> float:
     if not 0.0 <= number <= 1.0:
         raise reject(name, value, allowed)
     return number
+
+
+def _log(probability: float) -> float:
+    return math.log(probability) if probability > 0.0 else -math.inf

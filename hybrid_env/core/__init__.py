@@ -9,7 +9,8 @@ Python. `kernel` runs a tick in this order:
 3. `observation_row` writes the observation.
 
 `quickest_kernel` runs the tick with unknown switch moments: the same object, the bank of `imm_bank`, whose
-filters are those of `coordinated_turn`, and the observation of `quickest_row`.
+filters are those of `coordinated_turn`, and the observation of `quickest_row`. `online_kernel` runs the tick
+of both with a measurement from outside, without an object.
 
 `records` and `quickest_records` define the data types, `compilation` the compiler options, `elementary`
 vectorizable log, exp, sine and cosine, and `memory` allocates aligned arrays.

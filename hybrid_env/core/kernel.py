@@ -71,20 +71,16 @@ def _record_estimate(
 
 
 @internal
-def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: Any) -> None:
-    """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
-    table = arrays.table
-    if setting.random_scheme:
-        row = integer_below(block.random_state, lane, table.shape[0])
-        lengths = setting.longest - setting.shortest + 1
-        block.length[lane] = setting.shortest + integer_below(block.random_state, lane, lengths)
-    else:
-        row = block.segment[lane]
-        block.length[lane] = np.int64(table[row, LENGTH])
-    block.true_mode[lane] = np.int64(table[row, MODE])
-    begin_motion(block, lane, table[row], setting.tau)
-    for k in range(4):
-        block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
+def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], setting: Any) -> None:
+    """Begin a segment of the bank, before its first tick: every filter starts from the anchor.
+
+    Args:
+        block: a record `records.BLOCK`; its anchor and its kept covariance are read.
+        lane: index of the track in the block.
+        bank: bank of the block.
+        radii: (n,) turn radii of the bank [m].
+        setting: a record `PARAMETERS`.
+    """
     anchor = (
         block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
     )  # fmt: skip
@@ -99,8 +95,26 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: An
         covariance = IDENTITY
     if setting.oracle:
         covariance = NO_COVARIANCE
-    bank_operations.begin(bank, lane, anchor, covariance, arrays.radii, setting)
+    bank_operations.begin(bank, lane, anchor, covariance, radii, setting)
     block.tick[lane] = 0
+
+
+@internal
+def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: Any) -> None:
+    """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
+    table = arrays.table
+    if setting.random_scheme:
+        row = integer_below(block.random_state, lane, table.shape[0])
+        lengths = setting.longest - setting.shortest + 1
+        block.length[lane] = setting.shortest + integer_below(block.random_state, lane, lengths)
+    else:
+        row = block.segment[lane]
+        block.length[lane] = np.int64(table[row, LENGTH])
+    block.true_mode[lane] = np.int64(table[row, MODE])
+    begin_motion(block, lane, table[row], setting.tau)
+    for k in range(4):
+        block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
+    begin_bank(block, lane, bank, arrays.radii, setting)
     block.squared_error[lane] = 0.0
 
 
@@ -113,7 +127,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 
 @inlined
-def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
+def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
     if forced and setting.keep_undecided:
@@ -124,7 +138,7 @@ def _chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) ->
 
 
 @inlined
-def _set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> None:
+def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
     if merged is None:
         for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
@@ -144,7 +158,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
-    chosen = _chosen_mode(block, lane, bank, action, setting)
+    chosen = chosen_mode(block, lane, bank, action, setting)
     of_type = mode_type(chosen, n) == mode_type(true_mode, n)
     correct = chosen == true_mode if setting.exact else of_type
     flags[HAS_DECISION, i] = True
@@ -168,7 +182,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
             else:
                 bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
-    _set_anchor(block, lane, bank, chosen, merged)
+    set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
     arrays.squared_errors[i] = block.squared_error[lane]
 

@@ -38,7 +38,7 @@ class QuickestArrays(NamedTuple):
 
 
 @inlined
-def _arrays_of(setting: Any) -> QuickestArrays:
+def arrays_of(setting: Any) -> QuickestArrays:
     """Return the arrays at the addresses in a record `QUICKEST_PARAMETERS`."""
     tracks, n = setting.tracks, setting.radii_count
     modes = 2 * n + 1
@@ -108,14 +108,20 @@ def _switch(block: Any, lane: int, arrays: QuickestArrays, setting: Any) -> None
 
 
 @inlined
-def _state(block: Any, lane: int, stated: int, change_cost: float) -> float:
-    """Record the statement of a track. Returns its reward."""
-    right = stated == block.true_mode[lane]
+def record_statement(block: Any, lane: int, stated: int) -> bool:
+    """Record the statement of a track. Returns whether it differs from the last one; the first does not."""
     before = block.stated_ticks[lane]
     changed = before > 0 and stated != block.stated_mode[lane]
     block.stated_ticks[lane] = 1 if changed else before + 1
     block.stated_mode[lane] = stated
-    if right:
+    return changed
+
+
+@inlined
+def _state(block: Any, lane: int, stated: int, change_cost: float) -> float:
+    """Record the statement of a track. Returns its reward."""
+    changed = record_statement(block, lane, stated)
+    if stated == block.true_mode[lane]:
         return 1.0
     return -change_cost if changed else 0.0
 
@@ -186,7 +192,7 @@ def advance_quickest(address: int, reset: bool) -> int:
         -1 - i; then no track is stepped.
     """
     setting = array_at(address, (1,), QUICKEST_PARAMETERS)[0]
-    arrays = _arrays_of(setting)
+    arrays = arrays_of(setting)
     if not reset:
         for i in range(setting.tracks):
             if arrays.actions[i] < 0 or arrays.actions[i] >= arrays.table.shape[0]:

@@ -7,6 +7,7 @@ import pytest
 
 from agents.benchmark import timing
 from agents.benchmark.environments import _Steps
+from agents.benchmark.online import CASES, online_tracker
 from agents.benchmark.peers import FilterpyBank, NumpyBank
 from agents.benchmark.report import markdown
 from agents.benchmark.timing import Measurement, measure_in_turn, seconds_per_call, speed_ratio
@@ -74,6 +75,14 @@ def test_the_command_writes_table_figure_and_data(capsys, tmp_path, monkeypatch)
     table = (tmp_path / "bench.md").read_text()
     assert table.count("\n| ") == 10
     assert table == markdown([Measurement(**one) for one in found], table.splitlines()[0].rstrip("."))
+
+
+def test_the_tracker_is_measured_with_its_deciders(monkeypatch):
+    monkeypatch.setattr(timing, "REPETITIONS", 1)
+    monkeypatch.setattr(timing, "SECONDS", 1e-4)
+    found = list(online_tracker())
+    assert [one.name for one in found] == list(CASES)
+    assert all(one.unit == "us" and one.at_most and one.value > 0 for one in found)
 
 
 @pytest.mark.parametrize("line", ["bench everything", "bench --out bad.txt"])

@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -223,6 +224,9 @@ def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_r
     assert (best > 0).all()
     exact, _ = errors_and_best(net, rows, scales, posterior, np.zeros(3, np.bool_), alpha)
     np.testing.assert_allclose(exact, [0.5, 0.5, 0.6])
+    following = Scales.of([replace(world, follow="bank")], [3])  # the next anchor is the same after any turn
+    error, _ = errors_and_best(net, rows, following, posterior, np.ones(3, np.bool_), alpha)
+    np.testing.assert_allclose(error, [0.0, 0.0, 0.2], atol=1e-12)
 
 
 @pytest.mark.parametrize("options", [{}, {"measurement_variance": 1.0}])

@@ -83,6 +83,31 @@ def test_units_change_no_decision(length, time):
     np.testing.assert_allclose(decisions[1], decisions[0], atol=2e-3)
 
 
+@pytest.mark.parametrize("options", [{"outliers": 0.05}, {"measurement_variance": (0.025, 0.4)}])
+def test_robust_filters_earn_more_under_outliers_and_with_unequal_axes(options):
+    world = WorldOptions(**options)
+    rewards = []
+    for robust in (False, True):
+        prior = fit_calibrated_anchor(world, 100, 7, robust=robust)
+        decider = CalibratedAnchorDecider(world, prior, 0.05, robust)
+        rewards.append(reward_of_episodes(decider, HybridTrackVectorEnv(100, **vars(world))))
+    gain = rewards[1] - rewards[0]
+    assert gain.mean() > 2 * gain.std() / np.sqrt(gain.size)
+
+
+def reward_of_episodes(decider, env):
+    """Return the reward of the first episode of every track, (N,)."""
+    rows, _ = env.reset(seed=11)
+    start = running = np.ones(env.num_envs, np.bool_)
+    state, total = None, np.zeros(env.num_envs)
+    while running.any():
+        actions, state = decider.predict(rows, state, start)
+        rows, reward, start, _, _ = env.step(actions)
+        total += np.where(running, reward, 0.0)
+        running = running & ~start
+    return total
+
+
 def test_a_mixture_is_recovered_and_mirrored():
     rng = np.random.default_rng(0)
     n = 20_000

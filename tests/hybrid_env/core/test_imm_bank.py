@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from matrix_filters import LiteralImm, transition_matrix
 from numba import njit
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv
@@ -14,64 +15,6 @@ from hybrid_env.core.records import LANES
 
 TRIANGLE = np.triu_indices(4)
 begin, step = njit(begin_imm), njit(step_imm)
-
-
-class LiteralImm:
-    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
-
-    def __init__(self, estimate, P, curvatures, transition, tau, Q, R):
-        self.curvatures, self.transition, self.tau = curvatures, transition, tau
-        self.GQG, self.R = np.diag([0.0, Q, 0.0, Q]), np.diag(R)
-        self.states = [np.array(estimate) for _ in curvatures]
-        self.covariances = [np.array(P) for _ in curvatures]
-        self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
-
-    def step(self, z):
-        prior = self.transition.T @ self.probability
-        weights = self.transition * self.probability[:, None] / prior
-        mixed = [
-            sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))
-        ]
-        spread = [
-            sum(
-                w * (P + np.outer(x - mixed[j], x - mixed[j]))
-                for w, x, P in zip(weights[:, j], self.states, self.covariances, strict=True)
-            )
-            for j in range(len(prior))
-        ]
-        H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
-        self.log_likelihood = np.empty(len(prior))
-        for j, curvature in enumerate(self.curvatures):
-            F = turn_matrix(mixed[j], curvature, self.tau)
-            x, P = F @ mixed[j], F @ spread[j] @ F.T + self.GQG
-            Sigma = H @ P @ H.T + self.R
-            innovation = z - H @ x
-            K = P @ H.T @ np.linalg.inv(Sigma)
-            self.states[j], self.covariances[j] = x + K @ innovation, P - K @ H @ P
-            quadratic = innovation @ np.linalg.solve(Sigma, innovation)
-            self.log_likelihood[j] = -0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
-        self.probability = prior * np.exp(self.log_likelihood)
-        self.probability /= self.probability.sum()
-        self.estimate = sum(p * x for p, x in zip(self.probability, self.states, strict=True))
-        self.covariance = sum(
-            p * (P + np.outer(x - self.estimate, x - self.estimate))
-            for p, x, P in zip(self.probability, self.states, self.covariances, strict=True)
-        )
-
-
-def turn_matrix(state, curvature, tau):
-    """Return the transition matrix of [x, vx, y, vy] in a coordinated turn."""
-    a = curvature * math.hypot(state[1], state[3]) * tau
-    C, S = math.cos(a), math.sin(a)
-    along, across = (tau * S / a, tau * (1 - C) / a) if a else (tau, 0.0)
-    return np.array([[1, along, 0, -across], [0, C, 0, -S], [0, across, 1, along], [0, S, 0, C]])
-
-
-def transition_matrix(M, hazard):
-    matrix = np.full((M, M), hazard / (M - 1))
-    np.fill_diagonal(matrix, 1 - hazard)
-    np.testing.assert_allclose(matrix.sum(1), 1)
-    return matrix
 
 
 def test_the_bank_equals_the_literal_one_in_every_lane():

@@ -1,0 +1,118 @@
+"""Episodes of the environments, and the on-line tracker on their measurements, compared tick by tick."""
+
+import copy
+
+import numpy as np
+from numba import njit
+
+from baselines import OnlineTracker
+from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
+from hybrid_env.core.first_estimate import draw_first_estimate
+from hybrid_env.core.records import LANES
+from hybrid_env.quickest_world import QuickestWorld
+from hybrid_env.seeding import random_states
+
+SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+COMMON = {
+    "R 0.01": {"measurement_variance": 0.01},
+    "R 0.1": {"measurement_variance": 0.1},
+    "R 1": {"measurement_variance": 1.0},
+    "axes": {"measurement_variance": (0.05, 0.2), "radii": (2.0, 5.0)},
+    "walker": {
+        "speed": 1.4, "radii": (1.0, 3.0), "tau": 0.5, "process_variance": 4e-4,
+        "measurement_variance": 0.04, "initial_error": (1.0, 0.01),
+    },
+    "car": {
+        "speed": 15.0, "radii": (20.0, 60.0), "tau": 0.1, "process_variance": 0.01,
+        "measurement_variance": 1.0, "initial_error": (1.0, 1.0),
+    },
+    "ship": {
+        "speed": 8.0, "radii": (300.0,), "tau": 5.0, "process_variance": 1e-3,
+        "measurement_variance": 100.0, "initial_error": (1.0, 0.1),
+    },
+    "aircraft": {
+        "speed": 250.0, "radii": (5e3, 1.5e4), "tau": 1.0, "process_variance": 0.5,
+        "measurement_variance": 2500.0, "initial_error": (1.0, 100.0),
+    },
+}  # fmt: skip
+"""Options of objects of very different size, and of the environment at several noises."""
+
+MOST_ROWS = 101  # ticks of a step: a segment of 100 and the first tick of the next
+
+_draw = njit(draw_first_estimate)
+
+
+def first_estimate(options, seed):
+    """Return the estimate (4,) before the first tick of an episode, and its covariance (4, 4)."""
+    world = QuickestWorld(options, 1)
+    world.seed(0, random_states([seed])[0])
+    block = world.blocks[0]
+    _draw(block, block["covariance"], np.zeros((5, LANES)), 0, options.parameters()[0])
+    return block["estimate"][:, 0].copy(), block["covariance"][:, 0][SQUARE]
+
+
+def same_as_quickest(decider, seed, ticks=150, **options):
+    """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the statements."""
+    env = HybridTrackQuickestVectorEnv(1, ticks=ticks, **options)
+    rows, info = env.reset(seed=seed)
+    tracker = OnlineTracker(env.options, copy.deepcopy(decider))
+    tracker.begin(
+        *first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None
+    )
+    observe, state, start = getattr(decider, "observe", None), None, np.ones(1, np.bool_)
+    modes = []
+    for k in range(ticks):
+        now = tracker.update(tuple(info["measurement"][0].tolist()), env.options.tau * k)
+        actions, state = decider.predict(rows if observe is None else observe(env.world), state, start)
+        start = np.zeros(1, np.bool_)
+        assert tracker.world.observations.tobytes() == rows.tobytes()
+        assert (now.mode, now.decided) == (actions[0], True)
+        np.testing.assert_array_equal(now.probabilities, np.exp(info["log_probability"][0]))
+        np.testing.assert_array_equal(now.estimate, info["estimate"][0])
+        np.testing.assert_array_equal(now.covariance, env.world.field("covariance")[0][SQUARE])
+        modes.append(now.mode)
+        rows, *_, info = env.step(actions)
+    return modes
+
+
+def same_as_announced(decider, seed, **options):
+    """Check that the tracker equals `HybridTrackEnv` in every tick; return the decided modes and forced."""
+    env = HybridTrackVectorEnv(1, trace_rows=MOST_ROWS, **options)
+    rows, info = env.reset(seed=seed)
+    world, tau = env.world, env.options.tau
+    tracker = OnlineTracker(env.options, copy.deepcopy(decider))
+    tracker.begin(info["anchor"][0], world.field("kept_covariance")[0][SQUARE])
+    tracker.switch(int(world.field("length")[0]))
+    state, start = None, np.ones(1, np.bool_)
+    decided, time = [], 5.0
+    while True:
+        now = tracker.update(tuple(info["measurement"][0].tolist()), time)
+        time += tau
+        actions, state = decider.predict(rows, state, start)
+        start = np.zeros(1, np.bool_)
+        assert tracker.world.observations.tobytes() == rows.tobytes()
+        likelihood = info["log_likelihood"][0]
+        posterior = np.exp(likelihood - likelihood.max())
+        np.testing.assert_allclose(now.probabilities, posterior / posterior.sum(), rtol=1e-14)
+        assert now.decided == bool(actions[0])
+        if not now.decided or env.options.follow == "bank":
+            np.testing.assert_array_equal(now.estimate, info["estimate"][0])
+        rows, _, terminated, _, info = env.step(actions)
+        if not info.get("_decided_mode", [False])[0]:
+            continue
+        decided.append((int(info["decided_mode"][0]), bool(info["forced"][0])))
+        ahead = world.read_trace(0)
+        if not terminated[0]:
+            ahead = ahead[:-1]  # the last row is the first tick of the next segment
+        for row in ahead:
+            now = tracker.update(tuple(row[4:6].tolist()), time)
+            time += tau
+            np.testing.assert_array_equal(now.estimate[::2], row[6:8])
+            assert now.decided
+            assert now.mode == row[8]
+        if terminated[0]:
+            return decided
+        tracker.switch(int(world.field("length")[0]))
+        if not info["forced"][0]:
+            np.testing.assert_array_equal(now.estimate, info["anchor"][0])
+            np.testing.assert_array_equal(now.covariance, world.field("kept_covariance")[0][SQUARE])
