@@ -29,8 +29,8 @@ class Evaluate(WorldArguments):
 
     deciders: tyro.conf.Positional[tuple[str, ...]] = ()
     """'ate' (default), 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated',
-    'calibrated-robust', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30',
-    'runs/ppo:-2'.
+    'calibrated-robust', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds:
+    'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
     In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
     'beam', 'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000

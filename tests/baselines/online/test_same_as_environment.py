@@ -8,11 +8,12 @@ from baselines import (
     CusumDecider,
     FixedTimeDecider,
     GapDecider,
+    GLRDecider,
+    MeanRatioDecider,
     MSPRTDecider,
     ShiryaevRobertsDecider,
     SPRTDecider,
     ThresholdDecider,
-    WindowedRatioDecider,
 )
 from baselines.deciders.refiltering import CalibratedAnchorDecider, KeptCovarianceDecider
 from hybrid_env import QuickestOptions, WorldOptions
@@ -28,17 +29,16 @@ def test_unknown_switch_moments(name, start):
 
 
 @pytest.mark.parametrize("name", ["R 0.1", "axes", "ship"])
-@pytest.mark.parametrize(
-    "decider", [CusumDecider(), ShiryaevRobertsDecider(), WindowedRatioDecider(), ThresholdDecider(0.9, 0.3)]
-)
+@pytest.mark.parametrize("decider", [CusumDecider(), ShiryaevRobertsDecider(), ThresholdDecider(0.9, 0.3)])
 def test_rules_for_unknown_switch_moments(decider, name):
     same_as_quickest(decider, seed=1, **COMMON[name])
 
 
 @pytest.mark.parametrize("name", ["R 0.1", "aircraft"])
-def test_the_beam(name):
+@pytest.mark.parametrize("rule", [BeamDecider, GLRDecider, MeanRatioDecider])
+def test_rules_that_filter_the_measurements(rule, name):
     options = COMMON[name]
-    same_as_quickest(BeamDecider(QuickestOptions(**options), branches=20), seed=2, ticks=100, **options)
+    same_as_quickest(rule(QuickestOptions(**options)), seed=2, ticks=100, **options)
 
 
 @pytest.mark.parametrize("follow", ["declared", "bank"])
