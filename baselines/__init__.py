@@ -1,6 +1,7 @@
 """Classical decision rules: Wald's SPRT, MSPRT and gap rule, fixed decision time; ATE on recordings.
 
-For unknown switch moments: a threshold, CUSUM, Shiryaev-Roberts, a windowed ratio and a beam of histories.
+For unknown switch moments: a threshold, CUSUM, Shiryaev-Roberts, the windowed generalized likelihood ratio,
+the detector of Golubkov 2020 and a beam of histories.
 """
 
 from baselines.deciders.decider import Decider
@@ -9,8 +10,9 @@ from baselines.deciders.msprt import GapDecider, MSPRTDecider
 from baselines.deciders.sprt import SPRTDecider, sprt_test, sprt_thresholds
 from baselines.filters.recording import first_estimate
 from baselines.quickest.beam import BeamDecider
-from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider, WindowedRatioDecider
+from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.quickest.metrics import StatementMetrics, measure_statements
+from baselines.quickest.restarted import GLRDecider, MeanRatioDecider
 from baselines.quickest.statements import Statements, record_statements
 from baselines.quickest.threshold import ThresholdDecider
 from baselines.recordings.ate import Tracks, track
@@ -20,15 +22,16 @@ __all__ = [
     "CusumDecider",
     "Decider",
     "FixedTimeDecider",
+    "GLRDecider",
     "GapDecider",
     "MSPRTDecider",
+    "MeanRatioDecider",
     "SPRTDecider",
     "ShiryaevRobertsDecider",
     "StatementMetrics",
     "Statements",
     "ThresholdDecider",
     "Tracks",
-    "WindowedRatioDecider",
     "first_estimate",
     "measure_statements",
     "record_statements",

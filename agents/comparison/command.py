@@ -19,6 +19,7 @@ DECIDERS = ("ate", "fixed", "msprt", "msprt-kept", "calibrated")
 AGENTS = ("ppo", "shipped")
 EPISODES = 1500
 TRACKS = 500  # episodes with unknown switch moments, each of about eight segments
+SELECTION_TRACKS = 300
 DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
 """Flags that do not apply to unknown switch moments."""
 
@@ -35,7 +36,7 @@ class Compare(WorldArguments):
 
     The defaults train PPO for about half a minute and take about six minutes in total on two cores. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
-    two minutes.
+    three minutes.
     """
 
     deciders: Annotated[tuple[str, ...] | None, _default(" ".join(DECIDERS), "all")] = None
@@ -43,7 +44,8 @@ class Compare(WorldArguments):
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
     the run), 'gap', 'ml' (maximum likelihood at the end), 'bayes' (Bayes risk, fitted during the run).
     In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
-    'window', 'beam' (semi-Markov posterior), 'beam-geometric' (which does not know the law of durations)."""
+    'glr', 'detector-2020' (of Golubkov 2020), 'beam' (semi-Markov posterior), 'beam-geometric' (which does
+    not know the law of durations)."""
     agents: Annotated[tuple[str, ...] | None, _default(" ".join(AGENTS), "the shipped agent, if any")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), or run folders. In HybridTrackQuickest-v0 'shipped' or run folders."""
@@ -53,7 +55,9 @@ class Compare(WorldArguments):
     """False evaluates all deciders but the reference at their selected threshold only, in half the time."""
     episodes: Annotated[int | None, _default(f"{EPISODES}", f"{TRACKS}", "--tracks")] = None
     """Number of episodes, of one track each, that every decider is evaluated on."""
-    selection_episodes: Annotated[int | None, _default(f"{seeds.SELECTION_EPISODES}", f"{TRACKS}")] = None
+    selection_episodes: Annotated[
+        int | None, _default(f"{seeds.SELECTION_EPISODES}", f"{SELECTION_TRACKS}")
+    ] = None
     """Number of separate episodes for the selection of thresholds."""
     seed: int = 0
     """Seed of the first evaluation episode; training and threshold selection use other seeds."""
@@ -108,7 +112,7 @@ class Compare(WorldArguments):
             if field.name in DECISION_FLAGS and value != field.default:
                 name = field.name.replace("_", "-")
                 raise reject(name, value, "no value with unknown switch moments")
-        selection = TRACKS if self.selection_episodes is None else self.selection_episodes
+        selection = SELECTION_TRACKS if self.selection_episodes is None else self.selection_episodes
         options = self.world_options()
         plan = StatementPlan(self.env_id, options, deciders, agents, episodes, self.seed, selection)
         run_statement_comparison(plan, self.out)

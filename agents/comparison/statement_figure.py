@@ -50,6 +50,8 @@ def tradeoff(result: StatementComparison) -> Canvas:
         curves = []
         for entry in result.entries:
             rates, values, bounds = _points(entry, statistic)
+            if not rates.size:
+                continue
             rate = entry.figures.estimates["wrong_changes"].value
             selected = [(rate, float(entry.curve.values(statistic)[entry.chosen]))] if rate > 0.0 else []
             line = draw_curve(axes, rates, values, bounds, selected, styles[entry.name])

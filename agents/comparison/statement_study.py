@@ -21,6 +21,7 @@ from agents.evaluation.statement_curve import (
     WRONG_CHANGES,
     StatementCurve,
     at_wrong_changes,
+    check_tracks,
     mean_of,
     sweep_statements,
 )
@@ -71,9 +72,12 @@ class StatementPlan:
         """The deciders to compare.
 
         Raises:
-            ArgumentError: a name or an option is unknown, or a run folder cannot be read.
+            ArgumentError: a name or an option is unknown, a run folder cannot be read, or there are too many
+                tracks.
         """
         world = self.world()
+        check_tracks("episodes", self.tracks, world)
+        check_tracks("selection-episodes", self.selection_tracks, world)
         for name in self.deciders:
             if name not in RULES:
                 raise reject("deciders", name, ", ".join(RULES))

@@ -30,8 +30,8 @@ class Evaluate(WorldArguments):
     deciders: tyro.conf.Positional[tuple[str, ...]] = ()
     """'ate' (default), 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated', 'gap',
     'ml', 'bayes', 'shipped' or a run folder, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
-    In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'window', 'beam',
-    'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
+    In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
+    'beam', 'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000
     """Number of evaluation episodes."""
     seed: int = 0

@@ -190,9 +190,7 @@ def sweep_statements(
     Raises:
         ArgumentError: so many tracks that their statements would fill the memory.
     """
-    segments = options.ticks / min(options.law.mean_duration, options.ticks)
-    largest = max(1, int(min(LARGEST_RESULT / options.ticks, MOST_SEGMENTS / segments)))
-    check_integer("episodes", tracks, maximum=largest)
+    check_tracks("episodes", tracks, options)
     size = max(1, LARGEST_BATCH // options.ticks)
     deciders = [family.make(threshold) for threshold in family.thresholds]
     batches: list[list[TrackMetrics]] = []
@@ -219,6 +217,19 @@ def joined_tracks(family: DeciderFamily, batches: Sequence[Sequence[TrackMetrics
             for parts in zip(*batches, strict=True)
         ),
     )
+
+
+def check_tracks(name: str, tracks: int, options: QuickestOptions) -> None:
+    """Raise `ArgumentError` for so many tracks that their statements or delays would fill the memory.
+
+    Args:
+        name: of the argument.
+        tracks: number of tracks of one episode each.
+        options: of the environment.
+    """
+    segments = options.ticks / min(options.law.mean_duration, options.ticks)
+    largest = max(1, int(min(LARGEST_RESULT / options.ticks, MOST_SEGMENTS / segments)))
+    check_integer(name, tracks, maximum=largest)
 
 
 def track_metrics(statements: Statements, change_cost: float) -> TrackMetrics:

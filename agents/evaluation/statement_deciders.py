@@ -10,7 +10,13 @@ import numpy as np
 
 from agents import learned
 from agents.evaluation.deciders import SHIPPED, DeciderFamily, check_family, split_threshold
-from baselines import CusumDecider, ShiryaevRobertsDecider, ThresholdDecider, WindowedRatioDecider
+from baselines import (
+    CusumDecider,
+    GLRDecider,
+    MeanRatioDecider,
+    ShiryaevRobertsDecider,
+    ThresholdDecider,
+)
 from baselines.deciders.decider import Decider
 from baselines.quickest.beam import BeamDecider
 from hybrid_env.checks import reject
@@ -28,6 +34,7 @@ PROBABILITIES = (
 )
 LOG_RATIOS = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
 LOG_RATIO_SUMS = (2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 15.0)
+RESTART_RATIOS = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # a filter for every start tick is slow
 MARGINS = (-2.0, -1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 SMALLEST_BEAM = 64  # histories of switches
 HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses
@@ -59,7 +66,8 @@ RULES: dict[str, Callable[[QuickestOptions], DeciderFamily]] = {
     "shiryaev-roberts": lambda options: DeciderFamily(
         "Shiryaev-Roberts", "ln R", LOG_RATIO_SUMS, 6.0, ShiryaevRobertsDecider
     ),
-    "window": lambda options: DeciderFamily("windowed ratio", "G", LOG_RATIOS, 4.0, WindowedRatioDecider),
+    "glr": lambda options: _restart_family("GLR", "ln GLR", options, GLRDecider),
+    "detector-2020": lambda options: _restart_family("detector 2020", "ln lambda", options, MeanRatioDecider),
     "beam": beam_family,
     "beam-geometric": geometric_beam_family,
 }
@@ -78,6 +86,15 @@ def _beam_family(name: str, options: QuickestOptions, durations: GeometricDurati
         return BeamDecider(options, threshold, branches=branches, durations=durations)
 
     return DeciderFamily(name, "probability", _probabilities(options), 0.6, make)
+
+
+def _restart_family(
+    name: str, symbol: str, options: QuickestOptions, rule: type[GLRDecider | MeanRatioDecider]
+) -> DeciderFamily:
+    def make(threshold: float) -> Any:
+        return rule(options, threshold)
+
+    return DeciderFamily(name, symbol, RESTART_RATIOS, 5.0, make)
 
 
 def statement_family(name: str, options: QuickestOptions) -> DeciderFamily:

@@ -47,7 +47,8 @@ STATEMENT_STYLES = {
     "IMM threshold": DeciderStyle("#6900ff", "o"),
     "CUSUM": DeciderStyle("#a0a0a0", "s"),
     "Shiryaev-Roberts": DeciderStyle("#ff87f0", "d"),
-    "windowed ratio": DeciderStyle("#695a00", "P"),
+    "GLR": DeciderStyle("#0000b4", ">"),
+    "detector 2020": DeciderStyle("#695a00", "P"),
     "beam": DeciderStyle("#c80f82", "D"),
     "beam, geometric": DeciderStyle("#00e196", "p"),
 }

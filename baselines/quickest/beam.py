@@ -15,18 +15,15 @@ from baselines.quickest.beam_filters import (
     step_branches,
     step_memory,
 )
+from baselines.quickest.measurements import FloatArray, MeasurementDecider
 from baselines.quickest.threshold import ThresholdDecider
-from hybrid_env.checks import check_flag, check_integer, reject
+from hybrid_env.checks import check_flag, check_integer
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.durations import Durations
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
 
-FloatArray = NDArray[np.float64]
 MOST_BRANCHES = 100_000
-OBSERVED = 2 + 4 + 10
-"""Width of an observation without the probabilities: measurement, estimate and covariance."""
 
 
 def hazards(laws: FloatArray) -> FloatArray:
@@ -43,7 +40,7 @@ def hazards(laws: FloatArray) -> FloatArray:
 
 
 class BeamState(NamedTuple):
-    """State of N tracks between two calls of `BeamDecider.predict`, changed in place.
+    """State of N tracks between two calls of `predict`, changed in place.
 
     Attributes:
         branches: the histories.
@@ -56,11 +53,8 @@ class BeamState(NamedTuple):
     stated: Actions
 
 
-class BeamDecider:
+class BeamDecider(MeasurementDecider[BeamState]):
     """The threshold rule on the posterior of the most probable histories of switches.
-
-    It observes the measurements instead of the rows of the environment, and the first estimate and
-    probabilities of the bank.
 
     Args:
         options: of the environment.
@@ -95,55 +89,30 @@ class BeamDecider:
             FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
         )
 
-    @staticmethod
-    def observe(world: QuickestWorld) -> FloatArray:
-        """Return what the decider observes, (N, 16 + M).
+    def begin(self, tracks: int) -> BeamState:
+        """Return branches without meaning; see `MeasurementDecider.begin`."""
+        branches = branch_arrays(tracks, self.branches)
+        branches.counts[:] = 1
+        log_probability = np.zeros((tracks, self.hypotheses))
+        return BeamState(branches, log_probability, np.zeros(tracks, np.int64))
 
-        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.
-        """
-        parts = [world.field(name) for name in ("measurement", "estimate", "covariance")]
-        return np.hstack([*parts, world.copy_tick()()["log_probability"]])
+    def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
+        """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
+        arguments = state.branches, track, start, self.model
+        prepare(begin_branches, *arguments)
+        begin_branches(*arguments)
+        state.log_probability[track] = start[-self.hypotheses :]
 
-    def predict(
-        self,
-        observation: FloatArray,
-        state: BeamState | None = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, BeamState]:
-        """See `Decider.predict`; action i states mode i.
-
-        Args:
-            observation: (N, 16 + M) from `observe`. All but the measurement are used where an episode begins.
-            state: returned by the previous call and changed in place; None begins anew.
-            episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
-            deterministic: not used.
-        """
-        width = OBSERVED + self.hypotheses
-        if observation.ndim != 2 or observation.shape[1] != width:
-            raise reject("observation shape", observation.shape, f"(N, {width})")
-        tracks = len(observation)
-        if state is None:
-            state = self._begin(tracks)
-            episode_start = np.ones(tracks, np.bool_)
-        starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
+    def step(self, state: BeamState, measurements: FloatArray) -> None:
+        """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         children, innovations = step_memory(self.hypotheses, state.branches)
-        measurements = np.ascontiguousarray(observation[:, :2])
         arguments = (
             state.branches, children, innovations, measurements, state.log_probability, self.model,
         )  # fmt: skip
         prepare(step_branches, *arguments)
         step_branches(*arguments)
-        for track in np.flatnonzero(starts).tolist():
-            begin = state.branches, track, np.ascontiguousarray(observation[track, 2:]), self.model
-            prepare(begin_branches, *begin)
-            begin_branches(*begin)
-            state.log_probability[track] = observation[track, OBSERVED:]
-        state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
-        return state.stated.copy(), state
 
-    def _begin(self, tracks: int) -> BeamState:
-        branches = branch_arrays(tracks, self.branches)
-        branches.counts[:] = 1  # a branch without meaning, replaced in the first call
-        log_probability = np.zeros((tracks, self.hypotheses))
-        return BeamState(branches, log_probability, np.zeros(tracks, np.int64))
+    def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
+        """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
+        state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
+        return state.stated.copy()

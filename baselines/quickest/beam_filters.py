@@ -108,7 +108,8 @@ def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], m
 
 
 @internal
-def _copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
+def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
+    """Copy one lane of a record `AWARE_HYPOTHESIS` to a lane of another."""
     target.x[target_lane], target.vx[target_lane] = source.x[source_lane], source.vx[source_lane]
     target.y[target_lane], target.vy[target_lane] = source.y[source_lane], source.vy[source_lane]
     target.centre_x[target_lane] = source.centre_x[source_lane]
@@ -122,7 +123,7 @@ def _copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -
 @internal
 def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, track: int, c: int) -> None:
     """Copy branch b of a track to branch c of another."""
-    _copy_filter(
+    copy_filter(
         source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES
     )
     target.modes[track, c] = source.modes[source_track, b]

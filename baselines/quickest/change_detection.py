@@ -1,4 +1,4 @@
-"""Classical tests for a change of the stated mode: CUSUM, Shiryaev-Roberts and the windowed likelihood ratio.
+"""Classical tests for a change of the stated mode: CUSUM and Shiryaev-Roberts.
 
 Every rule compares each mode with the stated one by the log-likelihood ratios of single ticks, l = ln p(z |
 mode) - ln p(z | stated mode), which the running bank gives. When a statistic reaches the threshold, the
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
 from baselines.quickest.threshold import read_statement
-from hybrid_env.checks import check_integer, check_positive
+from hybrid_env.checks import check_positive
 from hybrid_env.observation import QuickestLayout
 
 FloatArray = NDArray[np.float64]
-LONGEST_WINDOW = 10_000  # ticks
 
 
 class ChangeDecider:
@@ -115,31 +114,3 @@ class ShiryaevRobertsDecider(ChangeDecider):
         """Return ln R twice: as memory and as statistics."""
         logarithms = np.logaddexp(memory, 0.0) + ratio
         return logarithms, logarithms.copy()
-
-
-class WindowedRatioDecider(ChangeDecider):
-    """The generalized likelihood ratio of a switch at one of the last ticks.
-
-    The largest sum of the ratios since one of the last `window` ticks. The filters of the bank run on, so
-    that the moment of the switch is the only unknown. Lai 1995, "Sequential changepoint detection in quality
-    control and dynamical systems".
-
-    Args:
-        threshold: of the largest sum, above 0.
-        window: number of ticks, 1 to 10,000.
-    """
-
-    def __init__(self, threshold: float = 4.0, window: int = 40):
-        super().__init__(threshold)
-        self.window = check_integer("window", window, maximum=LONGEST_WINDOW)
-
-    def begin(self, tracks: int, modes: int) -> FloatArray:
-        """Return sums since each of the last ticks, -inf for ticks before the first, (N, window, M)."""
-        return np.full((tracks, self.window, modes), -np.inf)
-
-    def update(self, memory: FloatArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the sums since each of the last ticks, and the largest of each mode."""
-        sums = np.roll(memory, 1, axis=1)
-        sums[:, 0] = 0.0
-        sums += ratio[:, None]
-        return sums, sums.max(1)

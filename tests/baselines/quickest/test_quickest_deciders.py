@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider, WindowedRatioDecider
+from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.quickest.statements import record_statements
 from baselines.quickest.threshold import ThresholdDecider
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestLayout
@@ -41,16 +41,11 @@ def shiryaev_roberts(ratios):
     return math.log(total)
 
 
-def windowed_ratio(ratios):
-    return max(math.fsum(ratios[k:]) for k in range(max(0, len(ratios) - 6), len(ratios)))
-
-
 @pytest.mark.parametrize(
     ("decider", "statistic"),
     [
         (CusumDecider(2.5), cusum),
         (ShiryaevRobertsDecider(4.0), shiryaev_roberts),
-        (WindowedRatioDecider(2.0, window=6), windowed_ratio),
     ],
 )
 def test_statements_equal_those_of_a_literal_loop(decider, statistic):
@@ -101,7 +96,6 @@ def test_the_threshold_rule_keeps_its_statement_between_its_thresholds(threshold
         lambda: ThresholdDecider(0.5, -0.1),
         lambda: CusumDecider(0.0),
         lambda: ShiryaevRobertsDecider(float("nan")),
-        lambda: WindowedRatioDecider(1.0, window=0),
     ],
 )
 def test_arguments_out_of_range_are_refused(make):
@@ -109,9 +103,7 @@ def test_arguments_out_of_range_are_refused(make):
         make()
 
 
-@pytest.mark.parametrize(
-    "decider", [CusumDecider(3.0), ShiryaevRobertsDecider(4.5), WindowedRatioDecider(3.0)]
-)
+@pytest.mark.parametrize("decider", [CusumDecider(3.0), ShiryaevRobertsDecider(4.5)])
 def test_a_rule_follows_switches(decider):
     recorded = record_statements(decider, 50, 1, measurement_variance=0.01)
     assert (recorded.true_modes == recorded.stated_modes).mean() > 0.6
