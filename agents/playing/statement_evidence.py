@@ -10,6 +10,7 @@ from scipy.special import softmax
 from agents.playing.evidence import DeciderEvidence
 from baselines import ThresholdDecider
 from baselines.quickest.beam import BeamDecider
+from baselines.quickest.measurements import MeasurementDecider
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.rendering.evidence import probability_panel
 
@@ -24,6 +25,10 @@ def statement_evidence(decider: Any) -> DeciderEvidence:
         case BeamDecider():
             panel = probability_panel("beam", decider.rule.threshold)
             return DeciderEvidence(panel, functools.partial(_beam_probabilities, decider))
+        case MeasurementDecider():
+            return DeciderEvidence(
+                probability_panel("bank"), lambda rows, state, start: np.exp(rows[:, -decider.hypotheses :])
+            )
         case ThresholdDecider():
             return DeciderEvidence(probability_panel("bank", decider.threshold), _bank_probabilities)
     # PyTorch is imported only here, because it loads slowly

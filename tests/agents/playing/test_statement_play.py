@@ -1,5 +1,7 @@
 """The command `hybridtrack play` with unknown switch moments."""
 
+import itertools
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,13 +10,14 @@ from PIL import Image
 from rich.console import Console
 
 import hybrid_env  # noqa: F401
+from agents.evaluation.statement_deciders import RULES
 from agents.interface.recording_files import read_recording
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.playing.command import Play
 from agents.playing.episodes import StatementEpisodes
 from agents.playing.statement_evidence import statement_evidence
-from baselines import BeamDecider, CusumDecider, ThresholdDecider
+from baselines import BeamDecider, ThresholdDecider
 from hybrid_env import QuickestLayout
 from hybrid_env.checks import ArgumentError
 from hybrid_env.rendering.figure import FRAME_SIZE
@@ -77,12 +80,16 @@ def test_the_evidence_of_a_policy_is_its_probabilities():
     assert statement_evidence(decider).panel.label == "probability (policy)"
 
 
-def test_other_rules_have_the_probabilities_of_the_bank():
-    rows, info = environment().reset(seed=0)
-    evidence = statement_evidence(CusumDecider())
-    found = evidence.compute(rows[None], None, np.ones(1, np.bool_))
-    np.testing.assert_allclose(found[0], np.exp(info["log_probability"]), atol=1e-5)  # float32 rows
-    assert evidence.panel.thresholds == ()
+@pytest.mark.parametrize("name", [name for name in RULES if not name.startswith("beam")])
+def test_other_rules_have_the_probabilities_of_the_bank(name):
+    env, other = environment(), environment()
+    episodes = StatementEpisodes(env, name)
+    history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
+    other.reset(seed=0)
+    for _ in range(19):
+        other.step(0)
+    np.testing.assert_allclose(history.probabilities, other.history.probabilities, atol=1e-5)  # float32 rows
+    assert len(episodes.evidence.panel.thresholds) == (name == "threshold")
 
 
 def test_the_evidence_of_a_beam_does_not_change_its_state():
