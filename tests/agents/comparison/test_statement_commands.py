@@ -16,13 +16,13 @@ def test_compare_prints_tables_and_writes_figures_and_data(tmp_path, capsys):
     line = f"compare {SMALL} --deciders threshold cusum beam --tracks 8 --selection-episodes 6 --out {out}"
     assert main(shlex.split(line)) == 0
     printed = capsys.readouterr().out
-    for words in ("8 common tracks of 80 ticks", "IMM threshold", "CUSUM", "beam", "At 2 wrong changes"):
+    for words in ("8 common tracks of 80 ticks", "IMM threshold", "CUSUM", "beam", "shipped", "At 2"):
         assert words in printed
     assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
     data = json.loads((out / "compare.json").read_text())
     assert data["plan"]["options"] == {"ticks": 80, "durations": "uniform 15-30"}
     assert data["plan"]["tracks"] == 8
-    assert [one["name"] for one in data["deciders"]] == ["IMM threshold", "CUSUM", "beam"]
+    assert [one["name"] for one in data["deciders"]] == ["IMM threshold", "CUSUM", "beam", "shipped"]
     for one in data["deciders"]:
         chosen = one["curve"]["thresholds"].index(one["threshold"]["value"])
         assert one["reward"]["value"] == pytest.approx(one["curve"]["reward"][chosen])
