@@ -87,8 +87,8 @@ class GLRDecider(RestartDecider):
     generalized likelihood ratio approach to the detection and estimation of jumps in linear systems"; the
     window as in Lai 1995, "Sequential changepoint detection in quality control and dynamical systems".
 
-    Without a margin the rule often states one wrong turn after another: the measurements after a switch
-    contradict the stated mode before they tell the other modes apart.
+    Without a margin wrong changes are frequent, because the measurements after a switch contradict the stated
+    mode before they tell the other modes apart.
 
     Args:
         options, threshold, margin, window, bank: see `RestartDecider`.
@@ -130,9 +130,9 @@ class MeanRatioDecider(RestartDecider):
     def __init__(
         self,
         options: QuickestOptions,
-        threshold: float = 4.0,
+        threshold: float = 5.0,
         margin: float = 2.0,
-        window: int = 60,
+        window: int = 40,
         bank: Bank = "published",
     ):
         super().__init__(options, threshold, margin, window, bank)
