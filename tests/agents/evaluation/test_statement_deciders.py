@@ -1,12 +1,15 @@
 """Deciders for unknown switch moments by name."""
 
 import json
+import sys
+import types
 
 import numpy as np
 import pytest
 
 from agents.evaluation import statement_deciders
 from agents.evaluation.statement_deciders import (
+    ALGORITHM,
     PROBABILITIES,
     RULES,
     SHIPPED_STATEMENTS,
@@ -14,6 +17,7 @@ from agents.evaluation.statement_deciders import (
     statement_decider,
     statement_family,
 )
+from agents.learned import policy_file
 from baselines import BeamDecider, CusumDecider, ThresholdDecider, record_statements
 from hybrid_env import ArgumentError
 from hybrid_env.durations import GeometricDurations
@@ -76,6 +80,20 @@ def test_the_shipped_agent_is_known_only_if_its_weights_exist(tmp_path, monkeypa
     monkeypatch.setattr(statement_deciders, "SHIPPED_STATEMENTS", tmp_path)
     assert shipped_agents() == ("shipped",)
     assert SHIPPED_STATEMENTS.name == "shipped_quickest"
+
+
+def test_a_trained_policy_is_swept_over_its_margin(tmp_path, monkeypatch):
+    module = types.ModuleType("agents.learned.statement_decider")
+    module.load_statements = lambda folder, weights, card: weights
+    module.StatementDecider = lambda net, threshold: (net, threshold)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    card = {"recipe": {"entry": {"algo": ALGORITHM}}}
+    monkeypatch.setattr(policy_file, "load_policy", lambda folder: ("weights", card))
+    family, threshold, decider = statement_decider(f"{tmp_path}:1.5", OPTIONS)
+    assert (family.name, family.default, threshold) == (tmp_path.name, 0.0, 1.5)
+    assert decider == ("weights", 1.5)
+    monkeypatch.setattr(statement_deciders, "SHIPPED_STATEMENTS", tmp_path)
+    assert statement_family("shipped", OPTIONS).name == "shipped"
 
 
 def test_a_policy_for_known_switch_moments_is_refused():

@@ -7,14 +7,17 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from agents.evaluation.deciders import CLASSICAL, SHIPPED, bayes_family
+from agents.evaluation.statement_deciders import RULES
 from agents.interface.decider_colours import (
     FURTHER_STYLES,
+    STATEMENT_STYLES,
     STYLES,
     decider_style,
     decider_styles,
     name_without_seed,
 )
 from hybrid_env import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
 
 RADII = tuple(map(float, range(1, 11)))
@@ -78,6 +81,16 @@ def test_every_classical_rule_and_the_shipped_agent_has_a_style_of_its_own():
     assert set(names) <= set(STYLES)
     assert len({style.colour for style in STYLES.values()}) == len(STYLES)
     assert len({style.marker for style in STYLES.values()}) == len(STYLES)
+
+
+def test_rules_that_state_modes_have_colours_of_the_palette_that_no_agent_has():
+    options = QuickestOptions()
+    assert {make(options).name for make in RULES.values()} <= set(STATEMENT_STYLES)
+    agents = [STYLES[name] for name in ("ppo", "anchor", SHIPPED)]
+    styles = [*STATEMENT_STYLES.values(), *agents]
+    assert {style.colour for style in styles} <= {style.colour for style in STYLES.values()}
+    assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == len(styles)
+    assert decider_style("beam") == STATEMENT_STYLES["beam"]
 
 
 @pytest.mark.parametrize("vision", VISION)
