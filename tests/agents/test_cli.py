@@ -63,6 +63,7 @@ INVALID_ARGUMENTS = [
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
     ("limits --out bad.txt", "out="),
+    ("limits --env HybridTrack-v0", "env='HybridTrack-v0'"),
     ("evaluate msprt:0", "alpha=0.0"),
     ("evaluate gap:40", "gap=40.0"),
     ("evaluate ml:0.5", "decider='ml:0.5'"),
