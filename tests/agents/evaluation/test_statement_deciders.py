@@ -1,8 +1,6 @@
 """Deciders for unknown switch moments by name."""
 
 import json
-import sys
-import types
 
 import numpy as np
 import pytest
@@ -17,10 +15,13 @@ from agents.evaluation.statement_deciders import (
     statement_decider,
     statement_family,
 )
-from agents.learned import policy_file
+from agents.learned.policy_file import save_policy
+from agents.learned.statement_net import StatementNet
+from agents.training.recipe import load_recipe
 from baselines import BeamDecider, CusumDecider, ThresholdDecider, record_statements
 from hybrid_env import ArgumentError
 from hybrid_env.durations import GeometricDurations
+from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = QuickestOptions(ticks=40, durations="uniform 10-20")
@@ -82,16 +83,13 @@ def test_the_shipped_agent_is_known_only_if_its_weights_exist(tmp_path, monkeypa
     assert SHIPPED_STATEMENTS.name == "shipped_quickest"
 
 
-def test_a_trained_policy_is_swept_over_its_margin(tmp_path, monkeypatch):
-    module = types.ModuleType("agents.learned.statement_decider")
-    module.load_statements = lambda folder, weights, card: weights
-    module.StatementDecider = lambda net, threshold: (net, threshold)
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    card = {"recipe": {"entry": {"algo": ALGORITHM}}}
-    monkeypatch.setattr(policy_file, "load_policy", lambda folder: ("weights", card))
+def test_a_trained_agent_is_swept_over_its_margin(tmp_path, monkeypatch):
+    recipe = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=4",))
+    assert recipe.algo == ALGORITHM
+    save_policy(tmp_path, StatementNet(4).state_dict(), {"recipe": recipe.as_json()}, QuickestLayout)
     family, threshold, decider = statement_decider(f"{tmp_path}:1.5", OPTIONS)
     assert (family.name, family.default, threshold) == (tmp_path.name, 0.0, 1.5)
-    assert decider == ("weights", 1.5)
+    assert decider.margin == 1.5
     monkeypatch.setattr(statement_deciders, "SHIPPED_STATEMENTS", tmp_path)
     assert statement_family("shipped", OPTIONS).name == "shipped"
 

@@ -121,7 +121,7 @@ def test_a_run_folder_has_the_layout_on_its_card_and_an_equivalent_decider(tmp_p
     scales = QuickestLayout.hypothesis_features | QuickestLayout.track_features
     assert (card["environment"], card["actions"], card["observation_scales"]) == (ENV, 3, scales)
     world = QuickestOptions(**card["options"])
-    family = learned_statement_family("run", tmp_path / "run")
+    family = learned_statement_family("run", tmp_path / "run", QuickestOptions())
     assert family.hypotheses == 3
     recorded = [
         record_statements(decider, 20, 3, **vars(world)).stated_modes
@@ -138,7 +138,7 @@ def test_a_run_folder_has_the_layout_on_its_card_and_an_equivalent_decider(tmp_p
 def test_an_agent_that_declares_modes_is_refused_here(tmp_path):
     small_run("ppo", tmp_path / "run", 640).train()
     with pytest.raises(ArgumentError, match="a policy for unknown switch moments"):
-        learned_statement_family("run", tmp_path / "run")
+        learned_statement_family("run", tmp_path / "run", QuickestOptions())
 
 
 def test_the_learning_curve_measures_fixed_tracks_of_the_environment(tmp_path, monkeypatch):
