@@ -211,17 +211,17 @@ class AdaptiveFilter(ConstantStepFilter):
         values = (position, velocity, innovation)
         self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history[..., None])
-        known = ~np.isnan(new).any(axis=(0, -2, -1))
+        known = np.logical_not(np.isnan(new).any(axis=(0, -2, -1)))
         self._products += known
         share = known / np.maximum(self._products, 1.0)
-        change = np.where(known[..., None, None], new - self._means, 0.0)
-        self._means = self._means + share[..., None, None] * change
+        change = share[..., None, None] * (new - self._means)
+        self._means = self._means + np.where(np.isnan(change), 0.0, change)
 
     def _adapted(self) -> FloatArray:
         ready = self._products > self.start
         means = self._means[:, ready]
         gains = np.full_like(self.gains, np.nan)
-        means = np.where(means[0] == 0.0, np.nan, means)  # innovations of exactly 0 identify nothing
+        means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
         position, velocity, _ = published_gain(means, self.tau)
         gains[:, ready] = position[..., 0, 0], velocity[..., 0, 0]
         if self.limited:
