@@ -29,7 +29,7 @@ def draw(rng, mean, covariance, size):
 
 
 def simulate(rng, model, times, start_covariance, noise, tracks):
-    """States (T, B, n) and measurements (T, B, d) of tracks whose state at time 0 is N(0, start_covariance)."""
+    """States (T, B, n) and measurements (T, B, d) of tracks that begin at time 0 with this covariance."""
     state = draw(rng, 0.0, start_covariance, tracks)
     states, last = [], 0.0
     for time in times:

@@ -124,14 +124,13 @@ class StudentT(Robust):
     def __post_init__(self) -> None:
         check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
         nu = self.degrees_of_freedom
-        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: an error of about 1e-8
+        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: errors of about 1e-8
         farthest = 1e6  # standard deviations; the weights of farther measurements do not fall any more
         lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
         logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
         density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
-        density -= np.log(np.exp(density).sum())  # of the nodes, so that it is a distribution
         object.__setattr__(self, "_inverse_weights", np.exp(-logs))
-        object.__setattr__(self, "_log_shares", density - 0.5 * LOG_TWO_PI)
+        object.__setattr__(self, "_log_shares", density + np.log(step) - 0.5 * LOG_TWO_PI)
 
     def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
         """See `Robust.factors`."""

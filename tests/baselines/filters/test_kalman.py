@@ -27,7 +27,7 @@ def random_problem(rng):
     times = np.cumsum(rng.uniform(0.05, 2.0, 12))
     measurements = scale * rng.normal(0.0, 3.0, (12, axes))
     measurements[rng.random(12) < 0.2] = np.nan
-    return model, noise, scale * rng.normal(size=model.size), start, times, measurements, scale
+    return model, noise, scale * rng.normal(size=model.size), start, times, measurements
 
 
 def peer_filter(model, noise, state, start, times, measurements):
@@ -50,13 +50,11 @@ def peer_filter(model, noise, state, start, times, measurements):
 def test_filter_and_smoother_equal_filterpy_on_100_random_problems():
     rng = np.random.default_rng(0)
     for _ in range(100):
-        model, noise, state, start, times, measurements, scale = random_problem(rng)
+        model, noise, state, start, times, measurements = random_problem(rng)
         means, covariances, log_likelihoods, transitions, noises = peer_filter(
             model, noise, state, start, times, measurements
         )
-        filtered = run_filter(
-            KalmanFilter(model, noise), measurements, times, start=(state, start, 0.0)
-        )
+        filtered = run_filter(KalmanFilter(model, noise), measurements, times, start=(state, start, 0.0))
         size = np.abs(means).max()
         np.testing.assert_allclose(filtered.states, means, rtol=0.0, atol=1e-9 * size)
         np.testing.assert_allclose(filtered.covariances, covariances, rtol=0.0, atol=1e-9 * covariances.max())
