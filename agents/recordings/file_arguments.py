@@ -79,12 +79,13 @@ class FileArguments:
         folders = [self._folder(Path(path)) for path in self.files]
         first: dict[Path, Path] = {}
         for path, folder in zip(self.files, folders, strict=True):
-            if folder.absolute() in first:
+            if folder.resolve() in first:
+                other = first[folder.resolve()]
                 raise ArgumentError(
-                    f"{first[folder.absolute()]} and {path} both have the output folder {folder}: rename one, or "
-                    "track each by itself with --out"
+                    f"{other} and {path} both have the output folder {folder}: rename one, or track each by "
+                    "itself with --out"
                 )
-            first[folder.absolute()] = Path(path)
+            first[folder.resolve()] = Path(path)
         return folders
 
     def check_files(self) -> None:
@@ -100,6 +101,8 @@ class FileArguments:
             check_between("tau", self.tau, *TAU_RANGE)
         if self.gap is not None:
             check_positive("gap", self.gap)
+        if self.unit is not None and not self.unit.strip():
+            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
         if self.jobs is not None:
             check_integer("jobs", self.jobs)
 

@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agents.interface.recording_files import read_recording, write_table
 from numpy.typing import NDArray
 
+from agents.interface.output_files import write_table
 from agents.recordings.command import Track, estimate_noise
 from agents.recordings.figure import draw_track
 from baselines.recordings import ate
+from baselines.recordings.reading.read import read_recordings
+from baselines.recordings.recording import Recording
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS
@@ -36,6 +38,11 @@ def flight(tmp_path: Path) -> Path:
     return path
 
 
+def read_recording(path: Path) -> Recording:
+    [recording] = read_recordings(path).recordings
+    return recording
+
+
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
@@ -44,7 +51,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 def test_decided_modes_of_a_simulated_flight_are_correct(
     flight: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Track(flight, piece=60).run()
+    Track(files=(flight,), piece=60).run()
 
     pieces = rows_of(flight.parent / "flight_track" / "modes.csv")
     assert [row["mode"] for row in pieces] == ["S", "L r=5 m", "S"]
@@ -63,16 +70,16 @@ def test_decided_modes_of_a_simulated_flight_are_correct(
 
 
 def test_estimates_are_closer_to_the_truth_than_measurements(flight: Path) -> None:
-    Track(flight, piece=60).run()
+    Track(files=(flight,), piece=60).run()
 
     path = flight.parent / "flight_track" / "estimates.csv"
     written, recording = read_recording(path), read_recording(flight)
-    np.testing.assert_array_equal(written.measurements, recording.measurements)
+    np.testing.assert_array_equal(written.positions, recording.positions)
     np.testing.assert_array_equal(written.times, recording.times)
     rows = rows_of(path)
     estimates = np.array([[float(row["estimate_x"]), float(row["estimate_y"])] for row in rows])
     truth = simulate("S60 L60r5 S60", 60, measurement_variance=0.01)[:, 2:]
-    errors = [np.hypot(*(positions - truth).T).mean() for positions in (estimates, recording.measurements)]
+    errors = [np.hypot(*(positions - truth).T).mean() for positions in (estimates, recording.positions)]
     assert errors[0] < 0.8 * errors[1]
     assert {(row["mode"], row["mode_index"]) for row in rows} == {("S", "0"), ("L r=5 m", "1")}
     assert (path.parent / "track.png").read_bytes().startswith(b"\x89PNG")
@@ -86,12 +93,12 @@ def test_estimates_are_closer_to_the_truth_than_measurements(flight: Path) -> No
 def test_command_decides_as_ate_track(flight: Path, tmp_path: Path) -> None:
     start = (0.0, 1.0, 0.0, 1.0)
     Track(
-        flight, lengths=(50, 100, 30), radii=(3.0, 5.0), measurement_variance=0.2, process_variance=0.0,
+        files=(flight,), lengths=(50, 100, 30), radii=(3.0, 5.0), measurement_variance=0.2, process_variance=0.0,
         alpha=1e-9, beta=1e-2, undecided="keep", start=start, out=tmp_path / "deep" / "er",
     ).run()  # fmt: skip
 
     expected = ate.track(
-        read_recording(flight).measurements, (50, 100, 30), start, radii=(3.0, 5.0), measurement_variance=0.2,
+        read_recording(flight).positions, (50, 100, 30), start, radii=(3.0, 5.0), measurement_variance=0.2,
         process_variance=0.0, alpha=1e-9, beta=1e-2, undecided="keep",
     )  # fmt: skip
     pieces = rows_of(tmp_path / "deep" / "er" / "modes.csv")
@@ -104,21 +111,20 @@ def test_command_decides_as_ate_track(flight: Path, tmp_path: Path) -> None:
 
 
 def test_default_pieces_have_50_ticks(flight: Path) -> None:
-    Track(flight).run()
+    Track(files=(flight,)).run()
     pieces = rows_of(flight.parent / "flight_track" / "modes.csv")
     assert [row["last_tick"] for row in pieces] == ["50", "100", "150", "180"]
 
 
 def test_only_20_pieces_are_printed(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Track(flight, piece=6).run()
+    Track(files=(flight,), piece=6).run()
     assert "... and 10 more in modes.csv" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("rows", [1, 2])
-def test_recording_of_one_or_two_ticks_is_undecided(tmp_path: Path, rows: int) -> None:
+def test_recording_of_two_ticks_is_undecided(tmp_path: Path) -> None:
     path = tmp_path / "short.csv"
-    write_table(path, {"x": [0.0] * rows, "y": [0.0] * rows})
-    Track(path, measurement_variance=0.1).run()
+    write_table(path, {"x": [0.0, 0.0], "y": [0.0, 0.0]})
+    Track(files=(path,), measurement_variance=0.1).run()
     [piece] = rows_of(tmp_path / "short_track" / "modes.csv")
     assert (piece["decision_tick"], piece["undecided"]) == ("", "True")
 
@@ -133,7 +139,7 @@ def test_recording_of_one_or_two_ticks_is_undecided(tmp_path: Path, rows: int) -
         ({"radii": ()}, "radii=.*distinct numbers from 1e-12"),
         ({"radii": (5.0, 5.0)}, "radii=.*distinct numbers from 1e-12"),
         ({"tau": 0.0}, "tau=0.0.*between 1e-09 and 1e.09"),
-        ({"tau": 0.1002}, "tau=0.1002.*0.1 as in the t column"),
+        ({"tau": 0.1002}, "tau=0.1002.*median step of the times, 0.1"),
         ({"process_variance": -1.0}, "process_variance=-1.0.*>= 0"),
         ({"measurement_variance": 0.0}, "measurement_variance=0.0.*> 0"),
         ({"alpha": 0.0}, "alpha=0.0.*between 0 and 1"),
@@ -143,21 +149,22 @@ def test_recording_of_one_or_two_ticks_is_undecided(tmp_path: Path, rows: int) -
         ({"start": (0.0, 1e200, 0.0, 1e200)}, "start.1.=1e.200.*up to 1e.30"),
         ({"out": "flight.csv"}, "out=.*writable folder"),
         ({"out": "flight.csv/below"}, "out=.*writable folder"),
-        ({"file": "missing.csv"}, "missing.csv.*existing CSV file"),
+        ({"files": "missing.csv"}, "missing.csv.*an existing file"),
     ],
 )
 def test_invalid_argument_raises_before_any_file_is_written(
     flight: Path, arguments: dict[str, Any], message: str
 ) -> None:
-    paths = {name: flight.parent / value for name, value in arguments.items() if name in ("file", "out")}
+    paths = {name: flight.parent / value for name, value in arguments.items() if name in ("files", "out")}
     with pytest.raises(ArgumentError, match=message) as caught:
-        Track(**({"file": flight} | arguments | paths)).run()
+        files = (paths.pop("files", flight),)
+        Track(**(arguments | paths | {"files": files})).run()
     assert "\n" not in str(caught.value)
     assert list(flight.parent.iterdir()) == [flight]
 
 
 def test_tau_may_differ_from_times_by_a_thousandth(flight: Path) -> None:
-    Track(flight, tau=0.10009, piece=60).run()
+    Track(files=(flight,), tau=0.10009, piece=60).run()
 
 
 def test_noise_estimate_is_accurate_and_robust_against_outliers() -> None:
@@ -179,9 +186,8 @@ def test_noise_estimate_needs_enough_rows_and_noise() -> None:
 
 def test_legend_names_every_mode_and_marker_once(flight: Path) -> None:
     recording = read_recording(flight)
-    tracks = ate.track(recording.measurements, [90, 90], alpha=1e-300)
-    assert recording.times is not None
-    figure = draw_track(recording.times, recording.measurements, [90, 90], tracks, (5.0,))
+    tracks = ate.track(recording.positions, [90, 90], alpha=1e-300)
+    figure = draw_track(recording.times, recording.positions, [90, 90], tracks, (5.0,))
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(labels) == len(set(labels))
     assert {"measurements", "first tick", "S", "no decision", "possible switch"} <= set(labels)
@@ -191,10 +197,9 @@ def test_legend_names_every_mode_and_marker_once(flight: Path) -> None:
 def test_decisions_are_marked_and_numbered_on_the_trajectory(flight: Path) -> None:
     recording = read_recording(flight)
     lengths = [60, 60, 60]
-    tracks = ate.track(recording.measurements, lengths, measurement_variance=0.01)
+    tracks = ate.track(recording.positions, lengths, measurement_variance=0.01)
     assert not tracks.undecided.any()
-    assert recording.times is not None
-    axes = draw_track(recording.times, recording.measurements, lengths, tracks, (5.0,)).axes[0]
+    axes = draw_track(recording.times, recording.positions, lengths, tracks, (5.0,)).axes[0]
     [marks] = [line for line in axes.lines if line.get_label() == "decision"]
     rows = np.array([0, 60, 120]) + tracks.ticks - 1
     np.testing.assert_array_equal(marks.get_xydata(), tracks.estimates[rows][:, [0, 2]])
