@@ -1,5 +1,6 @@
 """A recording: the measured positions of one object, in the units of its file."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -53,6 +54,11 @@ class Recording:
         return ~np.isnan(self.positions[:, 0])
 
 
+def tick_times(ticks: ArrayLike, tau: float) -> NDArray[np.float64]:
+    """Return the times of whole numbers of ticks, without the rounding errors of the products."""
+    return np.round(tau * np.asarray(ticks, np.float64), 9 - math.floor(math.log10(tau)))
+
+
 def make_recording(
     times: ArrayLike | None,
     positions: ArrayLike,
@@ -62,20 +68,21 @@ def make_recording(
     gap: float | None = None,
     breaks: ArrayLike = (),
     unit: str = UNKNOWN_UNIT,
+    time_unit: str | None = None,
     epoch: str | None = None,
     projection: "Projection | None" = None,
 ) -> Recording:
     """Make a recording of arrays.
 
     Args:
-        times: (n,) strictly increasing times [s]; None for rows at uniform ticks.
+        times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
         positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
         name: name of the object.
         tau: duration of a tick [s] of a recording without times; None counts time in ticks.
-        gap: longest time between two measurements of one piece, in the unit of the times; None is
-            20 nominal ticks.
+        gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
         unit: unit of length.
+        time_unit: unit of time; None is `s`, and `ticks` without times and tau.
         epoch: date of time 0, ISO 8601.
         projection: projection by which degrees became `positions`.
 
@@ -88,33 +95,29 @@ def make_recording(
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
     if np.isinf(values).any():
         raise reject("positions", float(values[np.isinf(values)][0]), "finite numbers, or NaN if missing")
-    missing = np.isnan(values).any(axis=1)
+    missing = np.asarray(np.isnan(values).any(axis=1))
     values[missing] = np.nan
-    if len(values) - missing.sum() < 2:
-        raise ArgumentError(
-            f"{name}: {len(values) - missing.sum()} measured positions: expected at least two"
-        )
-    time_unit = "s"
+    measured = len(values) - int(missing.sum())
+    if measured < 2:
+        raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
     if times is None:
-        time_unit = "ticks" if tau is None else "s"
-        tau = 1.0 if tau is None else check_positive("tau", tau)
-        instants = np.round(tau * np.arange(len(values), dtype=np.float64), 9) if tau > 1e-6 else (
-            tau * np.arange(len(values), dtype=np.float64))  # fmt: skip
-        tick = tau
+        instants = tick_times(np.arange(len(values)), 1.0 if tau is None else check_positive("tau", tau))
+        time_unit = time_unit or ("ticks" if tau is None else "s")
+    elif tau is not None:
+        raise reject("tau", tau, "no value for a recording with times")
     else:
-        if tau is not None:
-            raise reject("tau", tau, "no value for a recording with times")
         instants = check_array("times", times, (len(values),))
-        steps = np.diff(instants)
-        if not (steps > 0.0).all():
-            k = int(np.argmin(steps > 0.0)) + 1
-            raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
-        tick = float(np.median(steps))
-    gap = GAP_TICKS * tick if gap is None else check_positive("gap", gap)
+    steps = np.diff(instants)
+    if not (steps > 0.0).all():
+        k = int(np.argmin(steps > 0.0)) + 1
+        raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
+    tick = float(np.median(steps))
+    pieces = _pieces(
+        instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
+    )
     return Recording(
-        name, frozen(instants), frozen(values), tick, _pieces(instants, missing, gap, breaks), unit, time_unit,
-        epoch, projection,
-    )  # fmt: skip
+        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection
+    )
 
 
 def _pieces(

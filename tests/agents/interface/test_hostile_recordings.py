@@ -5,11 +5,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from agents.interface.recording_files import MAX_BYTES, MAX_LINE, read_recording, write_table
 from hostile_input import accepted, damaged, profile
 from hypothesis import given
 
 from agents.interface import recording_files
-from agents.interface.recording_files import MAX_BYTES, MAX_LINE, read_recording, write_table
 from baselines.recordings import ate
 from hybrid_env.checks import ArgumentError
 

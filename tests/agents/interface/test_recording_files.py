@@ -2,9 +2,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from agents.interface.recording_files import read_recording, write_table
 
 from agents.interface.output_files import atomic_file
-from agents.interface.recording_files import read_recording, write_table
 from hybrid_env.checks import ArgumentError
 
 ROWS = [[1.0, 2.0], [1.5, -2.25], [2.0, 4e-3]]
