@@ -145,10 +145,8 @@ def _decide_stretch(
     )  # fmt: skip
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
-    elif lengths and (state := first_state(np.array(points)[: lengths[0]], tracker.options)) is not None:
-        tracker.begin(*state)
     else:
-        tracker.begin()
+        _begin_from_first(tracker, np.array(points)[: lengths[0]] if lengths else np.array(points))
     begins = dict(zip(np.cumsum([0, *lengths[:-1]]).tolist(), lengths, strict=True)) if lengths else {}
     piece = -1
     for k in range(total):
@@ -171,6 +169,18 @@ def _decide_stretch(
     if stated.size:
         found.modes[: stated[0]] = found.modes[stated[0]]
     return found if lengths else _with_runs(found)
+
+
+def _begin_from_first(tracker: OnlineTracker, points: FloatArray) -> None:
+    """Begin a track whose first measurements are (T, 2), with known switches those of the first piece."""
+    known = isinstance(tracker.options, WorldOptions)
+    hazard = 0.0 if isinstance(tracker.options, WorldOptions) else tracker.options.assumed_hazard
+    state = first_state(points, tracker.options, hazard)
+    if state is None:
+        tracker.begin()
+    else:
+        # an announced switch begins the first piece, whatever the mode before it
+        tracker.begin(state.estimate, state.covariance, None if known else state.mode)
 
 
 def _end_piece(found: TickDecisions, piece: int, end: int, tracker: OnlineTracker) -> None:
