@@ -97,7 +97,7 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         f"Q {model.process_variance:.3g} {unit}^2/{time}^2 {origin['process_variance']}, mean duration "
         f"{model.duration:.3g} ticks {origin['duration']}, tick {tracked.tau:.6g} {time}"
     ]
-    if not model.turns:
+    if not model.turns and "radii" in model.estimated:
         lines.append(f"{recording.name}: no turns are seen; the radius has no meaning")
     if tracked.shared:
         lines.append(f"{recording.name}: {tracked.shared} rows share a tick with another one: their mean is used")

@@ -135,9 +135,9 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: NDArray[np.
     for first, end, mode, _ in tracked.pieces.tolist():
         spans.setdefault(mode, []).append((times[first] - half, times[end - 1] - times[first] + 2 * half))
     for mode, bars in spans.items():
-        axes.broken_barh(bars, (1.04, 0.14), facecolors=colours[mode], transform=above, clip_on=False)
+        axes.broken_barh(bars, (1.04, 0.12), facecolors=colours[mode], transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
-    axes.set_title("Decided modes (bar) and their probabilities", pad=16.0)
+    axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
 
 def _draw_residuals(axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray) -> None:
@@ -159,7 +159,7 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: NDArray[np.int6
     axes.axhline(FAR_LENGTH, color=BLACK, linestyle="--", linewidth=1.0)
     top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths, 0.995))) if len(lengths) else 5.0
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
-    title = "Length of the normalised residuals (dotted: median, dashed: 99.9 % if the model holds"
-    axes.set_title(title + (")" if len(lengths) <= 4 * BINS else "; line and band: median, 5 to 95 %)"))
+    shown = "" if len(lengths) <= 4 * BINS else ": median, 5 to 95 %"
+    axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")
 
 

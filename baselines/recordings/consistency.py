@@ -67,10 +67,15 @@ class Consistency:
             found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
             found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
-        if model.better_radii:
+        given = ", ".join(f"{radius:.4g}" for radius in model.radii)
+        if not found and model.better_radii:
             radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
-            given = ", ".join(f"{radius:.4g}" for radius in model.radii)
             found.append(f"turns of radius {given} do not explain the recording, {radii} does: check units and radii")
+        elif not found and not model.turns and "radii" not in model.estimated:
+            found.append(
+                f"turns of radius {given} explain the recording no better than straight motion: check units and "
+                "radii, if there are turns"
+            )
         elif abs(self.correlation) > max(LARGEST_CORRELATION, 4.0 / math.sqrt(2.0 * self.count)):
             found.append(
                 f"successive residuals are correlated by {self.correlation:.2f}: the model does not fit (motion "

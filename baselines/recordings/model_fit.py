@@ -224,7 +224,8 @@ def fit_model(
         best = _refine(likelihood, _best(likelihood, own)[0], free)
     noises = [name for name in free if name in ("variance", "process")]
     straight = _refine(likelihood, replace(best, radii=()), noises)
-    value, margin = likelihood(best), 0.5 * penalty * len(best.radii)
+    value = likelihood(best)
+    margin = 0.5 * penalty * len(best.radii) if radii is None else 0.0
     better: tuple[float, ...] = ()
     if radii is not None and likelihood(proposed) > value + CLEARLY:
         better = tuple(sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii))
