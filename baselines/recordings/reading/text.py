@@ -42,7 +42,7 @@ def read_text(content: bytes, name: str) -> Table:
     header = _is_header(rows[0])
     if header and len(rows) == 1:
         raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
-    names = _names(rows, header)
+    names = _names(rows, header, lines[0])
     if len(names) > MAX_COLUMNS:
         raise ArgumentError(f"{name}: {len(names):,} columns: at most {MAX_COLUMNS:,} are allowed")
     frame = _parsed(lines[header:], delimiter, len(names), name, first + header)
@@ -120,14 +120,14 @@ def _is_comment(lines: list[str], number: int) -> bool:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """Return the delimiter by which the rows have the same number of cells."""
-    best, found = 0.0, ","
+    """Return the delimiter by which the rows have the same number of cells, if possible the header too."""
+    best, found = (0.0, False), ","
     for delimiter in DELIMITERS:
         counts = [len(_cells(line, delimiter)) for line in lines]
         usual, times = Counter(counts[1:] or counts).most_common(1)[0]
-        share = times / len(counts[1:] or counts)
-        if usual > 1 and abs(usual - counts[0]) <= 1 and share > best:
-            best, found = share, delimiter
+        rank = (times / len(counts[1:] or counts), abs(usual - counts[0]) <= 1)
+        if usual > 1 and rank > best:
+            best, found = rank, delimiter
     return found
 
 
@@ -146,13 +146,21 @@ def _is_header(cells: list[str]) -> bool:
     return any(map(is_known_name, cells)) or not any(re.search(r"^[+-]?[.,]?\d", cell) for cell in cells)
 
 
-def _names(rows: list[list[str]], header: bool) -> tuple[str, ...]:
-    """Names of the columns. Rows may have one more cell than the header: a row name, or an empty end."""
+def _names(rows: list[list[str]], header: bool, line: str) -> tuple[str, ...]:
+    """Return the names of the columns.
+
+    Rows may have one more cell than the header: the name of the row, or an empty one at the end. The header
+    may have another delimiter, as of numpy.savetxt.
+    """
+    usual = Counter(map(len, rows[1:] or rows)).most_common(1)[0][0]
     if not header:
         return ("",) * len(rows[0])
     names = rows[0]
-    if all(len(row) == len(names) + 1 for row in rows[1:]):
-        names = [*names, ""] if all(not row[-1] for row in rows[1:]) else ["", *names]
+    if usual == len(names) + 1:
+        return (*names, "") if all(not row[-1] for row in rows[1:]) else ("", *names)
+    if usual > len(names):
+        names = re.split(r"[\s;|,]+", line)
+        return tuple(names) if len(names) == usual else ("",) * usual
     return tuple(names)
 
 
