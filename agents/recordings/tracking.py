@@ -27,6 +27,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.durations import GeometricDurations, parse_durations
 from hybrid_env.limits import MAX_LENGTH, distinct_radii
+from hybrid_env.noises import StudentNoise, parse_likelihood
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -56,6 +57,8 @@ class TrackingArguments:
     durations: str | None = None
     """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By default
     geometric with the mean that the recording shows."""
+    likelihood: str = "gaussian"
+    """Law of the innovations: gaussian, or for example 'student_t 4', which is robust against outliers."""
     bank: Literal["published", "anchor_aware"] | None = None
     """Filters for known switches; by default those of the decider."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
@@ -78,6 +81,7 @@ class TrackingArguments:
                 check_positive(name, getattr(self, name), allow_zero=name == "process_variance")
         if self.durations is not None:
             parse_durations(self.durations)
+        parse_likelihood(self.likelihood)
         check_choice("undecided", self.undecided, ("keep", "likeliest"))
         if self.bank is not None:
             check_choice("bank", self.bank, ("published", "anchor_aware"))
@@ -108,16 +112,19 @@ class TrackingArguments:
         grid = tick_grid(recording)
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
+        law_of_noise = parse_likelihood(self.likelihood)
         model = fit_model(
             grid, self.radii or None, self.measurement_variance, self.process_variance,
             float(np.mean(lengths)) if lengths else None if law is None else law.mean_duration,
+            law_of_noise.freedom if isinstance(law_of_noise, StudentNoise) else None,
         )  # fmt: skip
-        options: dict[str, Any] = ModelUnits.of(model).options(model)
+        options: dict[str, Any] = ModelUnits.of(model).options(model) | {"likelihood": self.likelihood}
         name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
         try:
             tracker = self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
+        _check_every_tick(name, tracker, grid)
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(
             grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
@@ -161,6 +168,13 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
         ArgumentError: an argument has a value that is not allowed.
     """
     return TrackingArguments(**options).track(make_recording(times, positions))
+
+
+def _check_every_tick(name: str, tracker: OnlineTracker, grid: TickGrid) -> None:
+    missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
+    if missing and getattr(tracker.decider, "every_tick", False):
+        allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
+        raise reject("decider", name, allowed)
 
 
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:

@@ -111,7 +111,8 @@ def check_consistency(grid: TickGrid, model: TrackModel) -> Consistency:
         np.full((blocks, ticks, 2, LANES), np.nan), np.zeros((blocks, ticks, 2 * len(radii) + 1, LANES))
     )
     process = model.process_variance * model.tau**2 / model.measurement_variance
-    arguments = chunks, imm_arrays(len(radii)), radii, imm_model(1.0, process, model.duration, len(radii)), output
+    assumed = imm_model(1.0, process, model.duration, len(radii), model.freedom)
+    arguments = chunks, imm_arrays(len(radii)), radii, *assumed, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)
     innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]

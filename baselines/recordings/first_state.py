@@ -16,8 +16,9 @@ from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.imm_bank import ImmModel, imm_arrays
 from hybrid_env.core.records import LANES
-from hybrid_env.model_options import ModelOptions
 from hybrid_env.online_worlds import SQUARE
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +41,9 @@ class FirstState(NamedTuple):
     mode: int | None
 
 
-def first_state(measurements: FloatArray, options: ModelOptions, hazard: float) -> FirstState | None:
+def first_state(
+    measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float
+) -> FirstState | None:
     """Return the state one tick before the first measurement; None with too few measurements.
 
     Args:
@@ -57,12 +60,13 @@ def first_state(measurements: FloatArray, options: ModelOptions, hazard: float) 
     radii, M = np.array(options.radii), options.hypotheses
     model = ImmModel(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
-        hazard / (M - 1),
+        hazard / (M - 1), float(options.parameters()["freedom"][0]),
     )  # fmt: skip
     output = PassOutput(
         np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES))
     )
-    arguments = chunks, imm_arrays(len(radii)), radii, model, output
+    robust = True if options.robust else None
+    arguments = chunks, imm_arrays(len(radii)), radii, model, robust, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.imm_bank import ImmBank, ImmModel, begin_imm, step_imm
+from hybrid_env.core.irregular_ticks import predict_imm
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
 
@@ -25,8 +26,6 @@ PASS_BLOCK = lanes_of(
 
 BURN_IN = 3
 """Measurements after the start that do not count: they depend on how the velocity was found."""
-
-BLIND = 1e18
 
 
 class Chunks(NamedTuple):
@@ -113,7 +112,7 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, output: PassOutput
+    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, robust: Any, output: PassOutput
 ) -> tuple[float, int]:
     """Run the bank over all chunks.
 
@@ -125,6 +124,7 @@ def imm_pass(
         bank: of one block, overwritten.
         radii: (n,) turn radii; none is a bank of straight motion.
         model: tick, variances and transition probabilities.
+        robust: see `step_imm`.
         output: arrays that are filled, see `PassOutput`.
 
     Returns:
@@ -138,7 +138,6 @@ def imm_pass(
     seen = np.zeros(LANES, np.int64)
     when = np.zeros(LANES, np.int64)
     last = np.zeros((LANES, 2))
-    blind = ImmModel(model.tau, model.process_variance, BLIND, BLIND, model.stay_probability, model.switch_probability)
     records = output.white.shape[0] > 0
     for b in range(chunks.measurements.shape[0]):
         seen[:] = 0
@@ -150,7 +149,7 @@ def imm_pass(
                     together = False
             block.measurement[:] = measurement
             if together:
-                step_imm(bank, block, 0, LANES, radii, model)
+                step_imm(bank, block, 0, LANES, radii, model, robust)
             for lane in range(LANES):
                 measured = not math.isnan(measurement[0, lane])
                 if measured and seen[lane] < 2:
@@ -164,11 +163,9 @@ def imm_pass(
                     continue
                 if not together:
                     if measured:
-                        step_imm(bank, block, lane, lane + 1, radii, model)
+                        step_imm(bank, block, lane, lane + 1, radii, model, robust)
                     else:
-                        block.measurement[0, lane] = block.estimate[0, lane]
-                        block.measurement[1, lane] = block.estimate[2, lane]
-                        step_imm(bank, block, lane, lane + 1, radii, blind)
+                        predict_imm(bank, block, lane, radii, model)
                 if measured:
                     seen[lane] += 1
                     if seen[lane] > 2 + BURN_IN:

@@ -65,6 +65,7 @@ class TrackModel:
         duration: mean duration of a segment [ticks].
         speed: median speed.
         tau: tick.
+        freedom: degrees of freedom of the robust likelihood; None if it is Gaussian.
         estimated: names of the attributes above that were not given.
         turns: whether turns of these radii explain the recording better than straight motion alone.
         better_radii: radii proposed by the recording that explain it better than the given ones; empty if
@@ -77,6 +78,7 @@ class TrackModel:
     duration: float
     speed: float
     tau: float
+    freedom: float | None = None
     estimated: tuple[str, ...] = ()
     turns: bool = True
     better_radii: tuple[float, ...] = ()
@@ -100,8 +102,8 @@ class _Parameters:
 class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
-    def __init__(self, chunks: Chunks):
-        self.chunks, self.output = chunks, no_output()
+    def __init__(self, chunks: Chunks, freedom: float | None = None):
+        self.chunks, self.output, self.freedom = chunks, no_output(), freedom
         self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
 
         self.prepared = False
@@ -119,15 +121,19 @@ class _Likelihood:
         n = len(at.radii)
         if n not in self.banks:
             self.banks[n] = imm_arrays(n)
-        model = imm_model(at.variance, at.process, at.duration, n)
-        return self.chunks, self.banks[n], np.array(at.radii, float), model, output
+        model = imm_model(at.variance, at.process, at.duration, n, self.freedom)
+        return self.chunks, self.banks[n], np.array(at.radii, float), *model, output
 
 
-def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
-    """Return the model of a bank with a tick of 1 and geometric durations."""
+def imm_model(
+    variance: float, process: float, duration: float, radii: int, freedom: float | None = None
+) -> tuple[ImmModel, bool | None]:
+    """Return the model of a bank with a tick of 1 and geometric durations, and whether it is robust."""
     modes = 2 * radii + 1
     hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii else 0.0
-    return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
+    switch = hazard / max(modes - 1, 1)
+    model = ImmModel(1.0, process, variance, variance, 1.0 - hazard, switch, freedom or 0.0)
+    return model, None if freedom is None else True
 
 
 def noise_estimate(grid: TickGrid) -> float | None:
@@ -176,6 +182,7 @@ def fit_model(
     measurement_variance: float | None = None,
     process_variance: float | None = None,
     duration: float | None = None,
+    freedom: float | None = None,
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood.
 
@@ -186,6 +193,7 @@ def fit_model(
         measurement_variance: R.
         process_variance: Q.
         duration: mean duration of a segment [ticks].
+        freedom: degrees of freedom of a robust likelihood; None is the Gaussian one.
 
     Raises:
         ArgumentError: the recording does not move.
@@ -198,7 +206,7 @@ def fit_model(
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
     scale = math.sqrt(rough)
-    likelihood = _Likelihood(fit_chunks(grid, scale))
+    likelihood = _Likelihood(fit_chunks(grid, scale), freedom)
     used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
     speed = max(speed, SMALLEST_NOISE * scale)
     given = _Parameters(
@@ -240,6 +248,7 @@ def fit_model(
         duration=best.duration if duration is None else duration,
         speed=speed / tau,
         tau=tau,
+        freedom=freedom,
         estimated=tuple(names.get(name, name) for name in free),
         turns=value > likelihood(straight) + margin,
         better_radii=better,
