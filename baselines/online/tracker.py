@@ -73,7 +73,7 @@ class OnlineTracker:
 
     Args:
         options: of the environment whose model the bank uses. Options of its simulated object, such as speed,
-            outliers and scheme, are not used, except `initial_error` if `begin` is given an estimate without
+            noise and scheme, are not used, except `initial_error` if `begin` is given an estimate without
             a covariance, and by deciders.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.

@@ -16,7 +16,7 @@ from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.kernel_arrays import Arrays, arrays_of
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.noise import draw_noise_ahead, integer_below
+from hybrid_env.core.noise import integer_below
 from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
 from hybrid_env.core.published_bank import (
     IDENTITY,
@@ -31,7 +31,7 @@ from hybrid_env.core.records import (
     LANES,
     SEGMENT_COLUMNS,
 )
-from hybrid_env.core.true_object import begin_motion, move, move_lane
+from hybrid_env.core.true_object import begin_motion, draw_ahead, move, move_ahead
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
@@ -127,6 +127,24 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 
 @inlined
+def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
+    if setting.irregular:
+        bank_operations.step_irregular(bank, first, last, block, setting)
+    else:
+        bank_operations.step(bank, first, last, block.measurement, setting)
+
+
+@inlined
+def follow_lane(block: Any, lane: int, bank: Any, hypothesis: int, setting: Any) -> None:
+    """Advance the filter of one hypothesis of a lane by the measurement of the block, if there is one."""
+    if setting.irregular:
+        bank_operations.follow_irregular(bank, lane, hypothesis, block, setting)
+    else:
+        bank_operations.follow(bank, lane, hypothesis, block.measurement, setting)
+
+
+@inlined
 def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -172,15 +190,15 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     block.active_mode[lane] = chosen
     noise = arrays.scratch[0].noise
     while block.tick[lane] < block.length[lane]:
-        ticks = min(LANES, block.length[lane] - block.tick[lane])
         # the noise of several ticks is drawn at once with SIMD code
-        draw_noise_ahead(block.random_state, lane, noise, ticks, setting.outliers)
+        left = block.length[lane] - block.tick[lane]
+        ticks = draw_ahead(block, lane, noise, left, arrays.sensors, setting)
         for column in range(ticks):
-            move_lane(block, lane, noise, column, setting)
+            move_ahead(block, lane, noise, column, arrays.sensors, setting)
             if merged is None:
-                bank_operations.follow(bank, lane, chosen, block.measurement, setting)
+                follow_lane(block, lane, bank, chosen, setting)
             else:
-                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
+                step_lanes(block, bank, np.uint64(lane), np.uint64(lane + 1), setting)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
     set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
@@ -214,10 +232,12 @@ def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> 
 
 
 @inlined
-def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: Any) -> None:
+def _tick(
+    block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any
+) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
-    move(block, scratch.noise, first, last, setting)
-    bank_operations.step(bank, first, last, block.measurement, setting)
+    move(block, scratch.noise, first, last, sensors, setting)
+    step_lanes(block, bank, first, last, setting)
     compare_hypotheses(scratch, bank.hypotheses, first, last)
 
 
@@ -257,7 +277,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
             continue
         last = lanes if all_running else first + 1
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), setting)
+        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
         for lane in range(first, last):
             i = b * LANES + lane
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], merged)

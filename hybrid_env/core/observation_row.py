@@ -3,6 +3,7 @@
 A row is a float32 array of six blocks of M values, one per hypothesis, followed by ten scalars of the track.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.published_bank import likeliest
 
 LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
 LARGEST = 1e6  # clip of the magnitude of whitened innovations
@@ -148,6 +150,8 @@ def write_tick(
 ) -> None:
     """Write the values that change with every tick. `compare_hypotheses` is called before.
 
+    Without a measurement the innovations are zero, and the displacement is that of the likeliest filter.
+
     Args:
         row: (6 M + 10,); the other values are written by `write_segment`.
         block: a record `BLOCK`.
@@ -166,9 +170,13 @@ def write_tick(
         row[2 * M + h] = across
         # negative only by rounding
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
+    x, y = block.measurement[0, lane], block.measurement[1, lane]
+    if math.isnan(x):
+        expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
+        x, y = expected.x[lane], expected.y[lane]
     along, across = heading_frame(
-        (block.measurement[0, lane] - block.anchor[0, lane]) * setting.noise_whitener,
-        (block.measurement[1, lane] - block.anchor[2, lane]) * setting.noise_whitener,
+        (x - block.anchor[0, lane]) * setting.noise_whitener,
+        (y - block.anchor[2, lane]) * setting.noise_whitener,
         heading_x, heading_y,
     )  # fmt: skip
     singles = row[BLOCKS * M :]

@@ -27,7 +27,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--measurement-variance nan", "measurement_variance=nan"),
     ("--measurement-variance loud", "--measurement-variance"),
     ("--delay-cost -1", "delay_cost=-1.0"),
-    ("--outliers 1", "outliers=1.0"),
+    ("--noise outliers", "noise='outliers'"),
     ("--correctness rough", "correctness"),
     ("--undecided shrug", "undecided"),
     ("--reset-covariance 2", "reset-covariance"),
