@@ -101,6 +101,8 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         lines.append(f"{recording.name}: no turns are seen; the radius has no meaning")
     if tracked.shared:
         lines.append(f"{recording.name}: {tracked.shared} rows share a tick with another one: their mean is used")
+    if tracked.outliers:
+        lines.append(f"{recording.name}: {tracked.outliers} measurements far from their neighbours are not used")
     if tracked.moved > 0.01:
         lines.append(
             f"{recording.name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of a tick (rms)"

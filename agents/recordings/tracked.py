@@ -40,6 +40,7 @@ class TrackedRecording:
         tau: tick of the filters.
         shared: number of rows whose tick is that of another row, with which they are averaged.
         moved: root mean square of the times by which rows were moved to their ticks, over the tick.
+        outliers: number of measurements that were not used, because they are far from their neighbours.
     """
 
     recording: Recording
@@ -56,6 +57,7 @@ class TrackedRecording:
     tau: float
     shared: int
     moved: float
+    outliers: int
 
     @property
     def warnings(self) -> list[str]:
@@ -76,6 +78,7 @@ def row_results(
     decider: str,
     decisions: Sequence[TickDecisions],
     consistency: Consistency,
+    outliers: int,
 ) -> TrackedRecording:
     """Return the results of ticks at the rows of a recording.
 
@@ -86,6 +89,7 @@ def row_results(
         decider: name of the decider.
         decisions: of each stretch of the grid.
         consistency: of the model.
+        outliers: number of measurements that were not used.
     """
     rows, M = len(recording.times), 2 * len(model.radii) + 1
     arrays: dict[str, Any] = {
@@ -112,7 +116,7 @@ def row_results(
     arrays["residuals"][~recording.measured] = np.nan
     return TrackedRecording(
         recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces),
-        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, **arrays,
+        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, outliers=outliers, **arrays,
     )  # fmt: skip
 
 

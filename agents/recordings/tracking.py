@@ -16,6 +16,7 @@ from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
+from baselines.recordings.scatter import without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
 from hybrid_env.checks import (
     ArgumentError,
@@ -27,7 +28,6 @@ from hybrid_env.checks import (
 )
 from hybrid_env.durations import GeometricDurations, parse_durations
 from hybrid_env.limits import MAX_LENGTH, distinct_radii
-from hybrid_env.noises import StudentNoise, parse_likelihood
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -57,8 +57,6 @@ class TrackingArguments:
     durations: str | None = None
     """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By default
     geometric with the mean that the recording shows."""
-    likelihood: str = "gaussian"
-    """Law of the innovations: gaussian, or for example 'student_t 4', which is robust against outliers."""
     bank: Literal["published", "anchor_aware"] | None = None
     """Filters for known switches; by default those of the decider."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
@@ -81,7 +79,6 @@ class TrackingArguments:
                 check_positive(name, getattr(self, name), allow_zero=name == "process_variance")
         if self.durations is not None:
             parse_durations(self.durations)
-        parse_likelihood(self.likelihood)
         check_choice("undecided", self.undecided, ("keep", "likeliest"))
         if self.bank is not None:
             check_choice("bank", self.bank, ("published", "anchor_aware"))
@@ -109,27 +106,28 @@ class TrackingArguments:
             ArgumentError: an argument does not fit the recording.
         """
         self.check_tracking()
-        grid = tick_grid(recording)
+        full = tick_grid(recording)
+        grid, outliers = without_outliers(full)
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
-        law_of_noise = parse_likelihood(self.likelihood)
         model = fit_model(
             grid, self.radii or None, self.measurement_variance, self.process_variance,
             float(np.mean(lengths)) if lengths else None if law is None else law.mean_duration,
-            law_of_noise.freedom if isinstance(law_of_noise, StudentNoise) else None,
         )  # fmt: skip
-        options: dict[str, Any] = ModelUnits.of(model).options(model) | {"likelihood": self.likelihood}
+        options: dict[str, Any] = ModelUnits.of(model).options(model)
         name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
         try:
             tracker = self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        _check_every_tick(name, tracker, grid)
+        if getattr(tracker.decider, "every_tick", False):
+            grid, outliers = full, 0
+            _check_every_tick(name, grid)
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(
             grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
         )
-        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model))
+        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model), outliers)
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         lengths, total = list(self.lengths), grid.total
@@ -170,9 +168,10 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
     return TrackingArguments(**options).track(make_recording(times, positions))
 
 
-def _check_every_tick(name: str, tracker: OnlineTracker, grid: TickGrid) -> None:
+def _check_every_tick(name: str, grid: TickGrid) -> None:
+    """Check that every tick has a measurement, for a decider with filters of its own."""
     missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
-    if missing and getattr(tracker.decider, "every_tick", False):
+    if missing:
         allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
         raise reject("decider", name, allowed)
 

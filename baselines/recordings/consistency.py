@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks
-from baselines.recordings.model_fit import TrackModel, imm_model, noise_estimate
+from baselines.recordings.model_fit import TrackModel, imm_model
+from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.imm_bank import imm_arrays
@@ -111,8 +112,8 @@ def check_consistency(grid: TickGrid, model: TrackModel) -> Consistency:
         np.full((blocks, ticks, 2, LANES), np.nan), np.zeros((blocks, ticks, 2 * len(radii) + 1, LANES))
     )
     process = model.process_variance * model.tau**2 / model.measurement_variance
-    assumed = imm_model(1.0, process, model.duration, len(radii), model.freedom)
-    arguments = chunks, imm_arrays(len(radii)), radii, *assumed, output
+    assumed = imm_model(1.0, process, model.duration, len(radii))
+    arguments = chunks, imm_arrays(len(radii)), radii, assumed, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)
     innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]

@@ -60,13 +60,12 @@ def first_state(
     radii, M = np.array(options.radii), options.hypotheses
     model = ImmModel(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
-        hazard / (M - 1), float(options.parameters()["freedom"][0]),
+        hazard / (M - 1),
     )  # fmt: skip
     output = PassOutput(
         np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES))
     )
-    robust = True if options.robust else None
-    arguments = chunks, imm_arrays(len(radii)), radii, model, robust, output
+    arguments = chunks, imm_arrays(len(radii)), radii, model, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])

@@ -112,7 +112,7 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, robust: Any, output: PassOutput
+    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, output: PassOutput
 ) -> tuple[float, int]:
     """Run the bank over all chunks.
 
@@ -124,7 +124,6 @@ def imm_pass(
         bank: of one block, overwritten.
         radii: (n,) turn radii; none is a bank of straight motion.
         model: tick, variances and transition probabilities.
-        robust: see `step_imm`.
         output: arrays that are filled, see `PassOutput`.
 
     Returns:
@@ -149,7 +148,7 @@ def imm_pass(
                     together = False
             block.measurement[:] = measurement
             if together:
-                step_imm(bank, block, 0, LANES, radii, model, robust)
+                step_imm(bank, block, 0, LANES, radii, model)
             for lane in range(LANES):
                 measured = not math.isnan(measurement[0, lane])
                 if measured and seen[lane] < 2:
@@ -163,7 +162,7 @@ def imm_pass(
                     continue
                 if not together:
                     if measured:
-                        step_imm(bank, block, lane, lane + 1, radii, model, robust)
+                        step_imm(bank, block, lane, lane + 1, radii, model)
                     else:
                         predict_imm(bank, block, lane, radii, model)
                 if measured:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, make_chunks, no_output
+from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.compilation import prepare
@@ -26,10 +27,6 @@ FloatArray = NDArray[np.float64]
 FIT_TICKS = 4096
 """Ticks that are used; a longer recording is represented by parts of it, evenly spread."""
 
-NORMAL_MEDIAN = 0.6744897501960817
-"""Median of |z| for a standard normal z."""
-
-FEWEST_DIFFERENCES = 5
 SMALLEST_NOISE = 1e-4
 """Smallest standard deviation of a measurement, over the median motion of a tick."""
 
@@ -65,7 +62,6 @@ class TrackModel:
         duration: mean duration of a segment [ticks].
         speed: median speed.
         tau: tick.
-        freedom: degrees of freedom of the robust likelihood; None if it is Gaussian.
         estimated: names of the attributes above that were not given.
         turns: whether turns of these radii explain the recording better than straight motion alone.
         better_radii: radii proposed by the recording that explain it better than the given ones; empty if
@@ -78,7 +74,6 @@ class TrackModel:
     duration: float
     speed: float
     tau: float
-    freedom: float | None = None
     estimated: tuple[str, ...] = ()
     turns: bool = True
     better_radii: tuple[float, ...] = ()
@@ -102,8 +97,8 @@ class _Parameters:
 class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
-    def __init__(self, chunks: Chunks, freedom: float | None = None):
-        self.chunks, self.output, self.freedom = chunks, no_output(), freedom
+    def __init__(self, chunks: Chunks):
+        self.chunks, self.output = chunks, no_output()
         self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
 
         self.prepared = False
@@ -121,40 +116,15 @@ class _Likelihood:
         n = len(at.radii)
         if n not in self.banks:
             self.banks[n] = imm_arrays(n)
-        model = imm_model(at.variance, at.process, at.duration, n, self.freedom)
-        return self.chunks, self.banks[n], np.array(at.radii, float), *model, output
+        model = imm_model(at.variance, at.process, at.duration, n)
+        return self.chunks, self.banks[n], np.array(at.radii, float), model, output
 
 
-def imm_model(
-    variance: float, process: float, duration: float, radii: int, freedom: float | None = None
-) -> tuple[ImmModel, bool | None]:
-    """Return the model of a bank with a tick of 1 and geometric durations, and whether it is robust."""
+def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
+    """Return the model of a bank with a tick of 1 and geometric durations."""
     modes = 2 * radii + 1
     hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii else 0.0
-    switch = hazard / max(modes - 1, 1)
-    model = ImmModel(1.0, process, variance, variance, 1.0 - hazard, switch, freedom or 0.0)
-    return model, None if freedom is None else True
-
-
-def noise_estimate(grid: TickGrid) -> float | None:
-    """Estimate the measurement variance R from the third differences of each coordinate.
-
-    d_k = z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k cancels motion that is quadratic over four ticks. Its noise
-    has the variance (1 + 9 + 9 + 1) R. The median is robust against outliers and switches:
-
-        R = (median |d_k| / 0.6745)^2 / 20, averaged over x and y.
-
-    A turn adds about r (omega tau)^3 to |d|, and process noise adds Q tau^2 / 10 to R.
-
-    Returns:
-        R [unit of length squared]; None with too few measurements in successive ticks.
-    """
-    differences = np.concatenate([np.diff(s.measurements, n=3, axis=0) for s in grid.stretches])
-    differences = differences[~np.isnan(differences[:, 0])]
-    if len(differences) < FEWEST_DIFFERENCES:
-        return None
-    median = np.median(np.abs(differences), axis=0)
-    return float(np.mean((median / NORMAL_MEDIAN) ** 2) / 20.0)
+    return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:
@@ -182,7 +152,6 @@ def fit_model(
     measurement_variance: float | None = None,
     process_variance: float | None = None,
     duration: float | None = None,
-    freedom: float | None = None,
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood.
 
@@ -193,7 +162,6 @@ def fit_model(
         measurement_variance: R.
         process_variance: Q.
         duration: mean duration of a segment [ticks].
-        freedom: degrees of freedom of a robust likelihood; None is the Gaussian one.
 
     Raises:
         ArgumentError: the recording does not move.
@@ -206,7 +174,7 @@ def fit_model(
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
     scale = math.sqrt(rough)
-    likelihood = _Likelihood(fit_chunks(grid, scale), freedom)
+    likelihood = _Likelihood(fit_chunks(grid, scale))
     used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
     speed = max(speed, SMALLEST_NOISE * scale)
     given = _Parameters(
@@ -248,7 +216,6 @@ def fit_model(
         duration=best.duration if duration is None else duration,
         speed=speed / tau,
         tau=tau,
-        freedom=freedom,
         estimated=tuple(names.get(name, name) for name in free),
         turns=value > likelihood(straight) + margin,
         better_radii=better,

@@ -29,6 +29,10 @@ NEIGHBOURS = 5
 """Measurements that give the local velocity."""
 
 MAX_TICKS = 5_000_000
+LATEST = 0.6
+"""Largest error of a row of a clock that jitters, over the tick."""
+
+CORRECTION = 0.2  # of the clock, over its error
 EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
 
 
@@ -102,11 +106,9 @@ def tick_grid(recording: Recording) -> TickGrid:
 def _regular(pieces: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
     """Return the tick and the tick numbers of a clock whose errors do not add up, or None.
 
-    Every step is a whole number of ticks, rounded; the tick is the slope of the times over their numbers.
+    The tick is the slope of the times over their numbers.
     """
-    numbers = [
-        np.concatenate([[0], np.cumsum(np.maximum(np.rint(np.diff(times) / tick), 1.0))]) for times in pieces
-    ]
+    numbers = [_follow(times, tick) for times in pieces]
     centred = [one - one.mean() for one in numbers]
     weight = sum(float(one @ one) for one in centred)
     if weight == 0.0:
@@ -114,10 +116,28 @@ def _regular(pieces: list[FloatArray], tick: float) -> tuple[float, list[IntArra
     tau = sum(float(one @ (t - t[0])) for one, t in zip(centred, pieces, strict=True)) / weight
     for one, times in zip(numbers, pieces, strict=True):
         late = times - tau * one
-        if not np.abs(late - late.mean()).max() <= 0.5 * tau:
+        if not np.abs(late - late.mean()).max() <= LATEST * tau:
             return None
     _check_total(sum(float(one[-1]) + 1.0 for one in numbers), tau)
     return tau, [one.astype(np.int64) for one in numbers]
+
+
+def _follow(times: FloatArray, tick: float) -> FloatArray:
+    """Return the number of ticks of every time since the first: the next one of a clock that is corrected.
+
+    After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick
+    that is not exactly known adds up.
+    """
+    numbers = np.zeros(len(times))
+    clock, number = float(times[0]), 0.0
+    for k, time in enumerate(times.tolist()):
+        if k:
+            passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
+            clock += passed * tick
+            number += passed
+            clock += CORRECTION * (time - clock)
+        numbers[k] = number
+    return numbers
 
 
 def _irregular(recording: Recording, pieces: list[FloatArray]) -> tuple[float, list[IntArray]]:
