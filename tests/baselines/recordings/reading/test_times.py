@@ -29,6 +29,7 @@ FORMS = {
     "milliseconds by their name": (SECONDS * 1e3 + 7e3, "time [ms]", None),
     "minutes by their name": (SECONDS / 60.0 + 7.0 / 60.0, "t_min", None),
     "since 1970 in s": (SECONDS + EPOCH, "timestamp", START),
+    "since 1970, scale in brackets": (SECONDS + EPOCH, "Time (UTC)", START),
     "since 1970 in ms": (np.int64((SECONDS + EPOCH) * 1e3), "t", START),
     "since 1970 in us": (np.int64((SECONDS + EPOCH) * 1e6), "t", START),
     "since 1970 in ns": (np.int64(np.int64(EPOCH) * 10**9) + np.int64(SECONDS * 1e9), "t_ns", START),
