@@ -13,7 +13,7 @@ from agents.evaluation.statement_deciders import RULES, statement_decider
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.online.tracker import OnlineTracker
 from baselines.recordings.consistency import check_consistency
-from baselines.recordings.decisions import ModelUnits, decide_recording
+from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_outliers
@@ -112,7 +112,7 @@ class TrackingArguments:
         law = None if self.durations is None else parse_durations(self.durations)
         model = fit_model(
             grid, self.radii or None, self.measurement_variance, self.process_variance,
-            float(np.mean(lengths)) if lengths else None if law is None else law.mean_duration,
+            None if law is None else law.mean_duration, lengths,
         )  # fmt: skip
         options: dict[str, Any] = ModelUnits.of(model).options(model)
         name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
@@ -127,12 +127,13 @@ class TrackingArguments:
         decisions = decide_recording(
             grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
         )
-        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model), outliers)
+        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         lengths, total = list(self.lengths), grid.total
         if len(lengths) == 1:
-            return [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
+            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
+        check_lengths(grid, lengths)
         return lengths
 
     def _known(self, name: str, options: dict[str, Any], lengths: Sequence[int]) -> OnlineTracker:

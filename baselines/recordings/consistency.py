@@ -5,13 +5,14 @@ Li and Kirubarajan 2001, "Estimation with applications to tracking and navigatio
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks
-from baselines.recordings.model_fit import TrackModel, imm_model
+from baselines.recordings.imm_pass import PassOutput, imm_pass
+from baselines.recordings.model_fit import NEVER, SHORTEST_PART, TrackModel, chunks_at, cut, imm_model
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.core.compilation import prepare
@@ -91,28 +92,25 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 10.0 else f"{ratio:.0f} times"
 
 
-def check_consistency(grid: TickGrid, model: TrackModel) -> Consistency:
-    """Return the normalised innovations of a recording and what they say about a model."""
+def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()) -> Consistency:
+    """Return the normalised innovations of a recording and what they say about a model.
+
+    Args:
+        grid: the recording on ticks.
+        model: of the recording.
+        lengths: ticks between known switches.
+    """
     scale = math.sqrt(model.measurement_variance)
-    longest = max(min(CHUNK, -(-grid.total // LANES)), 16)
-    places, parts = [], []
-    for index, stretch in enumerate(grid.stretches):
-        values = stretch.measurements
-        number = max(-(-len(values) // longest), 1)
-        borders = np.linspace(0, len(values), number + 1).astype(int).tolist()
-        for first, end in zip(borders[:-1], borders[1:], strict=True):
-            places.append((index, first, end))
-            measured = np.flatnonzero(~np.isnan(values[first:end, 0]))
-            origin = values[first + measured[0]] if measured.size else 0.0
-            parts.append((values[first:end] - origin) / scale)
-    chunks = make_chunks(parts)
+    longest = max(min(CHUNK, -(-grid.total // LANES)), SHORTEST_PART)
+    places = cut(grid, longest)
+    chunks = chunks_at(grid, places, scale, lengths)
     radii = np.array(model.radii) / scale
     blocks, ticks = chunks.measurements.shape[:2]
     output = PassOutput(
         np.full((blocks, ticks, 2, LANES), np.nan), np.zeros((blocks, ticks, 2 * len(radii) + 1, LANES))
     )
     process = model.process_variance * model.tau**2 / model.measurement_variance
-    assumed = imm_model(1.0, process, model.duration, len(radii))
+    assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(radii))
     arguments = chunks, imm_arrays(len(radii)), radii, assumed, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)

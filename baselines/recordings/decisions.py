@@ -107,11 +107,7 @@ def decide_recording(
     Raises:
         ArgumentError: the lengths do not fit the recording.
     """
-    if lengths and len(grid.stretches) > 1:
-        raise reject("lengths", tuple(lengths), f"none with {len(grid.stretches) - 1} gaps, or a longer --gap")
-    if lengths and sum(lengths) != grid.total:
-        allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
-        raise reject("lengths", tuple(lengths), allowed)
+    check_lengths(grid, lengths)
     results, done = [], 0
     for stretch in grid.stretches:
 
@@ -122,6 +118,19 @@ def decide_recording(
         results.append(_decide_stretch(stretch, model, tracker, lengths, start, report))
         done += len(stretch.measurements)
     return results
+
+
+def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
+    """Check the ticks between known switches.
+
+    Raises:
+        ArgumentError: they do not fit the recording.
+    """
+    if lengths and len(grid.stretches) > 1:
+        raise reject("lengths", tuple(lengths), f"none with {len(grid.stretches) - 1} gaps, or a longer --gap")
+    if lengths and sum(lengths) != grid.total:
+        allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
+        raise reject("lengths", tuple(lengths), allowed)
 
 
 def _decide_stretch(

@@ -33,10 +33,15 @@ class Chunks(NamedTuple):
 
     Attributes:
         measurements: (B, T, 2, LANES), NaN without a measurement and after the end of a chunk.
+        switches: (B, T, LANES) True at the first tick after a known switch, in which all modes are equally
+            probable.
+        lanes: (B,) number of lanes with a chunk, the first ones.
         block: (1,) record `PASS_BLOCK`, temporary memory.
     """
 
     measurements: FloatArray
+    switches: NDArray[np.bool_]
+    lanes: NDArray[np.int64]
     block: NDArray[Any]
 
 
@@ -58,14 +63,23 @@ def no_output() -> PassOutput:
     return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
-def make_chunks(parts: list[FloatArray]) -> Chunks:
-    """Put parts of a recording, (T_i, 2) each, into lanes. Parts of equal length waste no time."""
+def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | None = None) -> Chunks:
+    """Put parts of a recording into lanes. Parts of equal length waste no time.
+
+    Args:
+        parts: measurements of each, (T_i, 2).
+        switches: whether a known switch precedes each tick, (T_i,); None if switches are not known.
+    """
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
+    begins = np.zeros((blocks, longest, LANES), np.bool_)
     for k, part in enumerate(parts):
         measurements[k // LANES, : len(part), :, k % LANES] = part
-    return Chunks(measurements, aligned_zeros((1,), PASS_BLOCK))
+        if switches is not None:
+            begins[k // LANES, : len(part), k % LANES] = switches[k]
+    lanes = np.minimum(len(parts) - LANES * np.arange(blocks), LANES)
+    return Chunks(measurements, begins, lanes, aligned_zeros((1,), PASS_BLOCK))
 
 
 @internal
@@ -138,18 +152,23 @@ def imm_pass(
     when = np.zeros(LANES, np.int64)
     last = np.zeros((LANES, 2))
     records = output.white.shape[0] > 0
+    same = 1.0 / (2 * radii.size + 1)
+    renewed = ImmModel(
+        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
+    )
     for b in range(chunks.measurements.shape[0]):
         seen[:] = 0
+        lanes = chunks.lanes[b]
         for k in range(chunks.measurements.shape[1]):
             measurement = chunks.measurements[b, k]
             together = True
-            for lane in range(LANES):
-                if seen[lane] < 2 or math.isnan(measurement[0, lane]):
+            for lane in range(lanes):
+                if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
                     together = False
             block.measurement[:] = measurement
             if together:
-                step_imm(bank, block, 0, LANES, radii, model)
-            for lane in range(LANES):
+                step_imm(bank, block, 0, lanes, radii, model)
+            for lane in range(lanes):
                 measured = not math.isnan(measurement[0, lane])
                 if measured and seen[lane] < 2:
                     if seen[lane] == 1:
@@ -161,10 +180,11 @@ def imm_pass(
                 if seen[lane] < 2:
                     continue
                 if not together:
+                    of_tick = renewed if chunks.switches[b, k, lane] else model
                     if measured:
-                        step_imm(bank, block, lane, lane + 1, radii, model)
+                        step_imm(bank, block, lane, lane + 1, radii, of_tick)
                     else:
-                        predict_imm(bank, block, lane, radii, model)
+                        predict_imm(bank, block, lane, radii, of_tick)
                 if measured:
                     seen[lane] += 1
                     if seen[lane] > 2 + BURN_IN:

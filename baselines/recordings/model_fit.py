@@ -36,7 +36,13 @@ ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 PROCESS_NOISES = (1e-6, 1e-4, 1e-2, 1.0)
 """Q tau^2 / R that are tried."""
 
+SHORTEST_PART = 256
+"""Ticks; every part forgets the velocity of the one before, and with it what it says about Q."""
+
 FIRST_DURATION = 75.0  # ticks
+NEVER = 0.0
+"""The duration of modes that only change at known switches."""
+
 DURATIONS = (10.0, 1e5)  # ticks
 SURE = 0.6  # probability of a mode that counts
 SHORTEST = 5  # ticks of a change that counts
@@ -121,9 +127,9 @@ class _Likelihood:
 
 
 def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
-    """Return the model of a bank with a tick of 1 and geometric durations."""
+    """Return the model of a bank with a tick of 1 and geometric durations; a duration of 0 never ends."""
     modes = 2 * radii + 1
-    hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii else 0.0
+    hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii and duration > 0.0 else 0.0
     return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
@@ -152,6 +158,7 @@ def fit_model(
     measurement_variance: float | None = None,
     process_variance: float | None = None,
     duration: float | None = None,
+    lengths: Sequence[int] = (),
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood.
 
@@ -162,6 +169,7 @@ def fit_model(
         measurement_variance: R.
         process_variance: Q.
         duration: mean duration of a segment [ticks].
+        lengths: ticks between known switches; then `duration` has no effect.
 
     Raises:
         ArgumentError: the recording does not move.
@@ -174,13 +182,13 @@ def fit_model(
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
     scale = math.sqrt(rough)
-    likelihood = _Likelihood(fit_chunks(grid, scale))
+    likelihood = _Likelihood(fit_chunks(grid, scale, lengths))
     used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
     speed = max(speed, SMALLEST_NOISE * scale)
     given = _Parameters(
         1.0,
         -1.0 if process_variance is None else process_variance * tau**2 / rough,
-        FIRST_DURATION if duration is None else max(duration, DURATIONS[0]),
+        NEVER if lengths else FIRST_DURATION if duration is None else max(duration, DURATIONS[0]),
         tuple(radius / scale for radius in radii or ()),
     )
     processes = PROCESS_NOISES if process_variance is None else (given.process,)
@@ -205,6 +213,8 @@ def fit_model(
     better: tuple[float, ...] = ()
     if radii is not None and likelihood(proposed) > value + CLEARLY:
         better = tuple(sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii))
+    if lengths:
+        duration = float(np.mean(lengths))
     if duration is None:
         best = replace(best, duration=_counted_duration(likelihood, best))
         free.append("duration")
@@ -222,21 +232,39 @@ def fit_model(
     )
 
 
-def fit_chunks(grid: TickGrid, scale: float, ticks: int = FIT_TICKS) -> Chunks:
+def fit_chunks(
+    grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS
+) -> Chunks:
     """Return parts of a recording, evenly spread, in units of `scale`, each near its first measurement."""
-    total = grid.total
-    length = max(-(-min(total, ticks) // LANES), 16)
-    parts = []
-    for stretch in grid.stretches:
-        values = stretch.measurements
-        number = max(round(len(values) / length), 1)
-        borders = np.linspace(0, len(values), number + 1).astype(int)
-        parts += [values[a:b] for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    length = max(-(-min(grid.total, ticks) // LANES), SHORTEST_PART)
+    places = cut(grid, length)
     wanted = max(ticks // length, LANES)
-    if len(parts) > wanted:
-        parts = [parts[k] for k in np.linspace(0, len(parts) - 1, wanted).round().astype(int)]
-    parts.sort(key=len)
-    return make_chunks([_from_first(part) / scale for part in parts])
+    if len(places) > wanted:
+        places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
+    places.sort(key=lambda place: place[2] - place[1])
+    return chunks_at(grid, places, scale, lengths)
+
+
+def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
+    """Return stretch, first tick and end of parts of a recording of about a length."""
+    places = []
+    for k, stretch in enumerate(grid.stretches):
+        number = max(round(len(stretch.measurements) / length), 1)
+        borders = np.linspace(0, len(stretch.measurements), number + 1).astype(int).tolist()
+        places += [(k, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    return places
+
+
+def chunks_at(
+    grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
+) -> Chunks:
+    """Return the parts at `places`, see `cut`; with known switches if lengths are given."""
+    parts = [_from_first(grid.stretches[k].measurements[a:b]) / scale for k, a, b in places]
+    if not lengths:
+        return make_chunks(parts)
+    begins = np.zeros(grid.total, np.bool_)
+    begins[np.cumsum([0, *lengths[:-1]])] = True
+    return make_chunks(parts, [begins[a:b] for _, a, b in places])
 
 
 def _from_first(part: FloatArray) -> FloatArray:

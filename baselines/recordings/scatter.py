@@ -93,4 +93,5 @@ def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], Floa
     apart = times[:, :, None] - times[:, None, :] + np.eye(points)
     weights = 1.0 / apart.prod(2)
     weights /= np.sqrt((weights**2).sum(1, keepdims=True))
-    return ticks, np.einsum("nm,nmd->nd", weights, stretch.measurements[ticks])
+    values = stretch.measurements[ticks]
+    return ticks, np.einsum("nm,nmd->nd", weights, values - values[:, :1])
