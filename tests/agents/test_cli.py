@@ -115,7 +115,7 @@ INVALID_ARGUMENTS = [
     ("reproduce --runs 1", "runs=1"),
     ("reproduce --seed -1", "seed=-1"),
     ("reproduce --out bad.txt", "out="),
-    ("track", "PATH"),
+    ("track", "files=()"),
     ("track nofile.csv", "file='nofile.csv'"),
     ("track bad.txt", "bad.txt"),
     ("track good.csv --lengths 1", "lengths="),
@@ -131,6 +131,16 @@ INVALID_ARGUMENTS = [
     ("track good.csv --undecided shrug", "undecided"),
     ("track good.csv --start 0 0 0", "start"),
     ("track good.csv --out bad.txt", "bad.txt"),
+    ("track good.csv --columns x", "columns='x'"),
+    ("track good.csv --columns x=1 x=2", "columns='x=2'"),
+    ("track good.csv --columns x=z y=y", "columns='z'"),
+    ("track good.csv --object who", "object='who'"),
+    ("track good.csv --unit ''", "unit=''"),
+    ("track good.csv --time-unit weeks", "time_unit='weeks'"),
+    ("track good.csv --gap 0", "gap=0.0"),
+    ("track good.csv --jobs 0", "jobs=0"),
+    ("track good.csv --overwrite perhaps", "overwrite"),
+    ("track good.csv ./good.csv", "both have the output folder"),
 ]
 
 
@@ -173,7 +183,7 @@ def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
         for kind in kinds:
             for field in fields(kind):
                 positional = (kind, field.name) in {
-                    (Track, "file"),
+                    (Track, "files"),
                     (Evaluate, "deciders"),
                     (Reproduce, "papers"),
                 }
