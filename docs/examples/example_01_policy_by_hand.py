@@ -46,6 +46,21 @@ reward, correct, ticks = run_episode(margin=3.0, seed=1)
 print(f"reward {reward:.2f}, correct {correct}, decided at ticks {ticks}")
 
 # %%
+# The environment draws itself. This is the first segment, a few ticks before the decision.
+
+drawn = gym.make("hybrid_env:HybridTrack-v0", render_mode="rgb_array")
+drawn.reset(seed=1)
+for _ in range(25):
+    drawn.step(0)
+picture = drawn.render()
+drawn.close()
+
+figure, axes = plt.subplots(figsize=(9, 9 * picture.shape[0] / picture.shape[1]), layout="tight")
+axes.imshow(picture)
+axes.set_axis_off()
+plt.show()
+
+# %%
 # The margin over 100 episodes. Waiting longer makes fewer errors, and costs more; the best reward lies between.
 
 margins = [0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0]
@@ -63,6 +78,7 @@ right.plot(times, rewards, "o-")
 right.set(xlabel="mean decision time, ticks", ylabel="mean reward per segment")
 for axes in (left, right):
     axes.grid(alpha=0.25)
+    axes.margins(0.1)
 for time, accuracy, value, margin in zip(times, accuracies, rewards, margins, strict=True):
     left.annotate(f"{margin:g}", (time, 100.0 * accuracy), xytext=(6, -10), textcoords="offset points")
     right.annotate(f"{margin:g}", (time, value), xytext=(6, -10), textcoords="offset points")
