@@ -293,11 +293,11 @@ def _entry(curve: OperatingCurve, chosen: int, reference_ticks: float) -> Entry:
     return Entry(
         curve,
         chosen,
-        curve.estimate(at_threshold(ACCURACY, chosen)),
+        curve.estimate_share(at_threshold(ACCURACY, chosen)),
         curve.estimate(at_threshold(TICKS, chosen)),
         curve.estimate(at_threshold(REWARD, chosen)),
         Estimate(summary["mean"], *summary["interval"]),
-        curve.estimate(error_at_ticks(reference_ticks)),
+        curve.estimate_share(error_at_ticks(reference_ticks)),
         {level: curve.estimate(ticks_at_accuracy(level)) for level in ACCURACY_LEVELS},
         decisions.error_after(),
     )
