@@ -267,7 +267,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
     ]  # fmt: skip
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
+    assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
 
 
 def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
