@@ -1,12 +1,15 @@
 """The console script `hybridtrack`. Each subcommand is defined in a file of its own; errors are one line."""
 
 import contextlib
+import functools
 import io
+import operator
 import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from importlib.metadata import version
+from typing import Any
 
 import gymnasium as gym
 import tyro
@@ -14,6 +17,7 @@ import tyro
 from agents.benchmark.command import Bench
 from agents.comparison.command import Compare
 from agents.evaluation.command import Evaluate
+from agents.interface.help_texts import as_subcommand
 from agents.limits.command import Limits
 from agents.playing.command import Play
 from agents.recordings.command import Track
@@ -21,17 +25,68 @@ from agents.reproduction.command import Reproduce
 from agents.training.command import Train
 from hybrid_env.checks import ArgumentError
 
-Command = (
-    Annotated[Compare, tyro.conf.subcommand("compare")]
-    | Annotated[Train, tyro.conf.subcommand("train")]
-    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
-    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
-    | Annotated[Track, tyro.conf.subcommand("track")]
-    | Annotated[Limits, tyro.conf.subcommand("limits")]
-    | Annotated[Bench, tyro.conf.subcommand("bench")]
-    | Annotated[Play, tyro.conf.subcommand("play")]
-)
-
+COMMANDS = {
+    "train": Train,
+    "evaluate": Evaluate,
+    "compare": Compare,
+    "play": Play,
+    "track": Track,
+    "reproduce": Reproduce,
+    "limits": Limits,
+    "bench": Bench,
+}
+EXAMPLES = {
+    "": (
+        "hybridtrack play --decider ate --out episode.gif   # watch the classical rule",
+        "hybridtrack train --out runs/ppo                   # train an agent, half a minute",
+        "hybridtrack evaluate ate shipped runs/ppo          # on the same episodes",
+        "hybridtrack compare --help                         # flags and examples of a command",
+        "hybridtrack --version",
+    ),
+    "train": (
+        "hybridtrack train --out runs/ppo --seed 1",
+        "hybridtrack train --recipe anchor --out runs/anchor --measurement-variance 0.5",
+        "hybridtrack train --resume runs/ppo --steps 3000000",
+        "hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]",
+        "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
+    ),
+    "evaluate": (
+        "hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped",
+        "hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json",
+        "hybridtrack evaluate shipped calibrated --shifted",
+        "hybridtrack evaluate shipped beam threshold:0.7 --env HybridTrackQuickest-v0",
+    ),
+    "compare": (
+        "hybridtrack compare                                # trains PPO, draws the operating curves",
+        "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
+        "hybridtrack compare --agents ppo --training-seeds 5 --out results/seeds",
+        "hybridtrack compare --no-curves --episodes 300     # a first look",
+        "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes --accuracy 0.9",
+    ),
+    "play": (
+        "hybridtrack play --decider shipped                 # in a window",
+        "hybridtrack play --decider msprt:0.02 --out episode.gif",
+        "hybridtrack play --env HybridTrackQuickest-v0 --decider beam --out episode.png",
+        "hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv",
+    ),
+    "track": (
+        "hybridtrack track flight.csv --piece 50 --radii 3 5 10",
+        "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
+    ),
+    "reproduce": (
+        "hybridtrack reproduce                              # all papers, 1000 runs each",
+        "hybridtrack reproduce golubkov2018 --runs 100      # the size of the paper's own study",
+    ),
+    "limits": (
+        "hybridtrack limits --episodes 100                  # a first look",
+        "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "bench": (
+        "hybridtrack bench",
+        "hybridtrack bench single vector                    # some groups",
+    ),
+}
+"""Lines below the help of each command; a test parses them."""
 
 MAX_MESSAGE = 270  # characters; the middle of a longer message is left out
 
@@ -40,8 +95,24 @@ def one_line(message: str) -> str:
     """A message without line breaks, and without the frame and help hints of tyro's messages."""
     body = [line for line in message.splitlines() if not line.startswith(("╭", "╰"))]
     words = " ".join(re.sub("[\u2500-\u257f]|-{3,}", " ", " ".join(body)).split())
+    words = re.sub(r"^(Unrecognized options) \1", r"\1", words)
     text = re.sub(r"^Error parsing | (Argument helptext|For full helptext).*", "", words)
     return text if len(text) <= MAX_MESSAGE else f"{text[:180]} ... {text[-85:]}"
+
+
+def parse(arguments: Sequence[str]) -> Any:
+    """Return the command of command-line arguments, ready to run.
+
+    Raises:
+        SystemExit: after the help text, or with a message on the standard error stream.
+    """
+    brief = not arguments or arguments[0].startswith("-")
+    kinds = tuple(as_subcommand(name, kind, brief) for name, kind in COMMANDS.items())
+    return tyro.cli(
+        functools.reduce(operator.or_, kinds), prog="hybridtrack", args=arguments,
+        config=(tyro.conf.DisallowNone,),  # a flag is left out, not given as "None"
+        description="Quickest decisions on motion modes with classical rules and learned agents.",
+    )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files may contain any bytes
     try:
-        status = _run(arguments)
+        status = _run(sys.argv[1:] if arguments is None else arguments)
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -75,26 +146,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         _report(f"not enough memory: {error}")
         return 2
-    except KeyboardInterrupt:
-        _report("interrupted")
+    except KeyboardInterrupt as interrupt:
+        _report(": ".join(["interrupted", *map(str, interrupt.args)]))
         return 130
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run(arguments: Sequence[str]) -> int:
+    if list(arguments) == ["--version"]:
+        print(f"hybridtrack {version('hybrid-track')}")
+        return 0
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):
-            command = tyro.cli(
-                Command, prog="hybridtrack", args=arguments,
-                description="Quickest decisions on motion modes with classical rules and learned agents.",
-                config=(tyro.conf.FlagConversionOff,),
-            )  # fmt: skip
+            command = parse(arguments)
     except SystemExit as stop:
         if stop.code:
             _report(errors.getvalue())
+        else:
+            _print_examples(arguments[0])
         return int(stop.code or 0)
     command.run()
     return 0
+
+
+def _print_examples(command: str) -> None:
+    print("examples:")
+    for line in EXAMPLES.get(command, EXAMPLES[""]):
+        print(f"  {line}")
 
 
 def _report(message: str) -> None:

@@ -4,9 +4,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from agents.evaluation import seeds
+from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.quickest_options import QuickestOptions
@@ -26,8 +25,7 @@ DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
 
 def _default(decisions: str, statements: str, *aliases: str) -> object:
     """Help text of a default that depends on the environment."""
-    hint = f"(default: {decisions}; {statements} in HybridTrackQuickest-v0)"
-    return tyro.conf.arg(help_behavior_hint=hint, aliases=aliases or None)
+    return shown_default(f"{decisions}; {statements} in HybridTrackQuickest-v0", *aliases)
 
 
 @dataclass(kw_only=True)
@@ -50,10 +48,11 @@ class Compare(WorldArguments):
     agents: Annotated[tuple[str, ...] | None, _default(" ".join(AGENTS), "the shipped agent, if any")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), or run folders. In HybridTrackQuickest-v0 'shipped' or run folders."""
-    accuracy: float | None = None
-    """Select the fastest threshold that reaches this accuracy; by default the one with the best reward."""
+    accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
+    """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True
-    """False evaluates all deciders but the reference at their selected threshold only, in half the time."""
+    """Evaluate every decider at every threshold; without curves, all but the reference at their selected one
+    only, in half the time."""
     episodes: Annotated[int | None, _default(f"{EPISODES}", f"{TRACKS}", "--tracks")] = None
     """Number of episodes, of one track each, that every decider is evaluated on."""
     selection_episodes: Annotated[
@@ -62,13 +61,13 @@ class Compare(WorldArguments):
     """Number of separate episodes for the selection of thresholds."""
     seed: int = 0
     """Seed of the first evaluation episode; training and threshold selection use other seeds."""
-    steps: int | None = None
-    """Environment steps of each training; by default as in the recipe."""
+    steps: Annotated[int | None, shown_default("those of the recipe")] = None
+    """Environment steps of each training."""
     training_seeds: int = 1
     """Number of agents to train per recipe, each with its own seed."""
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
-    reference differ most) and compare.json."""
+    reference differ most), compare.json, and agents (a run folder for each trained agent)."""
 
     def run(self) -> None:
         """Train, evaluate, print the tables and write the figures and compare.json.
@@ -125,7 +124,9 @@ class Compare(WorldArguments):
         self._check(deciders, agents, episodes)
         from rich.console import Console
 
+        from agents.comparison.continuation import TRAINED
         from agents.comparison.figure import draw_operating_curves
+        from agents.comparison.plan import Plan
         from agents.comparison.report import (
             calibration_table,
             comparison_table,
@@ -133,7 +134,7 @@ class Compare(WorldArguments):
             summary_lines,
             unreached_accuracy_lines,
         )
-        from agents.comparison.study import Plan, compare
+        from agents.comparison.study import compare
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
 
@@ -154,7 +155,12 @@ class Compare(WorldArguments):
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            result = compare(plan, progress)
+            try:
+                result = compare(
+                    plan, progress, folder, lambda now: write_json(folder / "compare.json", now.as_json())
+                )
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
         console.print(comparison_table(result))
         for line in summary_lines(result):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -167,6 +173,8 @@ class Compare(WorldArguments):
         write_json(folder / "compare.json", result.as_json())
         pictures = "compare.png, episode.png" if result.learned else "compare.png"
         console.print(f"Files in {folder}: {pictures}, compare.json", markup=False, highlight=False)
+        if (folder / TRAINED).is_dir():
+            console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 
     def _draw_episode(self, result: "Comparison", folder: Path) -> None:
         from agents.comparison.episode_figure import draw_episode, record_episode

@@ -2,12 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
 from agents.evaluation import seeds
+from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.noises import parse_noise
@@ -28,12 +29,15 @@ class Evaluate(WorldArguments):
     With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
     """
 
-    deciders: tyro.conf.Positional[tuple[str, ...]] = ()
-    """'ate' (default), 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated',
+    deciders: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        shown_default("ate; threshold in HybridTrackQuickest-v0"),
+    ] = ()
+    """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated',
     'calibrated-robust', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds:
     'ate:1e-6', 'fixed:30', 'runs/ppo:-2'. 'ate-robust' and 'msprt-robust' are those rules on a bank with
     Student's t likelihood.
-    In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
+    In HybridTrackQuickest-v0: 'threshold', 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
     'beam', 'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000
     """Number of evaluation episodes."""
@@ -48,7 +52,7 @@ class Evaluate(WorldArguments):
     """Evaluate under these laws of noise, and in the nominal environment, as with --shifted."""
     beyond: float = 2.0
     """Factor by which the ranges of random worlds exceed those of the training of the shipped agent."""
-    out: Path | None = None
+    out: Annotated[Path | None, shown_default("none is written")] = None
     """JSON file for the metrics."""
 
     def run(self) -> None:

@@ -1,16 +1,28 @@
 """Progress display of the commands."""
 
+import sys
+import threading
+import time
+from contextlib import suppress
+
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+FIRST_LINE = 10.0  # seconds after which a command without a terminal prints its progress
+LONGEST_SILENCE = 60.0  # seconds between two such lines
 
 
 def progress_display(console: Console, transient: bool = False) -> Progress:
-    """A live progress display. Every task needs a `note` field with a short status text.
+    """A live progress display; outside a terminal, a line on the standard error stream now and then.
+
+    Every task needs a `note` field with a short status text.
 
     Args:
         console: to print on.
-        transient: remove the display at the end; outside a terminal there is none.
+        transient: remove the display at the end.
     """
+    if not console.is_terminal:
+        return _ProgressLines()
     return Progress(
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=16),
@@ -20,5 +32,50 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
         TextColumn("{task.fields[note]}", markup=False),  # names of deciders may contain brackets
         console=console,
         transient=transient,
-        disable=transient and not console.is_terminal,
     )
+
+
+class _ProgressLines(Progress):
+    """Lines instead of a live display. They come rarer the longer the command takes."""
+
+    def __init__(self) -> None:
+        super().__init__(disable=True)
+        self._ended = threading.Event()
+        self._lines: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Start to print lines."""
+        if self._lines is None:
+            self._lines = threading.Thread(target=self._print_lines, daemon=True)
+            self._lines.start()
+
+    def stop(self) -> None:
+        """Print no more lines."""
+        self._ended.set()
+        if self._lines is not None:
+            self._lines.join()
+
+    def _print_lines(self) -> None:
+        began = time.monotonic()
+        silence = FIRST_LINE
+        while not self._ended.wait(silence):
+            current = [task for task in self.tasks if not task.finished]
+            if current:
+                with suppress(OSError, ValueError):  # the stream is closed
+                    print(progress_line(current[-1]), file=sys.stderr, flush=True)
+            silence = min(LONGEST_SILENCE, max(FIRST_LINE, 0.2 * (time.monotonic() - began)))
+
+
+def progress_line(task: Task) -> str:
+    """Text of a task, such as "Training: 40 % after 0:12, about 0:18 left: reward +0.31"."""
+    text = f"{task.description}: {task.percentage:.0f} % after {_clock(task.elapsed or 0.0)}"
+    if task.time_remaining:
+        text += f", about {_clock(task.time_remaining)} left"
+    note = task.fields.get("note")
+    return f"{text}: {note}" if note else text
+
+
+def _clock(seconds: float) -> str:
+    minutes, second = divmod(round(seconds), 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02}:{second:02}" if hours else f"{minute}:{second:02}"

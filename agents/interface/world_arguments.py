@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tyro
-
+from agents.interface.help_texts import shown_default
 from agents.interface.input_files import read_json
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
@@ -33,7 +32,7 @@ def _default(name: str) -> Any:
     texts += [
         f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options
     ]
-    return tyro.conf.arg(help_behavior_hint=f"(default: {'; '.join(texts)})")
+    return shown_default("; ".join(texts))
 
 
 def _text(value: Any) -> str:
@@ -47,7 +46,7 @@ def _text(value: Any) -> str:
 class WorldArguments:
     """Flags of the environment options. Flags that are not given leave the defaults of the environment id."""
 
-    env: Annotated[str | None, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_ENV})")] = None
+    env: Annotated[str | None, shown_default(DEFAULT_ENV)] = None
     """Registered id of the environment. By default a run folder brings its own."""
     scheme: Annotated[str | None, _default("scheme")] = None
     """Segments: 'random', 'random 6x50-100', 'L50r3 R75r5 S50', golubkov2018, tsyganov2019, golubkov2020."""

@@ -2,8 +2,10 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 from agents.evaluation import seeds
+from agents.interface.help_texts import shown_default
 from hybrid_env.checks import check_integer, reject
 
 QUICKEST = "HybridTrackQuickest-v0"
@@ -17,8 +19,8 @@ class Limits:
     --env HybridTrackQuickest-v0, rules for unknown switch moments are evaluated, in about an hour.
     """
 
-    env: str | None = None
-    """'HybridTrackQuickest-v0'; by default both environments with known switch moments."""
+    env: Annotated[str | None, shown_default("both environments with known switch moments")] = None
+    """'HybridTrackQuickest-v0'."""
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0

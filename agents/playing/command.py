@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
-import tyro
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
+from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
 from agents.interface.world_arguments import WorldArguments
@@ -28,23 +28,22 @@ from hybrid_env.rendering.window import display_available
 
 FINAL_FRAMES = 2 * RENDER_FPS
 """Number of times that the window shows the last frame of an episode: for two seconds."""
-DEFAULTS = "ate; threshold in HybridTrackQuickest-v0"
 
 
 @dataclass(kw_only=True)
 class Play(WorldArguments):
     """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
 
-    decider: Annotated[str | None, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULTS})")] = None
+    decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
     """A rule of `compare` such as 'ate' or 'msprt', or for unknown switch moments 'threshold' or 'beam', or
     'shipped', or a run folder; optionally ':threshold'."""
     episodes: int = 1
     """Number of episodes."""
     seed: int = 0
     """Seed of the first episode; it increases by one with each episode."""
-    out: Path | None = None
-    """A .gif file for all episodes, or a .png file for the end of a single one; without it a window opens."""
-    record: Path | None = None
+    out: Annotated[Path | None, shown_default("a window")] = None
+    """A .gif file for all episodes, or a .png file for the end of a single one."""
+    record: Annotated[Path | None, shown_default("none is written")] = None
     """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
 
     def run(self) -> None:

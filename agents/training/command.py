@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_positive, reject
 
@@ -15,14 +17,14 @@ class Train(WorldArguments):
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
     'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an hour), three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
-    set: tuple[str, ...] = ()
+    set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
-    out: Path | None = None
-    """Run folder, new or empty; default runs/<environment>-<recipe>-seed<seed>."""
+    out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None
+    """Run folder, new or empty."""
     resume: Path | None = None
     """Resume the run in this folder, with its environment and recipe; takes only --steps and --save-every."""
-    steps: int | None = None
-    """Environment steps, summed over tracks; default: those of the recipe or of the resumed run."""
+    steps: Annotated[int | None, shown_default("those of the recipe or of the resumed run")] = None
+    """Environment steps, summed over tracks."""
     seed: int = 0
     """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
     save_every: float = 10.0

@@ -30,7 +30,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--noise outliers", "noise='outliers'"),
     ("--correctness rough", "correctness"),
     ("--undecided shrug", "undecided"),
-    ("--reset-covariance 2", "reset-covariance"),
+    ("--reset-covariance 2", "2"),
     ("--follow both", "follow"),
     ("--ticks 5", "ticks=5"),
     ("--durations 'geometric 9'", "durations='geometric 9'"),
@@ -58,7 +58,7 @@ INVALID_ARGUMENTS = [
     ("compare --deciders ate oracle", "deciders='oracle'"),
     ("compare --out bad.txt", "out="),
     ("compare --accuracy 1", "accuracy=1.0"),
-    ("compare --curves maybe", "curves"),
+    ("compare --curves maybe", "maybe"),
     ("compare --accuracy nan", "accuracy=nan"),
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
@@ -100,9 +100,9 @@ INVALID_ARGUMENTS = [
     ("evaluate fixed:2.5", "decider='fixed:2.5'"),
     ("evaluate --episodes 0", "episodes=0"),
     ("evaluate ate ate", "deciders=('ate', 'ate')"),
-    ("evaluate ate:1e-3 --shifted True", "deciders='ate:1e-3'"),
+    ("evaluate ate:1e-3 --shifted", "deciders='ate:1e-3'"),
     ("evaluate ate nosuch", "decider='nosuch'"),
-    ("evaluate --shifted True --seed 1000000000", "seed=1000000000"),
+    ("evaluate --shifted --seed 1000000000", "seed=1000000000"),
     ("evaluate --drawn -1", "drawn=-1"),
     ("evaluate --drawn 2 --beyond 0.5", "beyond=0.5"),
     ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
@@ -277,7 +277,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
     ]  # fmt: skip
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
+    assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
 
 
 def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
@@ -293,7 +293,7 @@ def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
 
 def test_compare_without_curves_evaluates_the_selected_thresholds_only(tmp_path, capsys):
     out = tmp_path / "quick"
-    line = "compare --selection-episodes 20 --deciders ate msprt --agents --curves False --episodes 20"
+    line = "compare --selection-episodes 20 --deciders ate msprt --agents --no-curves --episodes 20"
     assert main([*line.split(), "--out", str(out)]) == 0
     assert "ticks at" not in capsys.readouterr().out
     first, second = json.loads((out / "compare.json").read_text())["deciders"]
@@ -318,7 +318,7 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
     monkeypatch.setattr(shifted_worlds, "SELECTION_EPISODES", 10)
     monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
-    line = f"evaluate fixed msprt --shifted True --episodes 10 --scheme random\\ 2x20-30 --out {out}"
+    line = f"evaluate fixed msprt --shifted --episodes 10 --scheme random\\ 2x20-30 --out {out}"
     import shlex
 
     assert main(shlex.split(line)) == 0

@@ -85,12 +85,12 @@ def test_invalid_runs_raise(module, runs):
 
 
 @pytest.mark.study
-def test_readme_table_is_up_to_date(tmp_path):
+def test_the_table_of_the_documentation_is_up_to_date(tmp_path):
     from pathlib import Path
 
     from agents.cli import main
 
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
-    shown = readme.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0]
+    page = (Path(__file__).parents[3] / "docs" / "papers.md").read_text()
+    shown = page.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0]
     assert main(["reproduce", "--out", str(tmp_path)]) == 0
     assert shown == (tmp_path / "reproduction.md").read_text()

@@ -1,0 +1,54 @@
+"""Help texts of the commands: paragraphs without line breaks, true defaults, examples."""
+
+import dataclasses
+import typing
+from typing import Annotated, Any
+
+import tyro
+from docstring_parser import parse_from_object
+
+NO_DEFAULT = (None, ())
+"""Values that only mean that a flag was not given; the help text then says what happens without it."""
+
+
+def shown_default(text: str, *aliases: str) -> Any:
+    """Annotation of a flag whose value is None or empty by default: the text stands for it in the help.
+
+    Args:
+        text: the default in words.
+        aliases: further names of the flag.
+    """
+    return tyro.conf.arg(help_behavior_hint=f"(default: {text})", aliases=aliases or None)
+
+
+def as_subcommand(name: str, kind: type, brief: bool) -> Any:
+    """Return a dataclass as a subcommand for `tyro.cli`.
+
+    Args:
+        name: of the subcommand.
+        kind: dataclass with the flags and their docstrings.
+        brief: describe it by its first paragraph only, for the list of all commands.
+    """
+    _prepare_flags(kind)
+    paragraphs = [" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n")]
+    description = "\n\n".join(paragraphs[:1] if brief else paragraphs)
+    return Annotated[kind, tyro.conf.subcommand(name, description=description)]
+
+
+def _prepare_flags(kind: type) -> None:
+    """Join the lines of each flag's docstring, and show no default where there is none."""
+    texts: dict[str, str] = {}
+    for base in reversed(kind.__mro__[:-1]):
+        found = {one.arg_name: one.description for one in parse_from_object(base).params}
+        texts |= {flag: " ".join(text.split()) for flag, text in found.items() if text}
+    hints = typing.get_type_hints(kind, include_extras=True)
+    for field in dataclasses.fields(kind):
+        settings = getattr(hints[field.name], "__metadata__", ())
+        known = any(getattr(one, "help_behavior_hint", None) is not None for one in settings)
+        hint = None
+        if field.default in NO_DEFAULT and not known:
+            hint = ""
+        elif isinstance(field.default, bool):
+            hint = f"(default: {'on' if field.default else 'off'})"
+        added = tyro.conf.arg(help=texts.get(field.name), help_behavior_hint=hint)
+        kind.__annotations__[field.name] = Annotated[hints[field.name], added]

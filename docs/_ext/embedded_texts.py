@@ -1,0 +1,46 @@
+"""Put texts of the code into Markdown pages, so that each is written once.
+
+`<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as Gymnasium's
+environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack compare --help`.
+"""
+
+import contextlib
+import importlib
+import inspect
+import io
+import re
+from typing import Any
+
+MARK = re.compile(r"^<!-- (docstring|help) ([\w.]*) ?-->$", re.MULTILINE)
+
+
+def docstring(path: str) -> str:
+    """The docstring of a class without its first line, whose headings are those of a page."""
+    module, _, name = path.rpartition(".")
+    text = inspect.getdoc(getattr(importlib.import_module(module), name))
+    if text is None:
+        raise ValueError(f"{path} has no docstring")
+    return text
+
+
+def help_text(command: str) -> str:
+    """The help of a command as a code block."""
+    from agents.cli import main
+
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
+        main([*command.split(), "--help"])
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", output.getvalue())
+    return f"```text\n{plain}```"
+
+
+def embed(app: Any, page: str, source: list[str]) -> None:
+    """Replace the marks of a page; a handler of Sphinx's event `source-read`."""
+    texts = {"docstring": docstring, "help": help_text}
+    source[0] = MARK.sub(lambda mark: texts[mark[1]](mark[2]), source[0])
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Register the handler."""
+    app.connect("source-read", embed)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

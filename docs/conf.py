@@ -1,0 +1,74 @@
+"""Configuration of the documentation site; `make docs` builds it."""
+
+import os
+import sys
+import warnings
+from importlib.metadata import version as installed_version
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures only, no window
+os.environ["COLUMNS"] = "100"  # width of the help texts
+
+project = "HybridTrack"
+author = "The HybridTrack authors"
+copyright = author
+version = release = installed_version("hybrid-track")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+    "embedded_texts",
+]
+exclude_patterns = ["_build", "_templates", "examples"]
+nitpicky = False  # types of other projects are not linked, because building needs no network
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+highlight_language = "text"
+default_role = "literal"  # `name` in docstrings is code
+autosummary_generate = True
+autosummary_imported_members = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings state shapes and units
+autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_inherit_docstrings = False
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+
+templates_path = ["_templates"]
+html_theme = "furo"
+html_title = f"HybridTrack {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sphinx = False
+html_copy_source = False
+copybutton_exclude = ".linenos, .gp, .go"
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"/example_",
+    "ignore_pattern": r"__init__\.py",
+    "within_subsection_order": "FileNameSortKey",
+    "backreferences_dir": "api/examples",
+    "doc_module": ("hybrid_env", "baselines", "agents"),
+    "remove_config_comments": True,
+    "show_signature": False,
+    "download_all_examples": False,
+    "plot_gallery": True,
+    "abort_on_example_error": True,
+    "min_reported_time": 1000,
+    "image_scrapers": ("matplotlib",),
+}
+
+warnings.filterwarnings("ignore", message=".*non-interactive.*")

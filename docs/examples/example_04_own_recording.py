@@ -1,0 +1,87 @@
+"""
+A recording of your own
+=======================
+
+Positions in a file, with or without known moments at which the mode may switch. On the command line this is
+``hybridtrack track flight.csv``.
+"""
+
+# %%
+# The file has the columns ``t, x, y``. Here it is simulated; put your own in its place, with the noise variance of your
+# sensor and the radii that your object can fly.
+
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from baselines import OnlineTracker, ThresholdDecider, track
+from hybrid_env import QuickestOptions
+from hybrid_env.rendering.modes import mode_colour, mode_name
+from hybrid_env.simulation import simulate
+
+radii, variance, tau = (5.0,), 0.05, 0.1
+flight = simulate("S70 L60r5 S40 R75r5 L60r5", seed=0, measurement_variance=variance)
+file = Path(tempfile.mkdtemp()) / "flight.csv"
+times = tau * np.arange(1, len(flight.measurements[0]) + 1)
+np.savetxt(
+    file,
+    np.column_stack([times, flight.measurements[0]]),
+    delimiter=",",
+    header="t,x,y",
+    comments="",
+    fmt="%.4f",
+)
+
+rows = np.loadtxt(file, delimiter=",", skiprows=1)
+times, measurements = rows[:, 0], rows[:, 1:]
+
+# %%
+# **Known moments.** A route is divided into pieces; ATE decides the mode of each and estimates the trajectory.
+
+found = track(measurements, [70, 60, 40, 75, 60], radii=radii, tau=tau, measurement_variance=variance)
+print("decided:", [mode_name(mode, radii) for mode in found.decided], "after", found.ticks, "ticks")
+
+# %%
+# **Unknown moments.** A tracker takes one measurement after the other, as from a live sensor, and states mode,
+# probabilities and estimate at each.
+
+tracker = OnlineTracker(
+    QuickestOptions(radii=radii, tau=tau, measurement_variance=variance), ThresholdDecider(0.6)
+)
+updates = [tracker.update(position, time) for time, position in zip(times, measurements, strict=True)]
+probabilities = np.array([now.probabilities for now in updates])
+stated = np.array([now.mode for now in updates])
+
+# %%
+# Both over time; the true modes are known here, because the recording is simulated.
+
+true = np.repeat([0, 1, 0, 2, 1], flight.lengths)
+figure, (top, bottom) = plt.subplots(
+    2, 1, figsize=(9, 5), layout="constrained", sharex=True, height_ratios=(1, 1.5)
+)
+for row, modes in enumerate((true, found.modes, stated)):
+    for mode in range(3):
+        left = times[modes == mode] - tau
+        top.barh(row, np.full(left.size, tau), left=left, color=mode_colour(mode, radii), linewidth=0)
+top.set_yticks(range(3), ["truth", "ATE, known moments", "threshold, unknown moments"])
+top.invert_yaxis()
+top.set_title("Modes")
+for mode in range(3):
+    bottom.plot(times, probabilities[:, mode], color=mode_colour(mode, radii), label=mode_name(mode, radii))
+bottom.set(xlabel="time, s", ylabel="probability", title="Probabilities of the tracker", xlim=(0, times[-1]))
+bottom.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+plt.show()
+
+# %%
+# The estimates.
+
+figure, axes = plt.subplots(figsize=(9, 4.5), layout="constrained")
+axes.plot(*measurements.T, ".", color="0.75", markersize=4, label="measurements")
+axes.plot(*found.estimates[:, [0, 2]].T, label="ATE", linewidth=1.5)
+online = np.array([now.estimate for now in updates])
+axes.plot(*online[:, [0, 2]].T, label="tracker", linewidth=1.5)
+axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
+axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+plt.show()

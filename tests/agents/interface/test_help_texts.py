@@ -1,0 +1,80 @@
+"""Help texts: examples that parse, defaults in words, and joined lines."""
+
+import shlex
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import pytest
+
+from agents.cli import COMMANDS, EXAMPLES, main, parse
+from agents.interface.help_texts import as_subcommand, shown_default
+
+LINES = [(name, line) for name, lines in EXAMPLES.items() for line in lines]
+
+
+@pytest.mark.parametrize(("name", "line"), LINES, ids=[line for _, line in LINES])
+def test_an_example_is_a_command_that_parses(name, line):
+    program, *arguments = shlex.split(line, comments=True)
+    assert program == "hybridtrack"
+    if arguments[-1] in ("--help", "--version"):
+        return
+    command = parse(arguments)
+    assert isinstance(command, COMMANDS[name or arguments[0]])
+    assert replace(command) == command
+
+
+def test_every_command_has_examples():
+    assert set(EXAMPLES) == {"", *COMMANDS}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_examples_and_no_none(name, capsys):
+    assert main([name, "--help"]) == 0
+    printed = capsys.readouterr().out
+    for words in ("None", "default: )", "{True,False}"):
+        assert words not in printed
+    assert printed.index("examples:") > printed.index("options")
+    assert all(line in printed for line in EXAMPLES[name])
+
+
+def test_the_list_of_commands_shows_the_first_paragraph_of_each(capsys):
+    assert main(["--help"]) == 0
+    printed = capsys.readouterr().out
+    assert all(f"• {name} " in printed or f" {name} " in printed for name in COMMANDS)
+    assert "minutes" not in printed
+    assert EXAMPLES[""][0] in printed
+
+
+def test_the_version_is_that_of_the_distribution(capsys):
+    from importlib.metadata import version
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"hybridtrack {version('hybrid-track')}\n"
+
+
+@dataclass
+class Sample:
+    """A first paragraph
+    of two lines.
+
+    A second one."""
+
+    size: Annotated[int | None, shown_default("that of the file")] = None
+    """Size,
+    (in words)."""
+    deep: bool = False
+    """Look closely."""
+
+
+def test_lines_of_docstrings_are_joined(capsys):
+    import tyro
+
+    with pytest.raises(SystemExit):
+        tyro.cli(as_subcommand("sample", Sample, brief=False), args=["--help"])
+    printed = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "paragraph of two lines.",
+        "Size, (in words). (default: that of the file)",
+        "(default: off)",
+    ):
+        assert words in printed

@@ -1,0 +1,43 @@
+"""README.md in the repository and as the description on a package index."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LINKS = re.findall(r"\]\(([^)]+)\)", README)
+
+
+@pytest.fixture(scope="module")
+def description():
+    spec = importlib.util.spec_from_file_location("setup_script", ROOT / "setup.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.description
+
+
+def test_relative_links_of_the_readme_exist():
+    relative = [link for link in LINKS if "://" not in link]
+    assert len(relative) > 5
+    assert [link for link in relative if not (ROOT / link).is_file()] == []
+
+
+def test_links_are_absolute_with_a_url_of_the_repository(description):
+    text = description(README, "https://forge.example/group/project/")
+    assert "](https://forge.example/group/project/blob/HEAD/docs/start.md)" in text
+    assert "](https://forge.example/group/project/raw/HEAD/docs/compare.png)" in text
+    assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]+)\)", text))
+
+
+def test_without_a_url_words_remain_and_pictures_are_left_out(description):
+    text = description(README, None)
+    assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]+)\)", text))
+    assert "![" not in text
+    assert "- Start in five minutes and the environments" in text
+
+
+def test_the_readme_is_short():
+    assert len(README.splitlines()) <= 90
