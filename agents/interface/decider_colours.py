@@ -32,8 +32,6 @@ STYLES = {
     "MSPRT": DeciderStyle("#c80f82", "D"),
     "MSPRT of types": DeciderStyle("#ff87f0", "d"),
     "MSPRT, kept P": DeciderStyle("#0000b4", ">"),
-    "ATE (SPRT), robust": DeciderStyle("#00a5c8", "H"),
-    "MSPRT, robust": DeciderStyle("#c85a00", "D"),
     "MSPRT, anchor-aware": DeciderStyle("#3c000f", "*"),
     "calibrated anchor": DeciderStyle("#00e196", "p"),
     "calibrated anchor, robust": DeciderStyle("#0f961e", "8"),
