@@ -37,7 +37,7 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 
 
 def _label(name: str) -> str:
-    return name + (" m/s²" if "sigma_w" in name else "")
+    return name.replace("sigma_w = ", "") + (" m/s²" if "sigma_w" in name else "")
 
 
 def _error_axes(axes: Any, title: str) -> None:
@@ -79,10 +79,7 @@ def _draw_legs(axes: Any, result: Reproduction) -> None:
         axes.plot(places + shift, ours, marker, color=colour, markersize=6, label=_label(name))
         published = [cell.published for cell in cells[name]]
         if not np.isnan(published).any():
-            axes.plot(
-                places + shift, published, marker, color=colour, markersize=9, markerfacecolor="none",
-                label=f"{_label(name)}: in the paper",
-            )  # fmt: skip
+            axes.plot(places + shift, published, marker, color=colour, markersize=9, markerfacecolor="none")
     _error_axes(axes, "RMSE on each leg; open: in the paper")
     axes.set_xticks(places, list(zimchuk.LEGS))
     axes.legend(loc="best", fontsize=8, ncols=2, framealpha=0.9)

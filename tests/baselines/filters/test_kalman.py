@@ -8,7 +8,6 @@ from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter as PeerKalman
 from filterpy.kalman import rts_smoother
 from kinematic_worlds import matrices, mean_bounds, positions_of, random_covariance, simulate
-from stonesoup.models.transition.linear import ConstantNthDerivative
 
 from baselines.filters.kalman import KalmanFilter
 from baselines.filters.motion_models import ORDERS, MotionModel
@@ -69,13 +68,14 @@ def test_filter_and_smoother_equal_filterpy_on_100_random_problems():
 
 @pytest.mark.parametrize("name", ORDERS)
 def test_matrices_equal_filterpy_and_stone_soup(name):
+    linear = pytest.importorskip("stonesoup.models.transition.linear")
     rng = np.random.default_rng(1)
     for dt in rng.uniform(0.01, 10.0, 20):
         continuous, discrete = (MotionModel(name, 1, 1.0, kind) for kind in ("continuous", "discrete"))
         m = ORDERS[name]
         np.testing.assert_allclose(continuous.step_noise(dt), Q_continuous_white_noise(m, dt), rtol=1e-12)
         np.testing.assert_allclose(discrete.step_noise(dt), Q_discrete_white_noise(m, dt), rtol=1e-12)
-        peer = ConstantNthDerivative(constant_derivative=m - 1, noise_diff_coeff=1.0)
+        peer = linear.ConstantNthDerivative(constant_derivative=m - 1, noise_diff_coeff=1.0)
         interval = datetime.timedelta(seconds=float(dt))
         peer_dt = interval.total_seconds()  # rounded to microseconds
         np.testing.assert_allclose(

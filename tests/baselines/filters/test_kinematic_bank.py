@@ -143,6 +143,6 @@ def test_rules_decide_several_segments_and_the_next_begins_at_the_estimate(decid
     correct = decisions.decided == [1, 0]
     assert correct[:, 1].mean() > 0.85
     assert np.isin(decisions.decided[:, 0], (1, 2)).mean() > 0.85  # CA and CJ are alike
-    after = (decisions.states[70:, :, ::4] - truth[70:])[:, correct[:, 1]]
+    after = (decisions.states[80:, :, ::4] - truth[80:])[:, correct[:, 1]]
     assert np.sqrt((after**2).mean()) < 1.0  # better than the measurements
     assert (decisions.modes[0] == 0).all()
