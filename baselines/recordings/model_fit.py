@@ -1,13 +1,14 @@
 """Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
 
 What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths
-are in standard deviations of the measurement and all times in ticks, so that the units of the recording do not
-matter. The model is that of the interacting multiple model bank (`imm_pass`).
+are in standard deviations of the measurement and all times in ticks, so that the units of the recording do
+not matter. The model is that of the interacting multiple model bank (`imm_pass`).
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,6 @@ DISTINCT = 0.25
 
 CLEARLY = 5.0
 """Difference of log-likelihoods beyond the criterion: the filters are only an approximation."""
-
 
 
 @dataclass(frozen=True)
@@ -232,9 +232,7 @@ def fit_model(
     )
 
 
-def fit_chunks(
-    grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS
-) -> Chunks:
+def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS) -> Chunks:
     """Return parts of a recording, evenly spread, in units of `scale`, each near its first measurement."""
     length = max(-(-min(grid.total, ticks) // LANES), SHORTEST_PART)
     places = cut(grid, length)
@@ -251,7 +249,7 @@ def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
     for k, stretch in enumerate(grid.stretches):
         number = max(round(len(stretch.measurements) / length), 1)
         borders = np.linspace(0, len(stretch.measurements), number + 1).astype(int).tolist()
-        places += [(k, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+        places += [(k, a, b) for a, b in pairwise(borders)]
     return places
 
 
@@ -283,10 +281,8 @@ def _median_step(grid: TickGrid) -> float:
 def _proposed(
     likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float
 ) -> _Parameters:
-    """Return the best point of a grid of one radius and the process noise. speed: [standard deviations / tick]."""
-    points = [
-        replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]
-    ]
+    """Return the best point of a grid of one radius and Q. speed: [standard deviations / tick]."""
+    points = [replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]]
     best = _best(likelihood, points)[0]
     near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
     return _best(likelihood, near)[0]
@@ -327,6 +323,7 @@ def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters])
 
 def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Parameters:
     """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
+
     def parameters(vector: FloatArray) -> _Parameters:
         values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))
         if "process" in values:

@@ -23,8 +23,8 @@ def noise_estimate(grid: TickGrid) -> float | None:
     """Estimate the measurement variance R from the third differences of each coordinate.
 
     The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic
-    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise has the
-    variance R. The median is robust against outliers and switches:
+    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise
+    has the variance R. The median is robust against outliers and switches:
 
         R = (median |d_k| / 0.6745)^2, averaged over x and y.
 
@@ -84,7 +84,9 @@ def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], Floa
     """
     rows = np.flatnonzero(~np.isnan(stretch.measurements[:, 0]))
     number = max(len(rows) - points + 1, 0)
-    ticks = rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
+    ticks = (
+        rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
+    )
     if not number:
         return ticks, np.zeros((0, 2))
     span = ticks[:, -1] - ticks[:, 0]
