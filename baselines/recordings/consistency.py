@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import PassOutput, imm_pass
-from baselines.recordings.model_fit import NEVER, SHORTEST_PART, TrackModel, chunks_at, cut, imm_model
+from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
+from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.core.compilation import prepare

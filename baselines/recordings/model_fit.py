@@ -8,15 +8,15 @@ not matter. The model is that of the interacting multiple model bank (`imm_pass`
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, make_chunks, no_output
-from baselines.recordings.scatter import noise_estimate
+from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output
+from baselines.recordings.parts import fit_chunks
+from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.compilation import prepare
@@ -24,9 +24,6 @@ from hybrid_env.core.imm_bank import ImmModel, imm_arrays
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
-
-FIT_TICKS = 4096
-"""Ticks that are used; a longer recording is represented by parts of it, evenly spread."""
 
 SMALLEST_NOISE = 1e-4
 """Smallest standard deviation of a measurement, over the median motion of a tick."""
@@ -36,9 +33,6 @@ ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 
 PROCESS_NOISES = (1e-6, 1e-4, 1e-2, 1.0)
 """Q tau^2 / R that are tried."""
-
-SHORTEST_PART = 256
-"""Ticks; every part forgets the velocity of the one before, and with it what it says about Q."""
 
 FIRST_DURATION = 75.0  # ticks
 NEVER = 0.0
@@ -133,25 +127,6 @@ def imm_model(variance: float, process: float, duration: float, radii: int) -> I
     return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
-def median_speed(grid: TickGrid, noise: float) -> float:
-    """Return the median speed [unit of length / tick].
-
-    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
-    """
-    speed = 0.0
-    for ticks in (1, 2, 4, 8, 16, 32):
-        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
-        lengths = np.hypot(*np.concatenate(steps).T)
-        lengths = lengths[~np.isnan(lengths)]
-        if not lengths.size:
-            break
-        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
-        speed = math.sqrt(squared) / ticks
-        if squared > 10.0 * noise:
-            break
-    return speed
-
-
 def fit_model(
     grid: TickGrid,
     radii: Sequence[float] | None = None,
@@ -177,7 +152,7 @@ def fit_model(
     tau = grid.tau
     rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
-    step = max(speed, _median_step(grid))
+    step = max(speed, median_step(grid))
     if step == 0.0 and rough == 0.0:
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
@@ -230,52 +205,6 @@ def fit_model(
         turns=value > likelihood(straight) + margin,
         better_radii=better,
     )
-
-
-def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS) -> Chunks:
-    """Return parts of a recording, evenly spread, in units of `scale`, each near its first measurement."""
-    length = max(-(-min(grid.total, ticks) // LANES), SHORTEST_PART)
-    places = cut(grid, length)
-    wanted = max(ticks // length, LANES)
-    if len(places) > wanted:
-        places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
-    places.sort(key=lambda place: place[2] - place[1])
-    return chunks_at(grid, places, scale, lengths)
-
-
-def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
-    """Return stretch, first tick and end of parts of a recording of about a length."""
-    places = []
-    for k, stretch in enumerate(grid.stretches):
-        number = max(round(len(stretch.measurements) / length), 1)
-        borders = np.linspace(0, len(stretch.measurements), number + 1).astype(int).tolist()
-        places += [(k, a, b) for a, b in pairwise(borders)]
-    return places
-
-
-def chunks_at(
-    grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
-) -> Chunks:
-    """Return the parts at `places`, see `cut`; with known switches if lengths are given."""
-    parts = [_from_first(grid.stretches[k].measurements[a:b]) / scale for k, a, b in places]
-    if not lengths:
-        return make_chunks(parts)
-    begins = np.zeros(grid.total, np.bool_)
-    begins[np.cumsum([0, *lengths[:-1]])] = True
-    return make_chunks(parts, [begins[a:b] for _, a, b in places])
-
-
-def _from_first(part: FloatArray) -> FloatArray:
-    """Return positions relative to the first measurement."""
-    measured = np.flatnonzero(~np.isnan(part[:, 0]))
-    return part - part[measured[0]] if measured.size else part
-
-
-def _median_step(grid: TickGrid) -> float:
-    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
-    lengths = np.hypot(*steps.T)
-    lengths = lengths[~np.isnan(lengths)]
-    return float(np.median(lengths)) if lengths.size else 0.0
 
 
 def _proposed(

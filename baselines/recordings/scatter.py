@@ -1,4 +1,6 @@
-"""The scatter of measurements about a smooth line, without a model of the motion: noise and outliers."""
+"""What measurements show without a model of the motion: noise, outliers and speed."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +72,33 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     if count > MOST_OUTLIERS * measured:
         return grid, 0
     return grid._replace(stretches=tuple(stretches)), count
+
+
+def median_speed(grid: TickGrid, noise: float) -> float:
+    """Return the median speed [unit of length / tick].
+
+    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
+    """
+    speed = 0.0
+    for ticks in (1, 2, 4, 8, 16, 32):
+        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
+        lengths = np.hypot(*np.concatenate(steps).T)
+        lengths = lengths[~np.isnan(lengths)]
+        if not lengths.size:
+            break
+        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
+        speed = math.sqrt(squared) / ticks
+        if squared > 10.0 * noise:
+            break
+    return speed
+
+
+def median_step(grid: TickGrid) -> float:
+    """Return the median distance of measurements in successive ticks [unit of length]."""
+    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
+    lengths = np.hypot(*steps.T)
+    lengths = lengths[~np.isnan(lengths)]
+    return float(np.median(lengths)) if lengths.size else 0.0
 
 
 def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], FloatArray]:
