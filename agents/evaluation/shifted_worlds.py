@@ -42,6 +42,8 @@ def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
         "Q x 10": {"process_variance": 10 * Q},
         "2 % outliers": {"noise": "outliers 0.02"},
         "5 % outliers": {"noise": "outliers 0.05"},
+        "Student's t noise": {"noise": "student_t 3"},
+        "Lévy noise": {"noise": "levy 1.5 1 44"},
         "half the speed": {"speed": world.speed / 2},
         "twice the speed": {"speed": world.speed * 2},
         "4 times the speed": {"speed": world.speed * 4},

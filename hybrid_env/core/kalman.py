@@ -96,4 +96,4 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
     d^2 is the squared whitened innovation. This is the expected precision of the measurement, relative to
     the assumed one, given the innovation: Lange, Little & Taylor 1989, eq. (4).
     """
-    return (freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y)
+    return min((freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y), 1.0)

@@ -16,8 +16,13 @@ from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.kernel_arrays import Arrays, arrays_of
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.noise import integer_below
-from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
+from hybrid_env.core.noise import draw_noise_ahead, integer_below
+from hybrid_env.core.observation_row import (
+    compare_hypotheses,
+    write_expected_displacement,
+    write_segment,
+    write_tick,
+)
 from hybrid_env.core.published_bank import (
     IDENTITY,
     State,
@@ -31,7 +36,7 @@ from hybrid_env.core.records import (
     LANES,
     SEGMENT_COLUMNS,
 )
-from hybrid_env.core.true_object import begin_motion, draw_ahead, move, move_ahead
+from hybrid_env.core.true_object import begin_motion, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
@@ -171,6 +176,29 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> No
 
 
 @internal
+def _follow_irregular(
+    block: Any,
+    lane: int,
+    chosen: int,
+    bank: Any,
+    arrays: Arrays,
+    trace: NDArray[np.float64],
+    setting: Any,
+    merged: Any,
+) -> None:
+    """Follow the object to the end of the segment, where measurements may be missing; see `_decide`."""
+    noise = arrays.scratch[0].noise
+    first, last = np.uint64(lane), np.uint64(lane + 1)
+    while block.tick[lane] < block.length[lane]:
+        move(block, noise, first, last, arrays.sensors, setting)
+        if merged is None:
+            bank_operations.follow_irregular(bank, lane, chosen, block, setting)
+        else:
+            bank_operations.step_irregular(bank, first, last, block, setting)
+        _record_estimate(block, lane, bank.hypotheses, trace, merged)
+
+
+@internal
 def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
@@ -188,17 +216,19 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
+    if setting.irregular:
+        _follow_irregular(block, lane, chosen, bank, arrays, trace, setting, merged)
     noise = arrays.scratch[0].noise
     while block.tick[lane] < block.length[lane]:
+        ticks = min(LANES, block.length[lane] - block.tick[lane])
         # the noise of several ticks is drawn at once with SIMD code
-        left = block.length[lane] - block.tick[lane]
-        ticks = draw_ahead(block, lane, noise, left, arrays.sensors, setting)
+        draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
-            move_ahead(block, lane, noise, column, arrays.sensors, setting)
+            move_lane(block, lane, noise, column, setting)
             if merged is None:
-                follow_lane(block, lane, bank, chosen, setting)
+                bank_operations.follow(bank, lane, chosen, block.measurement, setting)
             else:
-                step_lanes(block, bank, np.uint64(lane), np.uint64(lane + 1), setting)
+                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
     set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
@@ -284,6 +314,8 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
+            if setting.irregular:
+                write_expected_displacement(arrays.observations[i], block, lane, bank, setting)
     return events
 
 

@@ -117,9 +117,10 @@ def draw_noise_ahead(
     state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, setting: Any
 ) -> None:
     """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick k."""
+    further = setting.noise_law != GAUSSIAN or setting.missed > 0.0
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
-        if setting.noise_law != GAUSSIAN or setting.missed > 0.0:
+        if further:
             _draw_further(state, lane, noise, tick, setting)
     _to_noise(noise, np.uint64(0), np.uint64(ticks), setting)
 

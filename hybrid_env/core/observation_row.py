@@ -150,8 +150,6 @@ def write_tick(
 ) -> None:
     """Write the values that change with every tick. `compare_hypotheses` is called before.
 
-    Without a measurement the innovations are zero, and the displacement is that of the likeliest filter.
-
     Args:
         row: (6 M + 10,); the other values are written by `write_segment`.
         block: a record `BLOCK`.
@@ -170,18 +168,35 @@ def write_tick(
         row[2 * M + h] = across
         # negative only by rounding
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
-    x, y = block.measurement[0, lane], block.measurement[1, lane]
-    if math.isnan(x):
-        expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
-        x, y = expected.x[lane], expected.y[lane]
     along, across = heading_frame(
-        (x - block.anchor[0, lane]) * setting.noise_whitener,
-        (y - block.anchor[2, lane]) * setting.noise_whitener,
+        (block.measurement[0, lane] - block.anchor[0, lane]) * setting.noise_whitener,
+        (block.measurement[1, lane] - block.anchor[2, lane]) * setting.noise_whitener,
         heading_x, heading_y,
     )  # fmt: skip
     singles = row[BLOCKS * M :]
     singles[TICKS] = TICK_SCALE * block.tick[lane]
     singles[TICKS_LEFT] = TICK_SCALE * (block.length[lane] - block.tick[lane])
     singles[LOG_ERROR] = LOG_SCALE * scratch.log_error[lane]
+    singles[ALONG] = LENGTH_SCALE * along
+    singles[ACROSS] = LENGTH_SCALE * across
+
+
+@internal
+def write_expected_displacement(
+    row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any
+) -> None:
+    """Write the displacement that the likeliest filter expects, if the tick has no measurement.
+
+    Arguments as in `write_tick`, which is called before.
+    """
+    if not math.isnan(block.measurement[0, lane]):
+        return
+    expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
+    along, across = heading_frame(
+        (expected.x[lane] - block.anchor[0, lane]) * setting.noise_whitener,
+        (expected.y[lane] - block.anchor[2, lane]) * setting.noise_whitener,
+        block.heading[0, lane], block.heading[1, lane],
+    )  # fmt: skip
+    singles = row[BLOCKS * bank.hypotheses.size :]
     singles[ALONG] = LENGTH_SCALE * along
     singles[ACROSS] = LENGTH_SCALE * across

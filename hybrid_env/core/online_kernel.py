@@ -23,7 +23,12 @@ from hybrid_env.core.kernel import (
 )
 from hybrid_env.core.kernel_arrays import arrays_of
 from hybrid_env.core.memory import array_at
-from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
+from hybrid_env.core.observation_row import (
+    compare_hypotheses,
+    write_expected_displacement,
+    write_segment,
+    write_tick,
+)
 from hybrid_env.core.published_bank import published_banks
 from hybrid_env.core.quickest_kernel import arrays_of as quickest_arrays_of
 from hybrid_env.core.quickest_kernel import record_statement
@@ -66,6 +71,7 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any, merged: Any) -> N
         if block.tick[0] == 1:
             write_segment(row, block, 0, arrays.radii, setting)
         write_tick(row, block, 0, scratch, bank, setting)
+        write_expected_displacement(row, block, 0, bank, setting)
 
 
 @inlined

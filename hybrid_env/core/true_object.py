@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.core.noise import LOST, draw_noise, draw_noise_ahead
-from hybrid_env.core.records import LANES, SEGMENT_COLUMNS
+from hybrid_env.core.noise import LOST, draw_noise
+from hybrid_env.core.records import SEGMENT_COLUMNS
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
@@ -132,32 +132,3 @@ def move(
     if setting.missed > 0.0:
         for lane in range(first, last):
             _lose_measurement(block, lane, noise, lane, setting.missed)
-
-
-@internal
-def draw_ahead(
-    block: Any, lane: int, noise: NDArray[np.float64], ticks: int, sensors: NDArray[Any], setting: Any
-) -> int:
-    """Draw the noise of consecutive ticks of one lane for `move_ahead`. Returns their number.
-
-    Args:
-        ticks: at most so many.
-    """
-    if sensors.size > 0:
-        return 1  # `move_ahead` draws the noise of every sensor
-    ticks = min(LANES, ticks)
-    draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
-    return ticks
-
-
-@inlined
-def move_ahead(
-    block: Any, lane: int, noise: NDArray[np.float64], column: int, sensors: NDArray[Any], setting: Any
-) -> None:
-    """Move the object of one lane by one tick, with a column of the noise that `draw_ahead` has drawn."""
-    if sensors.size > 0:
-        _sense(block, lane, noise, sensors, setting)
-        return
-    move_lane(block, lane, noise, column, setting)
-    if setting.missed > 0.0:
-        _lose_measurement(block, lane, noise, column, setting.missed)
