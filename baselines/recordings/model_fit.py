@@ -31,7 +31,7 @@ SMALLEST_NOISE = 1e-4
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 """Turns of a tick that are tried [rad]: 0.004 to 1.02."""
 
-PROCESS_NOISES = (1e-6, 1e-4, 1e-2, 1.0)
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
 """Q tau^2 / R that are tried."""
 
 FIRST_DURATION = 75.0  # ticks
@@ -43,7 +43,7 @@ SURE = 0.6  # probability of a mode that counts
 SHORTEST = 5  # ticks of a change that counts
 SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
 MAX_RADII = 3
-EVALUATIONS = 80  # of the simplex method
+EVALUATIONS = 60  # of the simplex method
 DISTINCT = 0.25
 """Smallest difference of the logarithms of two radii that are proposed together."""
 
@@ -273,7 +273,7 @@ def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Pa
         + [0.2] * (len(first) - len(names)))])  # fmt: skip
     result = minimize(
         lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.02, "xatol": 0.02},
+        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.05, "xatol": 0.05},
     )  # fmt: skip
     return parameters(result.x)
 

@@ -193,7 +193,7 @@ def test_bad_options_are_refused_in_one_line(options, message, drive):
     assert "\n" not in str(caught.value)
 
 
-def test_missing_rows_are_predicted_and_deciders_with_filters_say_that_they_cannot(drive):
+def test_missing_rows_are_predicted(drive):
     kept = np.random.default_rng(0).random(220) > 0.2
     kept[[0, -1]] = True
     empty = np.where(kept[:, None], drive, np.nan)
@@ -202,8 +202,10 @@ def test_missing_rows_are_predicted_and_deciders_with_filters_say_that_they_cann
     np.testing.assert_array_equal(with_rows.modes[kept], without_rows.modes)
     assert (with_rows.modes == TRUE).mean() > 0.9
     assert np.isfinite(with_rows.estimates).all()
-    with pytest.raises(ArgumentError, match=r"decider='beam'.*ticks have no measurement"):
-        track_recording(TIMES, empty, decider="beam")
+    # deciders with filters of their own predict, too
+    assert (track_recording(TIMES, empty, decider="beam").modes == TRUE).mean() > 0.9
+    known = track_recording(TIMES, empty, lengths=(60, 50, 40, 70), decider="shipped")
+    assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
 
 
 def test_a_gap_starts_the_track_anew(drive):
