@@ -25,8 +25,8 @@ FEW_FILES = 20
 class Track(TrackingArguments, FileArguments):
     """Decide between straight motion, left and right turns on recordings, and estimate the trajectory.
 
-    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such as noise and
-    turn radii, is found from the recording; lengths and times may have any unit.
+    Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such as noise
+    and turn radii, is found from the recording; lengths and times may have any unit.
     """
 
     picture: bool | None = None
@@ -92,7 +92,8 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
     origin = {name: "found" if name in model.estimated else "given" for name in
               ("radii", "measurement_variance", "process_variance", "duration")}  # fmt: skip
     lines = [
-        f"{recording.name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii {', '.join(degrees)} "
+        f"{recording.name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii "
+        f"{', '.join(degrees)} "
         f"{origin['radii']}, R {model.measurement_variance:.4g} {unit}^2 {origin['measurement_variance']}, "
         f"Q {model.process_variance:.3g} {unit}^2/{time}^2 {origin['process_variance']}, mean duration "
         f"{model.duration:.3g} ticks {origin['duration']}, tick {tracked.tau:.6g} {time}"
@@ -100,12 +101,16 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
     if not model.turns and "radii" in model.estimated:
         lines.append(f"{recording.name}: no turns are seen; the radius has no meaning")
     if tracked.shared:
-        lines.append(f"{recording.name}: {tracked.shared} rows share a tick with another one: their mean is used")
+        lines.append(
+            f"{recording.name}: {tracked.shared} rows share a tick with another one: their mean is used"
+        )
     if tracked.outliers:
-        lines.append(f"{recording.name}: {tracked.outliers} measurements far from their neighbours are not used")
+        lines.append(
+            f"{recording.name}: {tracked.outliers} measurements far from their neighbours are not used"
+        )
     if tracked.moved > 0.01:
         lines.append(
-            f"{recording.name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of a tick (rms)"
+            f"{recording.name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)"
         )
     return lines + [f"{recording.name}: warning: {text}" for text in tracked.warnings]
 

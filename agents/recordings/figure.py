@@ -1,6 +1,8 @@
-"""Figure of a tracked recording: ground track, probabilities and residuals, readable at any number of rows."""
+"""Figure of a tracked recording: ground track, probabilities and residuals, readable at any number of
+rows.
+"""
 
-from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -100,13 +102,15 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.8, capstyle="round", zorder=2))
     first = tracked.pieces[:, 0]
     if len(first) <= MAX_MARKS:
-        axes.plot(
-            *positions[first].T, "o", color=BLACK, markerfacecolor="white", markersize=4, zorder=4
-        )
+        axes.plot(*positions[first].T, "o", color=BLACK, markerfacecolor="white", markersize=4, zorder=4)
     axes.plot(*positions[first[0]], "s", color=BLACK, markersize=6, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.set(title=f"{recording.name}: decided pieces (square: first row)", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+    axes.set(
+        title=f"{recording.name}: decided pieces (square: first row)",
+        xlabel=f"x [{unit}]",
+        ylabel=f"y [{unit}]",
+    )
     axes.grid(alpha=0.25)
 
 
@@ -116,7 +120,9 @@ def _time_edges(times: FloatArray) -> FloatArray:
     return np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
 
 
-def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray) -> None:
+def _draw_probabilities(
+    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
+) -> None:
     """Draw the mean probabilities in each interval as stacked bars, and above them the decided modes."""
     bins = np.clip(np.searchsorted(edges, tracked.recording.times[known], "right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
@@ -140,7 +146,9 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: NDArray[np.
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
 
-def _draw_residuals(axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray) -> None:
+def _draw_residuals(
+    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
+) -> None:
     """Draw the lengths of the normalised innovations: all of them, or quantiles in each interval."""
     lengths = np.hypot(*tracked.residuals[known].T)
     times = tracked.recording.times[known]
@@ -150,7 +158,7 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: NDArray[np.int6
         axes.plot(times, lengths, ".", color=BLACK, markersize=2)
     else:
         borders = np.searchsorted(times, edges)
-        parts = [(a, b) for a, b in zip(borders[:-1], borders[1:], strict=True) if b > a]
+        parts = [(a, b) for a, b in pairwise(borders) if b > a]
         middle = [times[a:b].mean() for a, b in parts]
         low, median, high = np.array([np.quantile(lengths[a:b], (0.05, 0.5, 0.95)) for a, b in parts]).T
         axes.fill_between(middle, low, high, color=GREY, alpha=0.5, linewidth=0.0)
@@ -161,5 +169,3 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording, known: NDArray[np.int6
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
     shown = "" if len(lengths) <= 4 * BINS else ": median, 5 to 95 %"
     axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")
-
-

@@ -116,7 +116,8 @@ def row_results(
     arrays["residuals"][~recording.measured] = np.nan
     return TrackedRecording(
         recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces),
-        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved, outliers=outliers, **arrays,
+        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved,
+        outliers=outliers, **arrays,
     )  # fmt: skip
 
 
@@ -133,7 +134,7 @@ def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
         "end": times[end - 1].tolist(),
         "mode": ["SLR"[_kind(mode, len(radii))] for mode in modes.tolist()],
         "radius": [radii[(mode - 1) % len(radii)] if mode > 0 else "" for mode in modes.tolist()],
-        "decided_at": [time if known else "" for time, known in zip(times[when].tolist(), decided, strict=True)],
+        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
         "undecided": (~decided).tolist(),
     }  # fmt: skip
 
@@ -151,7 +152,10 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
         "mode": letters[tracked.modes],
         "radius": of_mode[tracked.modes],
         "decided": tracked.decided,
-        **{f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k] for k, n in enumerate(tracked.mode_names())},
+        **{
+            f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k]
+            for k, n in enumerate(tracked.mode_names())
+        },
         **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
         **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
         "residual_x": tracked.residuals[:, 0],

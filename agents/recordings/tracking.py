@@ -1,4 +1,6 @@
-"""Tracking of one recording: model, bank and decider by name; the options of the command and of the function."""
+"""Tracking of one recording: model, bank and decider by name; the options of the command and of the
+function.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -42,14 +44,14 @@ class TrackingArguments:
     """How a recording is tracked. What is not given is found from the recording, in whatever units it is."""
 
     lengths: tuple[int, ...] = ()
-    """Ticks of each piece between known switches, with the number of ticks as their sum; a single number is the
-    length of every piece. By default the switches are not known."""
+    """Ticks of each piece between known switches, with the number of ticks as their sum; a single number is
+    the length of every piece. By default the switches are not known."""
     decider: str | None = None
     """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM), and with
     --lengths msprt-aware."""
     radii: tuple[float, ...] = ()
-    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default proposed by the
-    recording."""
+    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default proposed by
+    the recording."""
     measurement_variance: float | None = None
     """Measurement noise variance R of each coordinate. By default of the largest likelihood."""
     process_variance: float | None = None
@@ -89,9 +91,8 @@ class TrackingArguments:
         name = (self.decider or DECIDER).partition(":")[0]
         if not self.lengths and name in CLASSICAL_NAMES:
             raise reject("decider", self.decider, f"{', '.join(RULES)} or an agent, or give --lengths")
-        if self.lengths and name in RULES:
-            if self.decider is not None:
-                raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
+        if self.lengths and self.decider is not None and name in RULES:
+            raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
 
     def track(
         self, recording: Recording, on_progress: Callable[[float], None] | None = None
@@ -106,8 +107,7 @@ class TrackingArguments:
             ArgumentError: an argument does not fit the recording.
         """
         self.check_tracking()
-        full = tick_grid(recording)
-        grid, outliers = without_outliers(full)
+        grid, outliers = without_outliers(tick_grid(recording))
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
         model = fit_model(
@@ -117,17 +117,18 @@ class TrackingArguments:
         options: dict[str, Any] = ModelUnits.of(model).options(model)
         name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
         try:
-            tracker = self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
+            tracker = (
+                self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
+            )
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        if getattr(tracker.decider, "every_tick", False):
-            grid, outliers = full, 0
-            _check_every_tick(name, grid)
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(
             grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
         )
-        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
+        return row_results(
+            recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers
+        )
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         lengths, total = list(self.lengths), grid.total
@@ -156,7 +157,7 @@ class TrackingArguments:
 
 
 def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: Any) -> TrackedRecording:
-    """Decide between straight motion, left and right turns on recorded positions, as `hybridtrack track` does.
+    """Decide between straight motion, left and right turns on positions, as `hybridtrack track` does.
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.
@@ -169,21 +170,17 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
     return TrackingArguments(**options).track(make_recording(times, positions))
 
 
-def _check_every_tick(name: str, grid: TickGrid) -> None:
-    """Check that every tick has a measurement, for a decider with filters of its own."""
-    missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
-    if missing:
-        allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
-        raise reject("decider", name, allowed)
-
-
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
     """Return the error of a model that the filters refuse, which speak of other units, with those given."""
     if not str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau")):
         return error
     radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
-    return ArgumentError(
-        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
-        f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
-        f"{model.tau:.4g}: check units"
-    ) if all(map(math.isfinite, model.radii)) else error
+    return (
+        ArgumentError(
+            f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
+            f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a "
+            f"tick of {model.tau:.4g}: check units"
+        )
+        if all(map(math.isfinite, model.radii))
+        else error
+    )

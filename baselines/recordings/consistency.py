@@ -1,7 +1,7 @@
 """Whether the model fits a recording: normalised innovations of the interacting multiple model bank.
 
-If the model holds, innovations divided by their standard deviations are white, with a variance of 1; Bar-Shalom,
-Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
+If the model holds, innovations divided by their standard deviations are white, with a variance of 1;
+Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
 """
 
 import math
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import PassOutput, imm_pass
-from baselines.recordings.model_fit import NEVER, SHORTEST_PART, TrackModel, chunks_at, cut, imm_model
+from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
+from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.core.compilation import prepare
@@ -47,7 +48,8 @@ class Consistency:
         ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
         correlation: of successive normalised innovations, 0 if the model holds.
         far: share of normalised innovations that the model exceeds with probability 0.001.
-        scatter: standard deviation of the measurements by their third differences, over that of the model; NaN
+        scatter: standard deviation of the measurements by their third differences, over that of the model;
+        NaN
             if there are too few.
         count: number of innovations.
     """
@@ -68,23 +70,29 @@ class Consistency:
         if not 1.0 / LARGEST_SCATTER <= scatter <= LARGEST_SCATTER:
             found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
-            found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
+            found.append(
+                f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii"
+            )
         given = ", ".join(f"{radius:.4g}" for radius in model.radii)
         if not found and model.better_radii:
             radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
-            found.append(f"turns of radius {given} do not explain the recording, {radii} does: check units and radii")
+            found.append(
+                f"turns of radius {given} do not explain the recording, {radii} does: check units and radii"
+            )
         elif not found and not model.turns and "radii" not in model.estimated:
             found.append(
-                f"turns of radius {given} explain the recording no better than straight motion: check units and "
-                "radii, if there are turns"
+                f"turns of radius {given} explain the recording no better than straight motion: check units "
+                "and radii, if there are turns"
             )
         elif abs(self.correlation) > max(LARGEST_CORRELATION, 4.0 / math.sqrt(2.0 * self.count)):
             found.append(
-                f"successive residuals are correlated by {self.correlation:.2f}: the model does not fit (motion "
-                "other than lines and arcs, smoothed positions, or wrong radii)"
+                f"successive residuals are correlated by {self.correlation:.2f}: the model does not fit "
+                "(motion other than lines and arcs, smoothed positions, or wrong radii)"
             )
         if self.far > MOST_FAR:
-            found.append(f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off")
+            found.append(
+                f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off"
+            )
         return found
 
 

@@ -68,8 +68,8 @@ class TickDecisions:
 
     Attributes:
         modes: (T,) stated or last decided mode. Ticks before the first decision have its mode.
-        decided: (T,) False before the first statement, and with known switches before the decision of a piece.
-        probabilities: (T, M) of the modes.
+        decided: (T,) False before the first statement, and with known switches before the decision of a
+        piece. probabilities: (T, M) of the modes.
         estimates: (T, 4) [x, vx, y, vy].
         covariances: (T, 4, 4); infinite for the velocity after a single measurement.
         pieces: (K, 4) first tick, end, mode and tick of the decision of each piece, counted from 0; -1 for a
@@ -100,7 +100,8 @@ def decide_recording(
         model: of the recording.
         tracker: decider and bank, whose options are those of `ModelUnits.options`.
         lengths: ticks between the known switches; their sum is the number of ticks.
-        start: (4,) exact state [x, vx, y, vy] one tick before the first measurement; None starts from the first
+        start: (4,) exact state [x, vx, y, vy] one tick before the first measurement; None starts from the
+        first
             measurements.
         on_progress: called now and then with the fraction that is done.
 
@@ -127,7 +128,9 @@ def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
         ArgumentError: they do not fit the recording.
     """
     if lengths and len(grid.stretches) > 1:
-        raise reject("lengths", tuple(lengths), f"none with {len(grid.stretches) - 1} gaps, or a longer --gap")
+        raise reject(
+            "lengths", tuple(lengths), f"none with {len(grid.stretches) - 1} gaps, or a longer --gap"
+        )
     if lengths and sum(lengths) != grid.total:
         allowed = f"lengths whose sum is {grid.total}, the number of ticks, not {sum(lengths)}"
         raise reject("lengths", tuple(lengths), allowed)

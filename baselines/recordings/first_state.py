@@ -1,10 +1,10 @@
 """The state at the begin of a recording, from its first measurements, seen backwards.
 
-A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an error
-there passes on from piece to piece. A straight line through the first measurements is not good enough when the
-object turns by much in a tick. So the interacting multiple model bank runs backwards over the first ticks; its
-mean is the first estimate, and its most probable mode the first mode. These measurements are thus used twice,
-for the start and for the decisions, which a recording allows and a live sensor does not.
+A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an
+error there passes on from piece to piece. A straight line through the first measurements is not good enough
+when the object turns by much in a tick. So the interacting multiple model bank runs backwards over the first
+ticks; its mean is the first estimate, and its most probable mode the first mode. These measurements are thus
+used twice, for the start and for the decisions, which a recording allows and a live sensor does not.
 """
 
 from typing import NamedTuple
@@ -62,9 +62,7 @@ def first_state(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
         hazard / (M - 1),
     )  # fmt: skip
-    output = PassOutput(
-        np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES))
-    )
+    output = PassOutput(np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES)))
     arguments = chunks, imm_arrays(len(radii)), radii, model, output
     prepare(imm_pass, *arguments)
     imm_pass(*arguments)

@@ -1,8 +1,8 @@
 """Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
 
 What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths
-are in standard deviations of the measurement and all times in ticks, so that the units of the recording do not
-matter. The model is that of the interacting multiple model bank (`imm_pass`).
+are in standard deviations of the measurement and all times in ticks, so that the units of the recording do
+not matter. The model is that of the interacting multiple model bank (`imm_pass`).
 """
 
 import math
@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, make_chunks, no_output
-from baselines.recordings.scatter import noise_estimate
+from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output
+from baselines.recordings.parts import fit_chunks
+from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.compilation import prepare
@@ -24,20 +25,14 @@ from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
 
-FIT_TICKS = 4096
-"""Ticks that are used; a longer recording is represented by parts of it, evenly spread."""
-
 SMALLEST_NOISE = 1e-4
 """Smallest standard deviation of a measurement, over the median motion of a tick."""
 
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 """Turns of a tick that are tried [rad]: 0.004 to 1.02."""
 
-PROCESS_NOISES = (1e-6, 1e-4, 1e-2, 1.0)
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
 """Q tau^2 / R that are tried."""
-
-SHORTEST_PART = 256
-"""Ticks; every part forgets the velocity of the one before, and with it what it says about Q."""
 
 FIRST_DURATION = 75.0  # ticks
 NEVER = 0.0
@@ -48,13 +43,12 @@ SURE = 0.6  # probability of a mode that counts
 SHORTEST = 5  # ticks of a change that counts
 SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
 MAX_RADII = 3
-EVALUATIONS = 80  # of the simplex method
+EVALUATIONS = 60  # of the simplex method
 DISTINCT = 0.25
 """Smallest difference of the logarithms of two radii that are proposed together."""
 
 CLEARLY = 5.0
 """Difference of log-likelihoods beyond the criterion: the filters are only an approximation."""
-
 
 
 @dataclass(frozen=True)
@@ -133,25 +127,6 @@ def imm_model(variance: float, process: float, duration: float, radii: int) -> I
     return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
-def median_speed(grid: TickGrid, noise: float) -> float:
-    """Return the median speed [unit of length / tick].
-
-    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
-    """
-    speed = 0.0
-    for ticks in (1, 2, 4, 8, 16, 32):
-        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
-        lengths = np.hypot(*np.concatenate(steps).T)
-        lengths = lengths[~np.isnan(lengths)]
-        if not lengths.size:
-            break
-        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
-        speed = math.sqrt(squared) / ticks
-        if squared > 10.0 * noise:
-            break
-    return speed
-
-
 def fit_model(
     grid: TickGrid,
     radii: Sequence[float] | None = None,
@@ -177,7 +152,7 @@ def fit_model(
     tau = grid.tau
     rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
-    step = max(speed, _median_step(grid))
+    step = max(speed, median_step(grid))
     if step == 0.0 and rough == 0.0:
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
@@ -232,61 +207,11 @@ def fit_model(
     )
 
 
-def fit_chunks(
-    grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS
-) -> Chunks:
-    """Return parts of a recording, evenly spread, in units of `scale`, each near its first measurement."""
-    length = max(-(-min(grid.total, ticks) // LANES), SHORTEST_PART)
-    places = cut(grid, length)
-    wanted = max(ticks // length, LANES)
-    if len(places) > wanted:
-        places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
-    places.sort(key=lambda place: place[2] - place[1])
-    return chunks_at(grid, places, scale, lengths)
-
-
-def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
-    """Return stretch, first tick and end of parts of a recording of about a length."""
-    places = []
-    for k, stretch in enumerate(grid.stretches):
-        number = max(round(len(stretch.measurements) / length), 1)
-        borders = np.linspace(0, len(stretch.measurements), number + 1).astype(int).tolist()
-        places += [(k, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True)]
-    return places
-
-
-def chunks_at(
-    grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
-) -> Chunks:
-    """Return the parts at `places`, see `cut`; with known switches if lengths are given."""
-    parts = [_from_first(grid.stretches[k].measurements[a:b]) / scale for k, a, b in places]
-    if not lengths:
-        return make_chunks(parts)
-    begins = np.zeros(grid.total, np.bool_)
-    begins[np.cumsum([0, *lengths[:-1]])] = True
-    return make_chunks(parts, [begins[a:b] for _, a, b in places])
-
-
-def _from_first(part: FloatArray) -> FloatArray:
-    """Return positions relative to the first measurement."""
-    measured = np.flatnonzero(~np.isnan(part[:, 0]))
-    return part - part[measured[0]] if measured.size else part
-
-
-def _median_step(grid: TickGrid) -> float:
-    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
-    lengths = np.hypot(*steps.T)
-    lengths = lengths[~np.isnan(lengths)]
-    return float(np.median(lengths)) if lengths.size else 0.0
-
-
 def _proposed(
     likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float
 ) -> _Parameters:
-    """Return the best point of a grid of one radius and the process noise. speed: [standard deviations / tick]."""
-    points = [
-        replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]
-    ]
+    """Return the best point of a grid of one radius and Q. speed: [standard deviations / tick]."""
+    points = [replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]]
     best = _best(likelihood, points)[0]
     near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
     return _best(likelihood, near)[0]
@@ -327,6 +252,7 @@ def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters])
 
 def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Parameters:
     """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
+
     def parameters(vector: FloatArray) -> _Parameters:
         values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))
         if "process" in values:
@@ -347,7 +273,7 @@ def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Pa
         + [0.2] * (len(first) - len(names)))])  # fmt: skip
     result = minimize(
         lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.02, "xatol": 0.02},
+        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.05, "xatol": 0.05},
     )  # fmt: skip
     return parameters(result.x)
 

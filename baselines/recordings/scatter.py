@@ -1,4 +1,6 @@
-"""The scatter of measurements about a smooth line, without a model of the motion: noise and outliers."""
+"""What measurements show without a model of the motion: noise, outliers and speed."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +25,8 @@ def noise_estimate(grid: TickGrid) -> float | None:
     """Estimate the measurement variance R from the third differences of each coordinate.
 
     The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic
-    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise has the
-    variance R. The median is robust against outliers and switches:
+    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise
+    has the variance R. The median is robust against outliers and switches:
 
         R = (median |d_k| / 0.6745)^2, averaged over x and y.
 
@@ -72,6 +74,33 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     return grid._replace(stretches=tuple(stretches)), count
 
 
+def median_speed(grid: TickGrid, noise: float) -> float:
+    """Return the median speed [unit of length / tick].
+
+    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
+    """
+    speed = 0.0
+    for ticks in (1, 2, 4, 8, 16, 32):
+        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
+        lengths = np.hypot(*np.concatenate(steps).T)
+        lengths = lengths[~np.isnan(lengths)]
+        if not lengths.size:
+            break
+        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
+        speed = math.sqrt(squared) / ticks
+        if squared > 10.0 * noise:
+            break
+    return speed
+
+
+def median_step(grid: TickGrid) -> float:
+    """Return the median distance of measurements in successive ticks [unit of length]."""
+    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
+    lengths = np.hypot(*steps.T)
+    lengths = lengths[~np.isnan(lengths)]
+    return float(np.median(lengths)) if lengths.size else 0.0
+
+
 def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the divided differences of successive measurements, of unit noise.
 
@@ -84,7 +113,9 @@ def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], Floa
     """
     rows = np.flatnonzero(~np.isnan(stretch.measurements[:, 0]))
     number = max(len(rows) - points + 1, 0)
-    ticks = rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
+    ticks = (
+        rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
+    )
     if not number:
         return ticks, np.zeros((0, 2))
     span = ticks[:, -1] - ticks[:, 0]
