@@ -1,10 +1,10 @@
 """Errors as the thesis computes them.
 
-The formulas of Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes. The tables do not: with
-a noise of 12.5 m on each axis they would list 21.7 and 29.9 m for the measurements, but list 12.5 and 9.9 m. The
-unfiltered rows of all eight columns come out as the mean over flights and axes of the error within a flight:
-with a velocity estimate of zero, the root of the mean over everything would be 28.9 m/s for flights at 50 m/s; the
-thesis lists 24.0 m/s.
+The formulas of Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: with noise of
+12.5 m on each axis they would list 21.7 and 29.9 m for the measurements, and they list 12.5 and 9.9 m. The unfiltered
+values of all eight columns come out as means over flights and axes of the error within a flight. The velocity
+identifies the mean over axes: with an estimate of zero, the root of the mean of all squares is 28.9 m/s at 50 m/s,
+and the thesis lists 24.0 m/s.
 """
 
 import numpy as np

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
-"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and a height of at most 400 m."""
+"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m of height."""
 
-CONTROL_POINTS = 5
+CONTROL_POINTS = 4
+"""Of a curve: cubic curves."""
 SPACING = 100.0
 """Distance between waypoints on the curve [m]."""
 

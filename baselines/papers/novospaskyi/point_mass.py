@@ -1,4 +1,4 @@
-"""Flights of a point mass: thrust with a lag, gravity and drag. The default, and fast: all flights at once."""
+"""Flights of a point mass: thrust with a lag, gravity and drag. The default: all flights at once."""
 
 import numpy as np
 

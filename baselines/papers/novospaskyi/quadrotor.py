@@ -1,8 +1,8 @@
 """Flights of a quadrotor in the physics engine PyBullet (extra `physics`).
 
-A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that of
-the point mass; its thrust command is followed by the geometric attitude controller of Lee, Leok and McClamroch
-2010 (eq. 15 and 16 for the attitude). PyBullet contains no quadrotor, so the body is built here.
+A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that
+of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch 2010,
+"Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor: the body is built here.
 """
 
 import math
@@ -52,9 +52,7 @@ ROTORS = ARM * np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-
 SPIN = np.array([1.0, -1.0, 1.0, -1.0])
 """Sign of each rotor's yaw torque."""
 
-INERTIA = MASS / 3.0 * np.array(
-    [HALF_SIZE[1] ** 2 + HALF_SIZE[2] ** 2, HALF_SIZE[0] ** 2 + HALF_SIZE[2] ** 2, HALF_SIZE[0] ** 2 + HALF_SIZE[1] ** 2]
-)  # fmt: skip
+INERTIA = MASS / 3.0 * (np.dot(HALF_SIZE, HALF_SIZE) - np.square(HALF_SIZE))
 """Moments of inertia of a cuboid [kg m^2]."""
 
 _ROTOR_LISTS = ROTORS.tolist()
@@ -84,7 +82,7 @@ def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def desired_attitude(thrust: FloatArray) -> FloatArray:
-    """Rotation matrix, (3, 3), with the third axis along a thrust, (3,), and the first one turned least from x."""
+    """Attitude, (3, 3), with the third body axis along a thrust, (3,), and the first one towards world x."""
     third = thrust / math.sqrt(thrust @ thrust)
     second = _cross(third, np.array([1.0, 0.0, 0.0]))
     second /= math.sqrt(second @ second)

@@ -1,10 +1,11 @@
 """Radars near a flight, and their measurements merged in time.
 
-Novospaskyi 2025, sections 2.1.3 and 3.1. A radar is placed at a random distance and azimuth from a random point
-of the flight; two radars keep a smallest distance; each measures the position once per second while the
-object is within 1 km. The thesis does not state the limits of the distances and heights, and whether the radars
-scan at the same moments. Here every radar has a random phase, so that the time between the merged measurements
-is irregular.
+Novospaskyi 2025, sections 2.1.3 and 3.1. A radar is placed at a random distance and azimuth from a random
+point of the flight; two radars keep a smallest distance; each measures the position once per second while the
+object is within 1 km. The thesis does not state the limits of the distances and heights, nor whether the
+radars scan at the same moments. Here they scan in turn, half a period apart, so that the time between merged
+measurements is half a period, a whole one, or a gap. Independent phases are excluded by the published row of
+the g-h filter: its velocity gain h / t has no bound if two measurements may follow each other at once.
 """
 
 import math
@@ -48,7 +49,11 @@ STABILITY = 1.5
 """Index alpha of the symmetric alpha-stable (Levy) noise."""
 
 CLIP = 1600.0
-"""Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite."""
+"""Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite.
+
+The thesis does not state it. The mean magnitude of the clipped noise and the published mean of the unfiltered MAE
+(20.4 m) give about 1600 m, and with it the unfiltered RMSE comes out as well.
+"""
 
 _PLACEMENTS = 100  # attempts to keep the smallest distance
 
@@ -58,7 +63,7 @@ class Scan:
     """What the radars of one flight see, without noise; K measurements in the order of time.
 
     Attributes:
-        radars: (2,3) positions of the radars [m].
+        radars: (`RADARS`, 3) positions of the radars [m].
         times: (K,) [s].
         radar: (K,) index of the radar of each measurement.
         positions: (K, 3) true positions [m].
@@ -99,8 +104,10 @@ def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
     while True:
         radars = place_radars(flight, generator)
         seen: list[tuple[FloatArray, NDArray[np.int64]]] = []
+        phase = generator.uniform(0.0, PERIOD)
         for index, radar in enumerate(radars):
-            times = np.arange(generator.uniform(0.0, PERIOD), flight.times[-1], PERIOD)
+            first = (phase + index * PERIOD / RADARS) % PERIOD
+            times = np.arange(first, flight.times[-1], PERIOD)
             near = np.linalg.norm(flight.states_at(times)[0] - radar, axis=1) <= RANGE
             seen.append((times[near], np.full(near.sum(), index)))
         times = np.concatenate([times for times, _ in seen])

@@ -33,7 +33,7 @@ FORCE_LAG = 0.2
 VELOCITY_GAIN = 1.2
 """Acceleration commanded for one metre per second of velocity error [1/s]."""
 
-CAPTURE = 60.0
+CAPTURE = 40.0
 """Distance at which a waypoint counts as passed [m]."""
 
 TIME_LIMIT = 8.0
