@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.filters.correction import PrincipalNoise, correct, principal_noise, turned_positions
 from baselines.filters.motion_models import MotionModel
-from baselines.filters.robust import Robust, robust_weights
+from baselines.filters.robust import LOG_TWO_PI, Robust, robust_noise
 from baselines.filters.track_filter import TrackFilter, measurement_covariance
 from hybrid_env.checks import check_array, reject
 
 FloatArray = NDArray[np.float64]
-LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 class KalmanFilter(TrackFilter):
@@ -54,6 +54,7 @@ class KalmanFilter(TrackFilter):
         self.model, self.robust = model, robust
         self.axes, self.order = model.axes, model.order
         self.noise = measurement_covariance("noise", noise, self.axes)
+        self._principal = principal_noise(self.noise)
         self.start_variances: FloatArray | None = None
         if start_deviations is not None:
             deviations = check_array("start_deviations", start_deviations, (self.order - 1,))
@@ -70,7 +71,8 @@ class KalmanFilter(TrackFilter):
         self.covariance = np.full((tracks, size, size), np.nan)
         self._no_measurement()
 
-    def _set(self, state: FloatArray, covariance: FloatArray) -> None:
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        assert covariance is not None
         self.state, self.covariance = state, covariance
 
     def _no_measurement(self) -> None:
@@ -106,46 +108,36 @@ class KalmanFilter(TrackFilter):
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         noise = self.noise if noise is None else noise
+        principal = self._principal if noise is self.noise else principal_noise(noise)
         self._no_measurement()
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         used = measured & begun
         if used.all():
-            results = self._corrected(self.state, self.covariance, measurement, noise)
+            results = self._corrected(self.state, self.covariance, measurement, principal)
             self.state, self.covariance, self.log_likelihood, self.nis = results
             return
         if used.any():
-            noises = noise if noise.ndim == 2 else noise[used]
-            results = self._corrected(self.state[used], self.covariance[used], measurement[used], noises)
+            results = self._corrected(
+                self.state[used], self.covariance[used], measurement[used], principal.of(used)
+            )
             self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = results
         first = np.flatnonzero(measured & ~begun)
         if first.size:
             self._start(first, measurement, noise)
 
     def _corrected(
-        self, state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: FloatArray
+        self, state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Corrected estimates and covariances, log-likelihoods and NIS of tracks with a measurement."""
-        m = self.order
-        innovation = measurement - state[:, ::m]
-        cross = covariance[:, :, ::m]  # P H'
-        predicted = cross[:, ::m]  # H P H'
-        total = predicted + noise
-        root = np.linalg.cholesky(total)
-        white = np.linalg.solve(root, innovation[..., None])[..., 0]
-        nis = (white**2).sum(-1)
-        log_scale = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(-1)
         if self.robust is None:
-            log_likelihood = -0.5 * (nis + self.axes * LOG_TWO_PI) - log_scale
-        else:
-            log_likelihood = self.robust.log_density(white) - log_scale
-            noise = robust_weights(self.robust, innovation, predicted, noise)
-            total = predicted + noise
-        gain = np.linalg.solve(total, cross.swapaxes(1, 2)).swapaxes(1, 2)
-        state = state + (gain @ innovation[..., None])[..., 0]
-        # Joseph's form, which stays positive definite: (I - K H) P (I - K H)' + K R K'
-        left = covariance - gain @ cross.swapaxes(1, 2)
-        covariance = left - left[:, :, ::m] @ gain.swapaxes(1, 2) + gain @ noise @ gain.swapaxes(1, 2)
-        return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), log_likelihood, nis
+            state, covariance, white, log_scale = correct(state, covariance, measurement, noise)
+            nis = (white**2).sum(-1)
+            return state, covariance, -0.5 * (nis + self.axes * LOG_TWO_PI) - log_scale, nis
+        innovation, predicted = turned_positions(state, covariance, measurement, noise)
+        variances, white, log_scale = robust_noise(self.robust, innovation, predicted, noise.variances)
+        weighted = PrincipalNoise(variances, noise.axes)
+        state, covariance, _, _ = correct(state, covariance, measurement, weighted)
+        return state, covariance, self.robust.log_density(white) - log_scale, (white**2).sum(-1)
 
 
 def propagate(

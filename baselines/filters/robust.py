@@ -1,30 +1,31 @@
 """Robust updates of a Kalman filter: the weight of a measurement falls with its distance from the estimate.
 
-Each method weights the components of a measurement along the principal axes of its covariance R, because outliers
-of a sensor are usually independent along them: the component i with weight w_i has the variance r_i / w_i.
-With `by="vector"` all components of a measurement have one weight. The weights depend on the residual z - H x, and x on the
-weights; the fixed point is found by iteration (iteratively reweighted least squares). It starts from the
-innovation in units of its own covariance S, so that a far measurement is taken where the prediction is uncertain,
-as after a gap, and not where it is certain.
+Each method weights the components of a measurement along the principal axes of its covariance R, because
+outliers of a sensor are usually independent along them: with the weight w_i the component has the variance
+r_i / w_i. With `by="vector"` all components of a measurement have one weight. The weights depend on the
+residual z - H x, and x on the weights; the fixed point is found by iteration (iteratively reweighted least
+squares). It starts from the innovation in units of its own covariance S, so that a far measurement is used
+where the prediction is uncertain, as after a gap, and not where it is certain.
 
-`log_density` gives the likelihood of the whitened innovation: a density for Huber and Student-t. The others
-have a bounded loss, which has no density; theirs can be compared between filters, not between parameters of the loss.
+`log_density` gives the likelihood of the whitened innovation. For Huber and Student-t it is a density. The
+others have a bounded loss, which has none: theirs compares motion models, not parameters of the loss.
 """
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc, gammaln
 
+from baselines.filters.correction import PrincipalNoise, correct
 from hybrid_env.checks import check_choice, check_integer, check_positive
 
 FloatArray = NDArray[np.float64]
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 SMALLEST_WEIGHT = 1e-12  # the variance of a component is at most 10^12 times as large
-CONVERGED = 1e-6  # largest relative change of a weight at which the iteration ends
+CONVERGED = 1e-4  # largest relative change of a weight at which the iteration ends
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,8 @@ class Robust(ABC):
 
     by: Literal["axis", "vector"] = "axis"
     iterations: int = 20
+    expected: ClassVar[bool] = False
+    """Whether the weight is that of the expected squared residual, not of the residual of the estimate."""
 
     def __post_init__(self) -> None:
         check_choice("by", self.by, ("axis", "vector"))
@@ -125,6 +128,7 @@ class StudentT(Robust):
             measurement is the scale matrix; the variance is nu / (nu - 2) times as large.
     """
 
+    expected: ClassVar[bool] = True
     degrees_of_freedom: float = 4.0
 
     def _check(self) -> None:
@@ -143,7 +147,7 @@ class StudentT(Robust):
 class MaximumCorrentropy(Robust):
     """Gaussian kernel of the residual as weight, exp(-residual^2 / (2 bandwidth^2)). Izanloo et al. 2016.
 
-    The kernel is that of the measurement; the prediction keeps its covariance (Chen et al. 2017 weights both).
+    The kernel weights the measurement; the prediction keeps its covariance (Chen et al. 2017 weight both).
 
     Attributes:
         bandwidth: of the kernel in standard deviations, > 0.
@@ -192,37 +196,35 @@ class Gate(Robust):
         return -0.5 * np.minimum(squares, self.threshold**2) - 0.5 * size * LOG_TWO_PI
 
 
-def robust_weights(
-    robust: Robust, innovation: FloatArray, predicted: FloatArray, noise: FloatArray
-) -> FloatArray:
-    """Covariances of the measurements, (B, d, d), with the weights of a robust update.
+def robust_noise(
+    robust: Robust, innovation: FloatArray, predicted: FloatArray, variances: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Variances of measurements with the weights of a robust update.
 
     Args:
         robust: the method.
-        innovation: (B, d).
-        predicted: (B, d, d) covariance H P H' of the predicted positions.
-        noise: (d, d) or (B, d, d) covariance R of the measurements.
+        innovation: (B, d) along the principal axes of the measurement, see `turned_positions`.
+        predicted: (B, d, d) covariance H P H' of the predicted positions, along the same axes.
+        variances: (d,) or (B, d) of the measurement.
+
+    Returns:
+        Weighted variances, (B, d), and whitened innovations and their scale without weights, see `Corrected`.
     """
-    variances, axes = np.linalg.eigh(noise)
     variances = np.broadcast_to(variances, innovation.shape)
-    turned = np.swapaxes(axes, -1, -2)
-    innovation = (turned @ innovation[..., None])[..., 0]
-    predicted = turned @ predicted @ axes
-    diagonal = np.arange(innovation.shape[-1])
-    weights = robust.weights(innovation**2 / (predicted[:, diagonal, diagonal] + variances))
+    none = np.zeros_like(innovation)  # the position, relative to the prediction
+    plain = correct(none, predicted, innovation, PrincipalNoise(variances, None))
+    spread = np.diagonal(predicted, axis1=1, axis2=2)
+    weights = np.maximum(robust.weights(innovation**2 / (spread + variances)), SMALLEST_WEIGHT)
+    moving = np.arange(len(innovation))  # tracks whose weights still change
     for _ in range(robust.iterations):
-        weighted = variances / np.maximum(weights, SMALLEST_WEIGHT)
-        total = predicted.copy()
-        total[:, diagonal, diagonal] += weighted
-        inverse = np.linalg.inv(total)
-        # with S the covariance of the innovation y: z - H x = R S^-1 y, and its uncertainty H P H' after it
-        # is R - R S^-1 R
-        residual = weighted * (inverse @ innovation[..., None])[..., 0]
-        squares = residual**2
-        if isinstance(robust, StudentT):
-            squares = squares + weighted - weighted**2 * inverse[:, diagonal, diagonal]
-        last, weights = weights, robust.weights(squares / variances)
-        if (np.abs(weights - last) <= CONVERGED * weights).all():
+        y, r, w = innovation[moving], variances[moving], weights[moving]
+        after = correct(none[moving], predicted[moving], y, PrincipalNoise(r / w, None))
+        squares = (y - after.state) ** 2
+        if robust.expected:
+            squares += np.diagonal(after.covariance, axis1=1, axis2=2)
+        new = np.maximum(robust.weights(squares / r), SMALLEST_WEIGHT)
+        weights[moving] = new
+        moving = moving[(np.abs(new - w) > CONVERGED * w).any(-1)]
+        if not moving.size:
             break
-    weighted = variances / np.maximum(weights, SMALLEST_WEIGHT)
-    return np.asarray((axes * weighted[:, None, :]) @ turned)
+    return variances / weights, plain.white, plain.log_scale

@@ -91,7 +91,7 @@ def run_filter(
     else:
         first = _begin_from(track_filter, start, tracks, moments)
     steps = np.diff(moments, axis=0, prepend=first[None])
-    keep = keep and track_filter.covariance is not None
+    keep = keep and track_filter.has_covariance
     size = track_filter.state.shape[1]
     states = np.empty((total, tracks, size))
     kept = np.empty((total, tracks, size, size)) if keep else None
@@ -139,10 +139,11 @@ def _begin_from(
     if not isinstance(start, tuple) or len(start) != 3:
         raise reject("start", start, "(estimates, covariances, time) or None")
     estimates, covariances, time = start
-    if dimensions(estimates) == 1 and tracks == 1:
-        estimates = [estimates]  # type: ignore[list-item]
     size = track_filter.axes * track_filter.order
-    means = check_array("start estimates", estimates, (tracks, size))
+    one = dimensions(estimates) == 1 and tracks == 1
+    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(
+        tracks, size
+    )
     track_filter.begin_from(means, covariances)
     first = check_array("start time", time, ())
     if (first > moments[0]).any():

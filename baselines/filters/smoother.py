@@ -1,4 +1,6 @@
-"""The fixed-interval smoother of Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear dynamic systems"."""
+"""The fixed-interval smoother of Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear dynamic
+systems".
+"""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,7 @@
-"""The interface of all filters of kinematic models: B tracks at once, real time steps, missing measurements."""
+"""The interface of all filters of kinematic models: B tracks, real time steps, missing measurements."""
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,7 @@ class TrackFilter(ABC):
             with d degrees of freedom if the model holds; NaN without one.
     """
 
+    has_covariance: ClassVar[bool] = True
     axes: int
     order: int
     state: FloatArray
@@ -57,18 +59,26 @@ class TrackFilter(ABC):
         """
         self._begin(check_integer("tracks", tracks))
 
-    def begin_from(self, state: ArrayLike, covariance: ArrayLike) -> None:
+    def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
         """Forget everything and begin all tracks with estimates.
 
         Args:
             state: (B, n).
-            covariance: (n, n) or (B, n, n).
+            covariance: (n, n) or (B, n, n); None for a filter that has none.
 
         Raises:
             ArgumentError: an array has another shape or is not finite.
         """
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
+        if not self.has_covariance:
+            if covariance is not None:
+                raise reject("covariance", covariance, "None, because this filter has no covariance")
+            self._begin(len(means))
+            self._set(means, None)
+            return
+        if covariance is None:
+            raise reject("covariance", covariance, "a matrix (n, n) or (B, n, n)")
         shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
         matrices = check_covariance(
             "covariance", check_array("covariance", covariance, shape), definite=False
@@ -103,7 +113,7 @@ class TrackFilter(ABC):
     def _begin(self, tracks: int) -> None: ...
 
     @abstractmethod
-    def _set(self, state: FloatArray, covariance: FloatArray) -> None: ...
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None: ...
 
     @abstractmethod
     def _predict(self, dt: float | FloatArray) -> None: ...
