@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
-"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m of height."""
+"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height."""
 
 CONTROL_POINTS = 4
 """Of a curve: cubic curves."""

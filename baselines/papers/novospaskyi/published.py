@@ -31,16 +31,17 @@ TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
 PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
     "gaussian": {
         "g-h": {"g": 0.737, "h": 0.316, "window": 2, "ratio": 0.03},
-        "KF CV": {"variances": (9e-10, 1.5e-9, 2e-4), "sigma_q": 0.003, "window": 2, "ratio": 0.05},
-        "KF CA": {"variances": (0.435, 0.725, 96658.6), "sigma_q": 0.574, "window": 10, "ratio": 0.01},
-        "KF CJ": {"variances": (0.008, 0.013, 1771.7), "sigma_q": 0.008, "window": 8, "ratio": 0.001},
+        "KF CV": {"variances": (9e-10, 1.5e-9, 2e-4), "q": 0.003, "window": 2, "ratio": 0.05},
+        "KF CA": {"variances": (0.435, 0.725, 96658.6), "q": 0.574, "window": 10, "ratio": 0.01},
+        "KF CJ": {"variances": (0.008, 0.013, 1771.7), "q": 0.008, "window": 8, "ratio": 0.001},
     },
     "levy": {
         "g-h": {"g": 0.490, "h": 0.163, "window": 13, "ratio": 0.05},
-        "KF CV": {"variances": (1.27e-4, 6.33e-5, 2.53e-4), "sigma_q": 0.006, "window": 3, "ratio": 0.3},
-        "KF CA": {"variances": (52233.5, 26116.7, 104466.9), "sigma_q": 4.833, "window": 13, "ratio": 0.05},
-        "KF CJ": {"variances": (52233.5, 26116.7, 104466.9), "sigma_q": 1.274, "window": 12, "ratio": 0.05},
+        "KF CV": {"variances": (1.27e-4, 6.33e-5, 2.53e-4), "q": 0.006, "window": 3, "ratio": 0.3},
+        "KF CA": {"variances": (52233.5, 26116.7, 104466.9), "q": 4.833, "window": 13, "ratio": 0.05},
+        "KF CJ": {"variances": (52233.5, 26116.7, 104466.9), "q": 1.274, "window": 12, "ratio": 0.05},
     },
 }
-"""Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2]; `window` and `ratio` (its alpha) are
-those of the moving average, with the weight ratio^i for a measurement i scans old."""
+"""Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window`
+and `ratio` (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans
+old."""

@@ -1,8 +1,9 @@
 """Flights of a quadrotor in the physics engine PyBullet (extra `physics`).
 
 A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that
-of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch 2010,
-"Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor: the body is built here.
+of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch
+2010, "Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor, so the body
+is built here.
 """
 
 import math

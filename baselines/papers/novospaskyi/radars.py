@@ -51,8 +51,8 @@ STABILITY = 1.5
 CLIP = 1600.0
 """Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite.
 
-The thesis does not state it. The mean magnitude of the clipped noise and the published mean of the unfiltered MAE
-(20.4 m) give about 1600 m, and with it the unfiltered RMSE comes out as well.
+The thesis does not state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it the
+unfiltered RMSE comes out as well.
 """
 
 _PLACEMENTS = 100  # attempts to keep the smallest distance
