@@ -15,6 +15,6 @@ What the thesis does not state is inferred from its unfiltered rows and its tabl
 constant says so where it stands.
 """
 
-from baselines.papers.novospaskyi.study import reproduce
+from baselines.papers.novospaskyi.study import RUNS, reproduce
 
-__all__ = ["reproduce"]
+__all__ = ["RUNS", "reproduce"]

@@ -7,6 +7,8 @@ instead of decaying, and all the noise is summed. The position error, which alon
 it.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +42,11 @@ def steady_gains(variance: float, process_variance: float, step: float) -> tuple
         if np.allclose(gain, last, rtol=1e-12, atol=0.0):
             break
     return float(gain[0]), float(gain[1] * step)
+
+
+def without_noise(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of a filter of the thesis, with R a millionth: the limit of gains 1 and 2 / t."""
+    return parameters | {"variances": tuple(1e-6 * variance for variance in parameters["variances"])}
 
 
 def memory(g: float, h: float) -> float:

@@ -82,19 +82,17 @@ class ThesisKalmanFilter(KalmanFilter):
 
 
 def _thesis_filter(name: Any) -> Callable[[Parameters], TrackFilter]:
-    """KF CV, CA or CJ of the thesis: discrete white noise, R of each axis tuned.
+    """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
 
-    The thesis tunes "sigma_q" for the function of Labbe 2020 whose argument is a variance; as a variance
-    it gives the velocity errors of the published order for KF CV.
+    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian
+    noise, except with the published parameters. Its "sigma_q" is taken for the variance that the function
+    of Labbe 2020 wants; as a variance it gives the velocity errors of the published order for KF CV.
     """
 
     def build(parameters: Parameters) -> TrackFilter:
         model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
-        variances = parameters.get("variances")
-        if variances is None:
-            horizontal, vertical = parameters["horizontal variance"], parameters["vertical variance"]
-            variances = (horizontal, horizontal, vertical)
-        return ThesisKalmanFilter(model, variances, [math.sqrt(START_VARIANCE)] * (model.order - 1))
+        deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
+        return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
 
     return build
 
@@ -135,12 +133,9 @@ def _log(low: float, high: float) -> FloatDistribution:
 
 _AVERAGE: dict[str, BaseDistribution] = {"window": IntDistribution(1, 13), "ratio": _log(1e-3, 0.5)}
 _GAINS: dict[str, BaseDistribution] = {"g": FloatDistribution(0.05, 1.0), "h": FloatDistribution(0.005, 0.6)}
-_THESIS: dict[str, BaseDistribution] = {
-    "horizontal variance": _log(1.0, 1e5), "vertical variance": _log(1.0, 1e5), "q": _log(1e-4, 1e4),
-    **_AVERAGE,
-}  # fmt: skip
+_THESIS: dict[str, BaseDistribution] = {"q": _log(1e-4, 1e4), **_AVERAGE}
 _START = {"window": 2, "ratio": 0.05}
-_THESIS_START = {"horizontal variance": SIGMA**2, "vertical variance": SIGMA**2, "q": 1.0, **_START}
+_THESIS_START = {"q": 1.0, **_START}
 _INTENSITIES: dict[str, dict[str, BaseDistribution]] = {
     "CV": {"q CV": _log(0.1, 1e3)},
     "CA": {"q CA": _log(1e-3, 1e2)},
@@ -163,8 +158,6 @@ def _sound(name: str, further: Mapping[str, BaseDistribution] | None = None) -> 
 
 
 def _robust_cv(robust: Callable[[Parameters], Robust], space: dict[str, BaseDistribution]) -> Contender:
-    space = _INTENSITIES["CV"] | space
-
     def build(parameters: Parameters) -> TrackFilter:
         variance = _scaled(parameters) if "scale" in parameters else SIGMA**2
         return _kalman("CV", parameters, variance, robust(parameters))
@@ -198,7 +191,7 @@ ROBUST: dict[str, Contender] = {
     "CV, Huber": _robust_cv(_huber, {"threshold": FloatDistribution(1.0, 5.0, log=True)}),
     "CV, Student-t": _robust_cv(_student, {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}),
 }
-"""One set of parameters for both noises."""
+"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
 
 COMBINED = "IMM, Student-t"
 """The IMM with the robust update of the Student-t CV; nothing of it is tuned again."""

@@ -31,12 +31,12 @@ class Flight:
     @property
     def times(self) -> FloatArray:
         """Times of the states, (T,) [s]."""
-        return RECORD_STEP * np.arange(len(self.positions))
+        return np.asarray(RECORD_STEP * np.arange(len(self.positions)), np.float64)
 
     def states_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [m] and velocities [m/s], each (K, 3), at times within the flight, (K,) [s]."""
         curve = CubicHermiteSpline(self.times, self.positions, self.velocities)
-        return curve(times), curve(times, 1)
+        return np.asarray(curve(times), np.float64), np.asarray(curve(times, 1), np.float64)
 
 
 def flight_path(seed: int, attempt: int) -> Path:

@@ -55,6 +55,9 @@ The thesis does not state it. The published unfiltered MAE (20.4 m) gives about 
 unfiltered RMSE comes out as well.
 """
 
+PHASES = 1024
+"""Possible phases of a pair of radars in a period."""
+
 _PLACEMENTS = 100  # attempts to keep the smallest distance
 
 
@@ -104,7 +107,8 @@ def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
     while True:
         radars = place_radars(flight, generator)
         seen: list[tuple[FloatArray, NDArray[np.int64]]] = []
-        phase = generator.uniform(0.0, PERIOD)
+        # a binary fraction of the period: equal steps are then equal numbers, whose matrices are shared
+        phase = generator.integers(PHASES) / PHASES * PERIOD
         for index, radar in enumerate(radars):
             first = (phase + index * PERIOD / RADARS) % PERIOD
             times = np.arange(first, flight.times[-1], PERIOD)

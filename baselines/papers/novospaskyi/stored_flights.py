@@ -20,7 +20,7 @@ def flight_file(folder: Path, seed: int, attempt: int) -> Path:
 def load_flight(file: Path, seed: int, attempt: int) -> tuple[bool, Flight | None]:
     """Whether the attempt is stored, and its flight, None if it failed."""
     try:
-        with np.load(file) as arrays:
+        with file.open("rb") as stored, np.load(stored) as arrays:
             points, positions, velocities = (arrays[name] for name in ("points", "positions", "velocities"))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return False, None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.papers.novospaskyi import tables
+from baselines.papers.novospaskyi.anomaly import without_noise
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, generate_flights
 from baselines.papers.novospaskyi.point_mass import fly_point_masses
@@ -103,11 +104,11 @@ def reproduce(
     count = round(TRAINING_SHARE * flights)
     training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
     parameters = _tune(training, trials, seed, folder, workers, progress)
-    errors, published = _evaluate(parameters, scans[count:], runs, seed, workers, progress)
-    results = tables.Results(errors, published, parameters)
+    errors = _evaluate(parameters, scans[count:], runs, seed, workers, progress)
+    results = tables.Results(errors, parameters)
     return Reproduction(
         PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, count),
-        {"flight": _example(flown[count], scans[count], seed, parameters)},
+        {"flight": _example(flown[count], scans[count], seed, parameters)}, RUNS,
     )  # fmt: skip
 
 
@@ -119,10 +120,11 @@ def _quadrotor_flights(folder: Path, count: int, seed: int, workers: int, progre
         # no more attempts than can be needed, so that the number of processes does not matter
         batch = range(attempt, attempt + count - len(flown))
         before = len(flown)
-        run_tasks(
-            [(fly_and_store, (folder, seed, number)) for number in batch], workers,
-            lambda done, before=before: progress("flights", before + done, count),
-        )  # fmt: skip
+
+        def show(done: int, before: int = before) -> None:
+            progress("flights", before + done, count)
+
+        run_tasks([(fly_and_store, (folder, seed, number)) for number in batch], workers, show)
         loaded = [load_flight(flight_file(folder, seed, number), seed, number)[1] for number in batch]
         flown += [flight for flight in loaded if flight is not None]
         attempt = batch.stop
@@ -149,8 +151,9 @@ def _tune(
     for tuning, best in zip(tunings, run(tunings), strict=True):
         assert tuning.noise is not None
         parameters[tuning.noise][tuning.name] = best
-    reference = Tuning("CV", "gaussian", training, trials, seed, folder).cost(parameters["gaussian"]["CV"])
-    robust = [Tuning(name, None, training, trials, seed, folder, reference) for name in ROBUST]
+    plain = parameters["gaussian"]["CV"]
+    reference = Tuning("CV", "gaussian", training, trials, seed, folder).cost(plain)
+    robust = [Tuning(name, None, training, trials, seed, folder, plain, reference) for name in ROBUST]
     tunings += robust
     for tuning, best in zip(robust, run(robust), strict=True):
         for noise in NOISES:
@@ -173,23 +176,22 @@ def _evaluate(
     seed: int,
     workers: int,
     progress: Progress,
-) -> tuple[dict[Noise, dict[str, FloatArray]], dict[Noise, dict[str, FloatArray]]]:
-    """Errors on the test flights with the tuned and with the published parameters."""
-    rows: list[tuple[bool, Noise, str, dict[str, Any]]] = []
+) -> dict[Noise, dict[str, FloatArray]]:
+    """Errors on the test flights with the tuned and with the published parameters, see `tables.Results`."""
+    rows: list[tuple[Noise, str, str | None, dict[str, Any]]] = []  # noise, label, filter, parameters
     for noise in NOISES:
-        rows += [(False, noise, UNFILTERED, {})]
-        rows += [(False, noise, name, parameters[noise][name]) for name in CONTENDERS]
-        rows += [(True, noise, name, PARAMETERS[noise][name]) for name in THESIS]
+        rows += [(noise, UNFILTERED, None, {})]
+        rows += [(noise, name, name, parameters[noise][name]) for name in CONTENDERS]
+        rows += [(noise, tables.as_published(name), name, PARAMETERS[noise][name]) for name in THESIS]
+        rows += [(noise, tables.LIMIT_CV, "KF CV", without_noise(PARAMETERS[noise]["KF CV"]))]
     tasks: list[Task] = [
-        (evaluate, (None if name == UNFILTERED else name, chosen, scans, noise, runs, seed))
-        for _, noise, name, chosen in rows
+        (evaluate, (name, chosen, scans, noise, runs, seed)) for noise, _, name, chosen in rows
     ]
     found = run_tasks(tasks, workers, lambda done: progress("test flights", done, len(rows)))
-    ours: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
-    published: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
-    for (is_published, noise, name, _), errors in zip(rows, found, strict=True):
-        (published if is_published else ours)[noise][name] = errors
-    return ours, published
+    errors: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
+    for (noise, label, _, _), values in zip(rows, found, strict=True):
+        errors[noise][label] = values
+    return errors
 
 
 def _example(
@@ -205,5 +207,5 @@ def _example(
             positions, velocities = run_contender(CONTENDERS[name], values, tracks[noise])
             estimates[noise][name] = positions[0], velocities[0]
         positions, velocities = run_contender(CONTENDERS["KF CV"], PARAMETERS[noise]["KF CV"], tracks[noise])
-        estimates[noise][tables.PUBLISHED_CV] = positions[0], velocities[0]
+        estimates[noise][tables.as_published("KF CV")] = positions[0], velocities[0]
     return Example(flight, scan, tracks, estimates)

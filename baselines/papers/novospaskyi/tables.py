@@ -16,7 +16,9 @@ from baselines.papers.reproduction import Cell, Finding, study_interval
 
 FloatArray = NDArray[np.float64]
 
-PUBLISHED_CV = "KF CV, published parameters"
+LIMIT_CV = "KF CV, R = 0"
+"""KF CV with the published parameters but hardly any R."""
+
 NOISE_NAMES: dict[Noise, str] = {"gaussian": "Gaussian noise", "levy": "Levy noise"}
 POSITION, VELOCITY = 0, 2
 """Indices of the RMSE of position and velocity in `METRICS`."""
@@ -30,14 +32,17 @@ class Results:
 
     Attributes:
         errors: (runs, F, 4) of each filter on F test flights, by noise and name; the values are those of
-            `published.METRICS`.
-        published_errors: the same with the published parameters.
+            `published.METRICS`. Names of `as_published` have the published parameters.
         parameters: tuned parameters by noise and name.
     """
 
     errors: dict[Noise, dict[str, FloatArray]]
-    published_errors: dict[Noise, dict[str, FloatArray]]
     parameters: dict[Noise, dict[str, dict[str, Any]]]
+
+
+def as_published(name: str) -> str:
+    """Name of a filter of the thesis with its published parameters."""
+    return f"{name}, published parameters"
 
 
 def cells(results: Results, seed: int) -> tuple[Cell, ...]:
@@ -52,7 +57,8 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
         made += _table(TABLES[noise], results.errors[noise], (UNFILTERED, *THESIS), noise, seed)
     for noise in NOISES:
         name = f"{TABLES[noise]}, with the published parameters"
-        made += _table(name, results.published_errors[noise], tuple(THESIS), noise, seed)
+        errors = {key: results.errors[noise][as_published(key)] for key in THESIS}
+        made += _table(name, errors, tuple(THESIS), noise, seed)
     for noise in NOISES:
         names = (*SOUND, *ROBUST, COMBINED)
         made += _table(f"Sound settings, {NOISE_NAMES[noise]}", results.errors[noise], names, noise, seed)
@@ -138,13 +144,19 @@ def _anomaly(results: Results) -> list[Finding]:
     """KF CV with its published parameters, and the gains that they give."""
     made = []
     for noise in NOISES:
-        published, tuned = results.published_errors[noise]["KF CV"], results.errors[noise]["KF CV"]
+        errors = results.errors[noise]
+        published, limit, tuned = errors[as_published("KF CV")], errors[LIMIT_CV], errors["KF CV"]
         made.append(
             Finding(
                 f"KF CV with the published R and Q, {NOISE_NAMES[noise]}",
-                f"velocity RMSE {published[..., VELOCITY].mean():.0f} m/s, and "
-                f"{tuned[..., VELOCITY].mean():.1f} m/s with R and Q tuned here; position RMSE "
-                f"{published[..., POSITION].mean():.1f} and {tuned[..., POSITION].mean():.1f} m",
+                "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
+                "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(
+                    *(
+                        values[..., metric].mean()
+                        for metric in (VELOCITY, POSITION)
+                        for values in (published, limit, tuned)
+                    )
+                ),
                 "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"]),
             )
         )
@@ -169,10 +181,14 @@ def _sound(results: Results, seed: int) -> list[Finding]:
     errors = results.errors["gaussian"]
     position = {name: values[..., POSITION] for name, values in errors.items()}
     share = paired_ratio(position["CV"], position[UNFILTERED], seed)
+    start = ", ".join(
+        f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h")
+    )
     order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
     return [
         Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", _share(share)),
         Finding("sound settings: order by position RMSE, Gaussian noise", order),
+        Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
 
 

@@ -6,7 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_EXCEPTION, ProcessPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from baselines.papers.novospaskyi.tuning import tune
 FloatArray = NDArray[np.float64]
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
 
-LARGEST_LOSS = 0.005
+LARGEST_LOSS = 0.0075
 """Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised."""
 
 PENALTY = 100.0
@@ -61,7 +61,8 @@ class Tuning:
         trials: number of trials.
         seed: of the sampler.
         folder: of the tuning files; it exists.
-        reference: training error of the plain CV filter with Gaussian noise [m], for robust filters.
+        plain: parameters of the plain CV filter with Gaussian noise, for robust filters: their process noise.
+        reference: its training error [m].
     """
 
     name: str
@@ -70,6 +71,7 @@ class Tuning:
     trials: int
     seed: int
     folder: Path
+    plain: Parameters = field(default_factory=dict)
     reference: float = np.nan
 
     @property
@@ -82,7 +84,9 @@ class Tuning:
         """Digest of everything that the cost depends on, except the source code."""
         contender = CONTENDERS[self.name]
         digest = hashlib.sha256(
-            repr((self.name, contender.space, contender.start, self.seed, self.reference)).encode()
+            repr(
+                (self.name, contender.space, contender.start, self.seed, self.plain, self.reference)
+            ).encode()
         )
         for tracks in self.training.values() if self.noise is None else [self.training[self.noise]]:
             for array in (tracks.times, tracks.measurements, tracks.positions):
@@ -95,6 +99,7 @@ class Tuning:
         For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds
         `LARGEST_LOSS`.
         """
+        parameters = {**self.plain, **parameters}
         if self.noise is not None:
             return float(errors(self.name, parameters, self.training[self.noise])[:, 0].mean())
         gaussian, levy = (
@@ -106,9 +111,10 @@ class Tuning:
     def run(self) -> dict[str, Any]:
         """The best parameters; finished trials are read from the file."""
         contender = CONTENDERS[self.name]
-        return tune(
+        best = tune(
             contender.space, contender.start, self.cost, self.trials, self.seed, self.file, self.fingerprint
         )
+        return {**self.plain, **best}
 
 
 def run_tuning(tuning: Tuning) -> dict[str, Any]:
@@ -149,7 +155,7 @@ def run_tasks(tasks: Iterable[Task], workers: int, tick: Callable[[int], None]) 
     """
     listed = list(tasks)
     if workers == 1 or len(listed) == 1:
-        results = []
+        results: list[Any] = []
         for function, arguments in listed:
             tick(len(results))
             results.append(function(*arguments))

@@ -78,8 +78,8 @@ def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], 
         ArgumentError: the file cannot be read.
     """
     try:
-        lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
-    except (OSError, UnicodeDecodeError) as error:
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
+    except OSError as error:
         raise ArgumentError(f"{file} cannot be read: {error}") from None
     found: dict[int, tuple[dict[str, Any], float]] = {}
     for line in lines:
@@ -89,7 +89,7 @@ def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], 
                 found.setdefault(int(entry["trial"]), (dict(entry["parameters"]), float(entry["value"])))
         except (ValueError, KeyError, TypeError):  # the line that a killed process was writing
             continue
-    finished = []
+    finished: list[tuple[dict[str, Any], float]] = []
     while len(finished) in found:
         finished.append(found[len(finished)])
     return finished
