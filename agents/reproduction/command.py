@@ -26,7 +26,7 @@ class Reproduce:
     """Number of runs of each study, 1000 by default; Golubkov and Tsyganov used 100. For novospaskyi the
     number of seeds of the noise, 10 by default."""
     physics: bool = False
-    """novospaskyi: fly a quadrotor in PyBullet (extra `physics`), and not a point mass."""
+    """novospaskyi: fly a quadrotor in PyBullet (extra `physics`) in place of a point mass."""
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results")
@@ -44,7 +44,7 @@ class Reproduce:
         if not self.papers or len(set(self.papers)) != len(self.papers):
             raise reject("papers", self.papers, "one or more papers, each at most once")
         if self.physics and "novospaskyi" not in self.papers:
-            raise reject("papers", self.papers, "novospaskyi, with --physics")
+            raise reject("papers", self.papers, "novospaskyi, with --physics True")
         import time
         from importlib import import_module
 

@@ -134,11 +134,13 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
     axes.set_yticks(rows, names)
     axes.invert_yaxis()
-    axes.set(xscale="log", xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
-    ticks = [5, 10, 20, 40, 100, 400] if metric.startswith("velocity") else [8, 10, 15, 20, 30, 40]
-    axes.set_xticks(ticks, [str(tick) for tick in ticks])
-    axes.set_xlim(ticks[0] * 0.8, ticks[-1] * 1.4)
-    axes.minorticks_off()
+    axes.set(xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
+    if metric.startswith("velocity"):
+        ticks = [5, 10, 20, 40, 100, 400]
+        axes.set_xscale("log")
+        axes.set_xticks(ticks, [str(tick) for tick in ticks])
+        axes.set_xlim(4.0, 600.0)
+        axes.minorticks_off()
     axes.grid(axis="x", alpha=0.25)
 
 
