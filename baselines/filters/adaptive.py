@@ -2,7 +2,8 @@
 
 The filter has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
 K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
-D^N of the predictions x_e. With N = 3 and H_i = M[nu_n nu_(n-i)'], M a mean over time:
+D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], M a mean over time (the
+paper prints nu_n nu_(n-i)', which is the same for one axis):
 
     C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
     F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
@@ -61,7 +62,7 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
         innovation: (5, ..., a) last innovations, newest first [m].
     """
     newest = innovation[0]
-    pairs = [(newest, innovation[lag]) for lag in range(LAGS)]
+    pairs = [(innovation[lag], newest) for lag in range(LAGS)]
     pairs += [(third_difference(values), newest) for values in (position, velocity, innovation)]
     return np.stack([left[..., :, None] * right[..., None, :] for left, right in pairs])
 

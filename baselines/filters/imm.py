@@ -19,8 +19,9 @@ from scipy.linalg import expm
 from scipy.special import logsumexp
 
 from baselines.filters.kalman import KalmanFilter
+from baselines.filters.motion_models import check_per_item
 from baselines.filters.track_filter import TrackFilter
-from hybrid_env.checks import check_array, reject
+from hybrid_env.checks import reject
 
 FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300  # smaller probabilities count as this one
@@ -58,15 +59,13 @@ class IMMFilter(TrackFilter):
                 raise reject("filters", one.model.name, "start_deviations of the larger models")
         self.axes, self.order = filters[0].axes, max(one.order for one in filters)
         count = len(filters)
-        times = np.broadcast_to(
-            check_array("sojourns", sojourns, () if np.ndim(sojourns) == 0 else (count,)), count
-        )
-        if (times <= 0.0).any():
-            raise reject("sojourns", sojourns, "times > 0")
+        times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
         self._rates = (np.ones((count, count)) / (count - 1) - np.eye(count) * count / (count - 1)) / times[
             :, None
         ]
+
+        self._last: tuple[float, FloatArray] | None = None  # transition of the last time step
 
     @property
     def probabilities(self) -> FloatArray:
@@ -75,9 +74,13 @@ class IMMFilter(TrackFilter):
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
+        if np.ndim(dt) == 0:
+            step = float(dt)
+            if self._last is None or self._last[0] != step:
+                self._last = step, expm(self._rates * step)
+            return self._last[1]
         steps, inverse = np.unique(dt, return_inverse=True)
-        matrices = expm(self._rates * steps[:, None, None])
-        return matrices[0] if np.ndim(dt) == 0 else matrices[inverse]
+        return np.asarray(expm(self._rates * steps[:, None, None])[inverse])
 
     def _begin(self, tracks: int) -> None:
         for one in self.filters:

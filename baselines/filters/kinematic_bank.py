@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 
 from baselines.filters.imm import resized
 from baselines.filters.kalman import KalmanFilter
+from baselines.filters.robust import LOG_TWO_PI
 from baselines.filters.track_filter import (
     check_covariance,
     check_measurements,
@@ -67,13 +68,6 @@ class KinematicBank:
         _, self._log_noise = np.linalg.slogdet(filters[0].noise)  # of R, the unit of variances in a row
         if filters[0].noise.ndim != 2:
             raise reject("filters", "a covariance per track", "one covariance of the measurements")
-        self._densities = [self._density_at_zero(one) for one in filters]
-
-    def _density_at_zero(self, one: KalmanFilter) -> float:
-        """Log density of a whitened innovation of 0."""
-        if one.robust is None:
-            return -0.5 * self.axes * float(np.log(2.0 * np.pi))
-        return float(one.robust.log_density(np.zeros((1, self.axes)))[0])
 
     @property
     def hypotheses(self) -> int:
@@ -151,6 +145,7 @@ class KinematicBank:
         known = np.where(measured[:, None], values, 0.0)
         self._ticks += 1
         self._displacement = np.where(measured[:, None], known - self._anchor[0], self._displacement)
+        exponents = np.zeros_like(self.log_likelihood)
         for h, one in enumerate(self.filters):
             one._predict(steps)
             spread = one.covariance[:, :: one.order, :: one.order] + one.noise
@@ -158,12 +153,14 @@ class KinematicBank:
             half_log = np.where(measured, 0.5 * np.linalg.slogdet(spread)[1], 0.0)
             one._update(values, None)
             self.log_likelihood[:, h] += one.log_likelihood
-            # the innovation of a Gaussian filter with the same likelihood
-            squares = 2.0 * (self._densities[h] - half_log - one.log_likelihood)
-            self._sizes[:, h] = np.where(measured, np.sqrt(np.maximum(squares, 0.0)), 0.0)
+            exponents[:, h] = half_log + one.log_likelihood
             self._scales[:, h] = np.where(measured, half_log - 0.5 * self._log_noise, 0.0)
             length = np.linalg.norm(innovation, axis=1)
             self._directions[:, h] = innovation / np.where(length > 0.0, length, 1.0)[:, None]
+        # the length of the whitened innovation of a Gaussian filter with this likelihood, up to a constant
+        largest = np.maximum(exponents.max(-1), -0.5 * self.axes * LOG_TWO_PI)
+        squares = 2.0 * (largest[:, None] - exponents)
+        self._sizes = np.where(measured[:, None], np.sqrt(np.maximum(squares, 0.0)), 0.0)
 
     def rows(self, previous: ArrayLike, ticks_left: ArrayLike = 0) -> NDArray[np.float32]:
         """Rows that a decider reads, (B, 6 M + 10), see `hybrid_env.observation.Layout`.

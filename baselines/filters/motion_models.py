@@ -8,28 +8,47 @@ and Navigation", section 6.2 (continuous noise) and 6.3 (discrete noise).
 
 from dataclasses import dataclass
 from math import factorial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import check_array, check_choice, check_integer, dimensions, reject
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    check_array,
+    check_choice,
+    check_integer,
+    check_number,
+    dimensions,
+    reject,
+)
 
 FloatArray = NDArray[np.float64]
 ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
 """Number of values per axis, m, of each model."""
 
 
-def process_noise(name: str, value: float | ArrayLike, axes: int) -> FloatArray:
-    """Return checked intensities of the process noise, (d,), of a number or one number per axis.
+def check_scalar(name: str, value: Any) -> float:
+    """Return a finite float of a size whose square does not overflow. Raises `ArgumentError` otherwise."""
+    number = check_number(name, value)
+    if abs(number) > LARGEST_NUMBER:
+        raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
+    return number
+
+
+def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
+    """Return checked values, (count,), of one number for all or of an array with one for each.
 
     Raises:
-        ArgumentError: a value is negative or not finite, or their number is wrong.
+        ArgumentError: a value is below `smallest` or not finite, or their number is wrong.
     """
-    values = check_array(name, value, () if dimensions(value) == 0 else (axes,))
-    if (values < 0.0).any():
-        raise reject(name, value, "numbers >= 0")
-    return np.broadcast_to(values, axes).copy()
+    if dimensions(value) == 0:
+        values = np.full(count, check_scalar(name, value))
+    else:
+        values = check_array(name, value, (count,))
+    if (values < smallest).any():
+        raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
+    return values
 
 
 @dataclass(frozen=True)
@@ -60,7 +79,7 @@ class MotionModel:
         check_choice("name", self.name, ORDERS)
         check_integer("axes", self.axes)
         check_choice("discretization", self.discretization, ("continuous", "discrete"))
-        object.__setattr__(self, "noise", process_noise("noise", self.noise, self.axes))
+        object.__setattr__(self, "noise", check_per_item("noise", self.noise, self.axes))
 
     @property
     def order(self) -> int:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.filters.motion_models import check_scalar
 from baselines.filters.track_filter import TrackFilter, check_measurements, measurement_covariance
 from hybrid_env.checks import ArgumentError, check_array, check_flag, dimensions, reject
 
@@ -145,7 +146,7 @@ def _begin_from(
         tracks, size
     )
     track_filter.begin_from(means, covariances)
-    first = check_array("start time", time, ())
-    if (first > moments[0]).any():
+    first = check_scalar("start time", time)
+    if (np.asarray(first) > moments[0]).any():
         raise reject("start time", time, "a time not after the first measurement")
     return np.broadcast_to(first, moments[0].shape)

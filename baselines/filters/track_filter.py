@@ -6,7 +6,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import ArgumentError, check_array, check_integer, dimensions, reject
+from baselines.filters.motion_models import check_per_item, check_scalar
+from hybrid_env.checks import (
+    ArgumentError,
+    check_array,
+    check_integer,
+    check_positive,
+    dimensions,
+    reject,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -124,16 +132,17 @@ class TrackFilter(ABC):
 
 def check_steps(name: str, value: float | ArrayLike, tracks: int) -> float | FloatArray:
     """Return checked time steps [s], a float or (B,). Raises `ArgumentError` if one is negative."""
-    steps = check_array(name, value, () if dimensions(value) == 0 else (tracks,))
-    if (steps < 0.0).any():
-        raise reject(name, float(steps.min()), "time steps >= 0")
-    return float(steps) if steps.ndim == 0 else steps
+    if dimensions(value) == 0:
+        return check_positive(name, check_scalar(name, value), allow_zero=True)
+    return check_per_item(name, value, tracks)
 
 
 def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
     """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its components."""
+    if dimensions(value) != len(shape) or np.ma.is_masked(value):
+        return check_array(name, value, shape)
     values = np.asarray(value)
-    if values.dtype.kind != "f" or np.ma.is_masked(value):
+    if values.dtype.kind != "f":
         return check_array(name, value, shape)
     missing = np.isnan(values)
     values = check_array(name, np.where(missing, 0.0, values), shape)
@@ -154,9 +163,8 @@ def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int |
         ArgumentError: the value has another shape or is not positive definite.
     """
     ndim = dimensions(value)
-    if ndim <= 1:
-        variances = check_array(name, value, () if ndim == 0 else (axes,))
-        matrix = np.diag(np.broadcast_to(variances, axes))
+    if ndim in (0, 1):
+        matrix = np.diag(check_per_item(name, value, axes))
     else:
         matrix = check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes))
     return check_covariance(name, matrix)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.deciders.decider import Decider
 from baselines.filters.imm import resized
 from baselines.filters.kinematic_bank import KinematicBank
+from baselines.filters.motion_models import check_scalar
 from baselines.filters.run_filter import check_times
 from baselines.filters.track_filter import check_measurements
 from hybrid_env.checks import check_array, check_integer, reject
@@ -78,7 +79,7 @@ def decide_models(
     state, covariance, time = start
     if len(check_array("start estimates", state, (None, None))) != tracks:
         raise reject("start estimates", np.shape(state), f"one estimate for each of {tracks} tracks")
-    first = np.broadcast_to(check_array("start time", time, ()), moments[0].shape)
+    first = np.broadcast_to(check_scalar("start time", time), moments[0].shape)
     if (first > moments[0]).any():
         raise reject("start time", time, "a time not after the first tick")
     steps = np.diff(moments, axis=0, prepend=first[None])

@@ -228,6 +228,7 @@ def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path
         "golubkov2018_3.png",
         "tsyganov2019_1.png",
         "golubkov2020.png",
+        "zimchuk.png",
         "reproduction.md",
     } <= names
     cells = json.loads((out / "tsyganov2019.json").read_text())["cells"]
