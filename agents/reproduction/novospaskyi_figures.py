@@ -106,7 +106,7 @@ def _errors(result: Reproduction) -> Figure:
     for index, noise in enumerate(NOISES):
         for place, metric in enumerate(("position RMSE, m", "velocity RMSE, m/s")):
             _draw_bars(axes[2 * index + place], result, noise, metric)
-    axes[0].legend(
+    axes[1].legend(
         handles=[Patch(facecolor="white", edgecolor="#4d4d4d", hatch="////", label="published"),
                  Patch(facecolor="#4d4d4d", label="ours, as in the thesis"),
                  Patch(facecolor="#88CCEE", label="ours, sound and robust")],
