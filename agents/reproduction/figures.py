@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.interface.curve_labels import label_curves
 from agents.interface.output_files import atomic_file
-from agents.reproduction import zimchuk_figure
+from agents.reproduction import novospaskyi_figures, zimchuk_figure
 from agents.reproduction.canvas import DPI, GREY, new_figure
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
@@ -237,5 +237,6 @@ FIGURES: dict[str, Callable[[Reproduction], dict[str, Figure]]] = {
     ),
     "golubkov2020": _detection_figure,
     "zimchuk": zimchuk_figure.draw,
+    "novospaskyi": novospaskyi_figures.draw,
 }  # fmt: skip
 """What draws the figures of each paper, by their file names."""

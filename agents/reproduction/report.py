@@ -10,9 +10,6 @@ from rich.table import Table
 
 from baselines.papers.reproduction import Cell, Reproduction
 
-MIN_RUNS = 500
-"""With fewer runs, the centre of the interval is itself too uncertain."""
-
 HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
 INSIDE = {"inside": ("yes", "green"), "outside": ("no", "red"), "not published": ("-", "bright_black")}
 FINDINGS_TITLE = "additional results"
@@ -36,7 +33,8 @@ def _title(result: Reproduction, table: str) -> str:
 
 def describe_runs(result: Reproduction) -> str:
     """Number of runs and seed, with a recommendation if there are few runs."""
-    few = f" At least {MIN_RUNS} runs are recommended." if result.runs < MIN_RUNS else ""
+    least = result.recommended_runs
+    few = f" At least {least} runs are recommended." if result.runs < least else ""
     return f"{result.runs} runs, seed {result.seed}.{few}"
 
 
