@@ -72,3 +72,10 @@ sphinx_gallery_conf = {
 }
 
 warnings.filterwarnings("ignore", message=".*non-interactive.*")
+
+
+def setup(app):
+    """Compile the kernel before the examples run, so that its notice is not among their output."""
+    import gymnasium as gym
+
+    gym.make("hybrid_env:HybridTrack-v0").reset(seed=0)
