@@ -66,6 +66,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "download_all_examples": False,
     "plot_gallery": True,
+    "capture_repr": (),
     "abort_on_example_error": True,
     "min_reported_time": 1000,
     "image_scrapers": ("matplotlib",),

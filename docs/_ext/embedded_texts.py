@@ -51,7 +51,13 @@ def embed(app: Any, page: str, source: list[str]) -> None:
     source[0] = MARK.sub(lambda mark: texts[mark[1]](mark[2]), source[0])
 
 
+def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
+    """Pages with marks, which are always read again; a handler of Sphinx's event `env-get-outdated`."""
+    return [page for page in env.found_docs if MARK.search(Path(env.doc2path(page)).read_text("utf-8"))]
+
+
 def setup(app: Any) -> dict[str, bool]:
-    """Register the handler."""
+    """Register the handlers."""
     app.connect("source-read", embed)
+    app.connect("env-get-outdated", outdated)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
