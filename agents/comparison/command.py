@@ -32,9 +32,9 @@ def _default(decisions: str, statements: str, *aliases: str) -> object:
 class Compare(WorldArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for about half a minute and take about six minutes in total on two cores. With
+    The defaults train PPO for about half a minute and take about four minutes in total. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
-    three minutes.
+    three minutes. An interrupted comparison goes on when it is started again.
     """
 
     deciders: Annotated[tuple[str, ...] | None, _default(" ".join(DECIDERS), "all")] = None
