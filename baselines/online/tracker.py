@@ -66,8 +66,8 @@ class OnlineTracker:
     `follow="bank"` all filters run on, and the estimate is merged over them.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
-    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True, are
-    asked in these ticks: their filters predict, too.
+    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
+    are asked in these ticks: their filters predict, too.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
