@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
 from hybrid_env.checks import check_integer, reject
 
-Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020"]
-PAPERS: tuple[Paper, ...] = ("golubkov2018", "tsyganov2019", "golubkov2020")
+Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk"]
+PAPERS: tuple[Paper, ...] = get_args(Paper)
 
 
 @dataclass(kw_only=True)
@@ -20,9 +20,9 @@ class Reproduce:
     """
 
     papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = PAPERS
-    """Papers to reproduce; all three by default."""
+    """Papers to reproduce; all by default."""
     runs: int = 1000
-    """Number of runs of each study; the papers used 100."""
+    """Number of runs of each study; Golubkov and Tsyganov used 100."""
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results")

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from baselines.papers.reproduction import Cell, Reproduction
@@ -64,7 +65,7 @@ def tables(result: Reproduction) -> list[Table]:
     for head in FINDINGS_HEADER:
         table.add_column(head)
     for finding in result.findings:
-        table.add_row(finding.name, finding.value, finding.claim)
+        table.add_row(*(escape(text) for text in (finding.name, finding.value, finding.claim)))
     return [*made, table]
 
 
