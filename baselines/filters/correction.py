@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.filters.robust import Factors, Gate, Robust, gaussian_factors
+
 FloatArray = NDArray[np.float64]
 
 
@@ -37,14 +39,14 @@ class Corrected(NamedTuple):
     Attributes:
         state: (B, n).
         covariance: (B, n, n).
-        white: (B, d) innovations, whitened: independent with variance 1 if the model holds.
-        log_scale: (B,) half the logarithm of the determinant of the covariance S of the innovation.
+        log_likelihood: (B,) of the measurement.
+        nis: (B,) squared innovation in units of its covariance.
     """
 
     state: FloatArray
     covariance: FloatArray
-    white: FloatArray
-    log_scale: FloatArray
+    log_likelihood: FloatArray
+    nis: FloatArray
 
 
 def principal_noise(covariance: FloatArray) -> PrincipalNoise:
@@ -57,7 +59,12 @@ def principal_noise(covariance: FloatArray) -> PrincipalNoise:
 
 
 def correct(
-    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise
+    state: FloatArray,
+    covariance: FloatArray,
+    measurement: FloatArray,
+    noise: PrincipalNoise,
+    robust: Robust | None = None,
+    rejections: NDArray[np.int64] | None = None,
 ) -> Corrected:
     """Correct estimates by measured positions.
 
@@ -65,49 +72,58 @@ def correct(
         state, covariance: predicted, (B, n) and (B, n, n).
         measurement: (B, d) [m].
         noise: of the measurement.
+        robust: how components far from the prediction are used; None is the Kalman filter.
+        rejections: (B, d) components outside a `Gate` in a row, counted in place; needed for it.
     """
     state, covariance = state.copy(), covariance.copy()
     tracks, d = measurement.shape
     m = state.shape[1] // d
     variances = np.broadcast_to(noise.variances, (tracks, d))
-    white, log_scale = np.empty((tracks, d)), np.zeros(tracks)
+    log_likelihood, nis = np.zeros(tracks), np.zeros(tracks)
     for i in range(d):
+        variance = variances[:, i]
         if noise.axes is None:
             cross = covariance[:, :, m * i].copy()
             innovation = measurement[:, i] - state[:, m * i]
-            predicted = cross[:, m * i]
+            predicted = cross[:, m * i].copy()
         else:
             axis = np.broadcast_to(noise.axes[..., i], (tracks, d))
             cross = (covariance[:, :, ::m] @ axis[..., None])[..., 0]  # P h
             innovation = ((measurement - state[:, ::m]) * axis).sum(-1)
             predicted = (cross[:, ::m] * axis).sum(-1)
-        total = predicted + variances[:, i]
-        gain = cross / total[:, None]
-        state += gain * innovation[:, None]
-        covariance -= gain[:, :, None] * cross[:, None, :]
+        factors = (
+            gaussian_factors(innovation, predicted, variance)
+            if robust is None
+            else _robust_factors(robust, innovation, predicted, variance, rejections, i)
+        )
+        state += cross * (factors.state * innovation)[:, None]
+        covariance -= (cross * factors.covariance[:, None])[:, :, None] * cross[:, None, :]
         if noise.axes is None:
-            # exact where a measurement is far more accurate than the prediction
-            after = gain * variances[:, i, None]
+            # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b
+            exact = variance * factors.covariance
+            left = exact if robust is None else 1.0 - predicted * factors.covariance
+            after = cross * left[:, None]
             covariance[:, :, m * i] = after
             covariance[:, m * i, :] = after
-        white[:, i] = innovation / np.sqrt(total)
-        log_scale += 0.5 * np.log(total)
-    return Corrected(state, covariance, white, log_scale)
+        log_likelihood += factors.log_likelihood
+        nis += innovation**2 / (predicted + variance)
+    return Corrected(state, covariance, log_likelihood, nis)
 
 
-def turned_positions(
-    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise
-) -> tuple[FloatArray, FloatArray]:
-    """Innovations, (B, d), and covariances H P H', (B, d, d), along the principal axes of the measurements.
-
-    Args:
-        state, covariance: predicted, (B, n) and (B, n, n).
-        measurement: (B, d) [m].
-        noise: of the measurement.
-    """
-    m = state.shape[1] // measurement.shape[1]
-    innovation, predicted = measurement - state[:, ::m], covariance[:, ::m, ::m]
-    if noise.axes is None:
-        return innovation, predicted
-    turned = np.swapaxes(noise.axes, -1, -2)
-    return (turned @ innovation[..., None])[..., 0], turned @ predicted @ noise.axes
+def _robust_factors(
+    robust: Robust,
+    innovation: FloatArray,
+    predicted: FloatArray,
+    variance: FloatArray,
+    rejections: NDArray[np.int64] | None,
+    component: int,
+) -> Factors:
+    """Factors of a robust correction; a gate opens for lost tracks."""
+    factors = robust.factors(innovation, predicted, variance)
+    if not isinstance(robust, Gate) or rejections is None:
+        return factors
+    outside = robust.outside(innovation, predicted, variance)
+    lost = rejections[:, component] >= robust.patience
+    rejections[:, component] = np.where(outside, rejections[:, component] + 1, 0)
+    used = np.where(lost, 1.0 / (predicted + variance), factors.state)
+    return Factors(used, used, factors.log_likelihood)

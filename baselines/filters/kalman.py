@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.filters.correction import PrincipalNoise, correct, principal_noise, turned_positions
+from baselines.filters.correction import correct, principal_noise
 from baselines.filters.motion_models import MotionModel
-from baselines.filters.robust import LOG_TWO_PI, Robust, robust_noise
+from baselines.filters.robust import Robust
 from baselines.filters.track_filter import TrackFilter, measurement_covariance
 from hybrid_env.checks import check_array, reject
 
@@ -69,6 +69,7 @@ class KalmanFilter(TrackFilter):
         size = self.model.size
         self.state = np.full((tracks, size), np.nan)
         self.covariance = np.full((tracks, size, size), np.nan)
+        self._rejections = np.zeros((tracks, self.axes), np.int64)
         self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
@@ -113,31 +114,25 @@ class KalmanFilter(TrackFilter):
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         used = measured & begun
         if used.all():
-            results = self._corrected(self.state, self.covariance, measurement, principal)
+            results = correct(
+                self.state, self.covariance, measurement, principal, self.robust, self._rejections
+            )
             self.state, self.covariance, self.log_likelihood, self.nis = results
             return
         if used.any():
-            results = self._corrected(
-                self.state[used], self.covariance[used], measurement[used], principal.of(used)
+            rejections = self._rejections[used]
+            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = correct(
+                self.state[used],
+                self.covariance[used],
+                measurement[used],
+                principal.of(used),
+                self.robust,
+                rejections,
             )
-            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = results
+            self._rejections[used] = rejections
         first = np.flatnonzero(measured & ~begun)
         if first.size:
             self._start(first, measurement, noise)
-
-    def _corrected(
-        self, state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Corrected estimates and covariances, log-likelihoods and NIS of tracks with a measurement."""
-        if self.robust is None:
-            state, covariance, white, log_scale = correct(state, covariance, measurement, noise)
-            nis = (white**2).sum(-1)
-            return state, covariance, -0.5 * (nis + self.axes * LOG_TWO_PI) - log_scale, nis
-        innovation, predicted = turned_positions(state, covariance, measurement, noise)
-        variances, white, log_scale = robust_noise(self.robust, innovation, predicted, noise.variances)
-        weighted = PrincipalNoise(variances, noise.axes)
-        state, covariance, _, _ = correct(state, covariance, measurement, weighted)
-        return state, covariance, self.robust.log_density(white) - log_scale, (white**2).sum(-1)
 
 
 def propagate(

@@ -13,6 +13,7 @@ from scipy.special import logsumexp
 
 from baselines.filters.imm import resized
 from baselines.filters.kalman import KalmanFilter
+from baselines.filters.robust import gaussian_factors
 from baselines.filters.track_filter import (
     check_covariance,
     check_measurements,
@@ -70,10 +71,10 @@ class KinematicBank:
         self._densities = [self._density_at_zero(one) for one in filters]
 
     def _density_at_zero(self, one: KalmanFilter) -> float:
-        """Log density of a whitened innovation of 0."""
-        if one.robust is None:
-            return -0.5 * self.axes * float(np.log(2.0 * np.pi))
-        return float(one.robust.log_density(np.zeros((1, self.axes)))[0])
+        """Log-likelihood of an innovation of 0 with the covariance 1."""
+        factors = gaussian_factors if one.robust is None else one.robust.factors
+        zero = np.zeros(1)
+        return self.axes * float(factors(zero, zero + 0.5, zero + 0.5).log_likelihood[0])
 
     @property
     def hypotheses(self) -> int:

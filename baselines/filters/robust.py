@@ -1,230 +1,225 @@
-"""Robust updates of a Kalman filter: the weight of a measurement falls with its distance from the estimate.
+"""Corrections by one component of a measurement: Gaussian, and robust against outliers.
 
-Each method weights the components of a measurement along the principal axes of its covariance R, because
-outliers of a sensor are usually independent along them: with the weight w_i the component has the variance
-r_i / w_i. With `by="vector"` all components of a measurement have one weight. The weights depend on the
-residual z - H x, and x on the weights; the fixed point is found by iteration (iteratively reweighted least
-squares). It starts from the innovation in units of its own covariance S, so that a far measurement is used
-where the prediction is uncertain, as after a gap, and not where it is certain.
+A component with the error variance r is predicted with the variance m; y is the innovation. With the column c
+of the covariance P of the state that belongs to it, every method corrects the state by c y a and P by -c c'
+b, with factors a and b of its own. The Gaussian filter has a = b = 1 / (m + r). Outliers of a sensor are
+taken for independent along the principal axes of the covariance of a measurement.
 
-`log_density` gives the likelihood of the whitened innovation. For Huber and Student-t it is a density. The
-others have a bounded loss, which has none: theirs compares motion models, not parameters of the loss.
+The log-likelihood is that of the innovation. For Student-t it is exact, for Huber that of its density with
+the scale of the innovation. Correntropy and gate have a bounded loss, which has no density: theirs compare
+motion models, not parameters of the loss.
 """
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammainc, gammaln
+from scipy.special import gammaln, ndtr
 
-from baselines.filters.correction import PrincipalNoise, correct
-from hybrid_env.checks import check_choice, check_integer, check_positive
+from hybrid_env.checks import check_between, check_integer, check_positive
 
 FloatArray = NDArray[np.float64]
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
-SMALLEST_WEIGHT = 1e-12  # the variance of a component is at most 10^12 times as large
-CONVERGED = 1e-4  # largest relative change of a weight at which the iteration ends
 
 
-@dataclass(frozen=True, kw_only=True)
-class Robust(ABC):
-    """A robust update.
+class Factors(NamedTuple):
+    """Correction by one component of a measurement, (B,) each.
 
     Attributes:
-        by: "axis" weights every component of a measurement, "vector" the measurement as a whole.
-        iterations: largest number of iterations of the fixed point.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
+        state: a, of the state [1/m^2].
+        covariance: b, of its covariance [1/m^2].
+        log_likelihood: of the innovation.
     """
 
-    by: Literal["axis", "vector"] = "axis"
-    iterations: int = 20
-    expected: ClassVar[bool] = False
-    """Whether the weight is that of the expected squared residual, not of the residual of the estimate."""
+    state: FloatArray
+    covariance: FloatArray
+    log_likelihood: FloatArray
 
-    def __post_init__(self) -> None:
-        check_choice("by", self.by, ("axis", "vector"))
-        check_integer("iterations", self.iterations)
-        self._check()
 
-    def weights(self, squares: FloatArray) -> FloatArray:
-        """Weights, (B, d), of squared residuals in units of their variances, (B, d)."""
-        if self.by == "axis":
-            return self._weight(squares, 1)
-        total = squares.sum(-1, keepdims=True)
-        return np.broadcast_to(self._weight(total, squares.shape[-1]), squares.shape)
+def gaussian_factors(innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    """Factors of the Kalman filter. Arguments as in `Robust.factors`."""
+    total = predicted + variance
+    precision = 1.0 / total
+    log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
+    return Factors(precision, precision, log_likelihood)
 
-    def log_density(self, white: FloatArray) -> FloatArray:
-        """Logarithm of the density, (B,), of whitened innovations, (B, d)."""
-        squares = white**2
-        if self.by == "axis":
-            return self._log_density(squares, 1).sum(-1)
-        return self._log_density(squares.sum(-1), squares.shape[-1])
+
+class Robust(ABC):
+    """A robust correction."""
 
     @abstractmethod
-    def _check(self) -> None: ...
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """Return the factors for one component of a measurement.
 
-    @abstractmethod
-    def _weight(self, squares: FloatArray, size: int) -> FloatArray:
-        """Weights of the squared lengths of vectors with so many components."""
-
-    @abstractmethod
-    def _log_density(self, squares: FloatArray, size: int) -> FloatArray:
-        """Logarithm of the density of a vector with so many components, by its squared length."""
+        Args:
+            innovation: (B,) y [m].
+            predicted: (B,) variance m of the prediction [m^2].
+            variance: (B,) variance r of the measurement [m^2].
+        """
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Huber(Robust):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
-    The estimate is the maximum of the posterior of a Gaussian prior and this loss. The weight is 1 up to the
-    threshold and then threshold / residual.
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual.
+    The residual grows by the innovation where it exceeds the threshold; the weight of the measurement, by
+    which the covariance is corrected, is threshold / residual.
 
     Attributes:
-        threshold: in standard deviations, > 0. With 1.345 a location has 95 % efficiency with Gaussian noise.
+        threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
+            efficiency with Gaussian noise.
+
+    Raises:
+        ArgumentError: the threshold is not positive.
     """
 
     threshold: float = 1.345
 
-    def _check(self) -> None:
+    def __post_init__(self) -> None:
         check_positive("threshold", self.threshold)
 
-    def _weight(self, squares: FloatArray, size: int) -> FloatArray:
-        return self.threshold / np.maximum(np.sqrt(squares), self.threshold)
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total, size, deviation = predicted + variance, np.abs(innovation), np.sqrt(variance)
+        k = self.threshold
+        linear = size * deviation > k * total  # the residual y r / (m + r) exceeds the threshold
+        residual = np.where(linear, size - k * predicted / deviation, k * deviation)
+        weighted = np.where(linear, deviation * residual / k, variance)
+        precision = 1.0 / (predicted + weighted)
+        white = size / np.sqrt(total)
+        loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
+        log_likelihood = -loss - 0.5 * np.log(total) - self.log_integral
+        return Factors(precision, precision, log_likelihood)
 
-    def _log_density(self, squares: FloatArray, size: int) -> FloatArray:
-        length, k = np.sqrt(squares), self.threshold
-        loss = np.where(length <= k, 0.5 * squares, k * length - 0.5 * k * k)
-        return -loss - _log_huber_integral(k, size)
-
-
-def _log_huber_integral(k: float, size: int) -> float:
-    """Logarithm of the integral of exp(-loss) over vectors with so many components.
-
-    The part inside the threshold is an incomplete gamma function; the part outside, the integral of
-    r^(size - 1) exp(k^2 / 2 - k r) from k, follows by repeated integration by parts.
-    """
-    log_inside = 0.5 * size * LOG_TWO_PI + np.log(gammainc(0.5 * size, 0.5 * k * k))
-    outside = total = k ** (size - 1) / k
-    for power in range(size - 1, 0, -1):
-        outside *= power / (k * k)
-        total += outside
-    log_sphere = np.log(2.0) + 0.5 * size * np.log(np.pi) - gammaln(0.5 * size)
-    return float(np.logaddexp(log_inside, log_sphere - 0.5 * k * k + np.log(total)))
+    @property
+    def log_integral(self) -> float:
+        """Logarithm of the integral of exp(-loss) over all numbers."""
+        k = self.threshold
+        inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
+        return float(np.log(inside + 2.0 / k * np.exp(-0.5 * k * k)))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class StudentT(Robust):
-    """Measurement noise with a Student-t distribution. Piche, Sarkka & Hartikainen 2012 (variational Bayes).
+    """Measurement noise with a Student-t distribution.
 
-    The weight is (nu + d) / (nu + residual^2), with the expected squared residual under the estimate's own
-    covariance; d = 1 by axis.
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution. The posterior is a
+    mixture over w; mean, covariance and likelihood of it are computed by quadrature and are exact for a
+    Gaussian prediction (assumed density filtering; Masreliez 1975). Sums over w are at equal steps of ln w.
 
     Attributes:
-        degrees_of_freedom: nu > 0; 1 is Cauchy noise, large values are Gaussian. The covariance of a
-            measurement is the scale matrix; the variance is nu / (nu - 2) times as large.
+        degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
+        of a
+            measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
+
+    Raises:
+        ArgumentError: nu is out of range.
     """
 
-    expected: ClassVar[bool] = True
     degrees_of_freedom: float = 4.0
 
-    def _check(self) -> None:
-        check_positive("degrees_of_freedom", self.degrees_of_freedom)
-
-    def _weight(self, squares: FloatArray, size: int) -> FloatArray:
-        return (self.degrees_of_freedom + size) / (self.degrees_of_freedom + squares)
-
-    def _log_density(self, squares: FloatArray, size: int) -> FloatArray:
+    def __post_init__(self) -> None:
+        check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
         nu = self.degrees_of_freedom
-        constant = gammaln(0.5 * (nu + size)) - gammaln(0.5 * nu) - 0.5 * size * np.log(nu * np.pi)
-        return np.asarray(constant - 0.5 * (nu + size) * np.log1p(squares / nu))
+        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: an error of about 1e-8
+        farthest = 1e6  # standard deviations; the weights of farther measurements do not fall any more
+        lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
+        logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
+        density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
+        density -= np.log(np.exp(density).sum())  # of the nodes, so that it is a distribution
+        object.__setattr__(self, "_inverse_weights", np.exp(-logs))
+        object.__setattr__(self, "_log_shares", density - 0.5 * LOG_TWO_PI)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        inverse_weights: FloatArray = self._inverse_weights  # type: ignore[attr-defined]
+        total = variance[:, None] * inverse_weights + predicted[:, None]
+        precision = 1.0 / total
+        squares = innovation**2
+        logs = 0.5 * (np.log(precision) - squares[:, None] * precision) + self._log_shares  # type: ignore[attr-defined]
+        largest = logs.max(-1)
+        share = np.exp(logs - largest[:, None])
+        norm = share.sum(-1)
+        mean = (share * precision).sum(-1) / norm
+        spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
+        return Factors(mean, mean - squares * spread, largest + np.log(norm))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MaximumCorrentropy(Robust):
     """Gaussian kernel of the residual as weight, exp(-residual^2 / (2 bandwidth^2)). Izanloo et al. 2016.
 
-    The kernel weights the measurement; the prediction keeps its covariance (Chen et al. 2017 weight both).
+    The weight of the measurement and the residual of the estimate are a fixed point, found by iteration. It
+    starts from the innovation in units of its own deviation, so that a far measurement is used where the
+    prediction is uncertain. The prediction keeps its covariance (Chen et al. 2017 weight it too).
 
     Attributes:
-        bandwidth: of the kernel in standard deviations, > 0.
+        bandwidth: of the kernel in standard deviations of a measurement, > 0.
+        iterations: largest number of iterations.
+
+    Raises:
+        ArgumentError: an attribute is out of range.
     """
 
     bandwidth: float = 3.0
+    iterations: int = 50
 
-    def _check(self) -> None:
+    def __post_init__(self) -> None:
         check_positive("bandwidth", self.bandwidth)
+        check_integer("iterations", self.iterations)
 
-    def _weight(self, squares: FloatArray, size: int) -> FloatArray:
-        return np.exp(-0.5 * np.minimum(squares / self.bandwidth**2, 1e3))
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total, width = predicted + variance, self.bandwidth**2
+        squares = innovation**2 / total
+        exponent = np.minimum(squares / width, 500.0)
+        weighted = variance * np.exp(0.5 * exponent)
+        for _ in range(self.iterations):
+            residual = innovation * weighted / (predicted + weighted)
+            last = weighted
+            weighted = variance * np.exp(0.5 * np.minimum(residual**2 / variance / width, 500.0))
+            if (np.abs(weighted - last) <= 1e-9 * last).all():
+                break
+        precision = 1.0 / (predicted + weighted)
+        loss = -width * np.expm1(-0.5 * exponent)
+        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))
 
-    def _log_density(self, squares: FloatArray, size: int) -> FloatArray:
-        width = self.bandwidth**2
-        loss = -width * np.expm1(-0.5 * np.minimum(squares / width, 1e3))
-        return -loss - 0.5 * size * LOG_TWO_PI
 
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Gate(Robust):
-    """Innovations outside a gate are not used. Bar-Shalom, Li & Kirubarajan 2001, section 1.4 (gating).
+    """Innovations outside a gate are not used. Bar-Shalom, Li & Kirubarajan 2001.
 
-    The gate widens with the covariance of the prediction, so that a lost track is found again if it has
-    process noise.
+    After some measurements outside the gate in a row a track counts as lost; then they are used until one is
+    inside again.
 
     Attributes:
         threshold: largest innovation that is used, in its standard deviations, > 0.
+        patience: number of measurements in a row that are not used.
+
+    Raises:
+        ArgumentError: an attribute is out of range.
     """
 
     threshold: float = 4.0
-    iterations: int = 0
+    patience: int = 5
 
     def __post_init__(self) -> None:
-        check_choice("by", self.by, ("axis", "vector"))
-        check_integer("iterations", self.iterations, 0, 0)  # the innovation decides, not the residual
-        self._check()
-
-    def _check(self) -> None:
         check_positive("threshold", self.threshold)
+        check_integer("patience", self.patience)
 
-    def _weight(self, squares: FloatArray, size: int) -> FloatArray:
-        return np.where(squares <= self.threshold**2, 1.0, 0.0)
+    def outside(
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
+    ) -> NDArray[np.bool_]:
+        """Whether innovations are outside the gate, (B,)."""
+        return np.asarray(innovation**2 > self.threshold**2 * (predicted + variance))
 
-    def _log_density(self, squares: FloatArray, size: int) -> FloatArray:
-        return -0.5 * np.minimum(squares, self.threshold**2) - 0.5 * size * LOG_TWO_PI
-
-
-def robust_noise(
-    robust: Robust, innovation: FloatArray, predicted: FloatArray, variances: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Variances of measurements with the weights of a robust update.
-
-    Args:
-        robust: the method.
-        innovation: (B, d) along the principal axes of the measurement, see `turned_positions`.
-        predicted: (B, d, d) covariance H P H' of the predicted positions, along the same axes.
-        variances: (d,) or (B, d) of the measurement.
-
-    Returns:
-        Weighted variances, (B, d), and whitened innovations and their scale without weights, see `Corrected`.
-    """
-    variances = np.broadcast_to(variances, innovation.shape)
-    none = np.zeros_like(innovation)  # the position, relative to the prediction
-    plain = correct(none, predicted, innovation, PrincipalNoise(variances, None))
-    spread = np.diagonal(predicted, axis1=1, axis2=2)
-    weights = np.maximum(robust.weights(innovation**2 / (spread + variances)), SMALLEST_WEIGHT)
-    moving = np.arange(len(innovation))  # tracks whose weights still change
-    for _ in range(robust.iterations):
-        y, r, w = innovation[moving], variances[moving], weights[moving]
-        after = correct(none[moving], predicted[moving], y, PrincipalNoise(r / w, None))
-        squares = (y - after.state) ** 2
-        if robust.expected:
-            squares += np.diagonal(after.covariance, axis1=1, axis2=2)
-        new = np.maximum(robust.weights(squares / r), SMALLEST_WEIGHT)
-        weights[moving] = new
-        moving = moving[(np.abs(new - w) > CONVERGED * w).any(-1)]
-        if not moving.size:
-            break
-    return variances / weights, plain.white, plain.log_scale
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total = predicted + variance
+        squares = innovation**2 / total
+        precision = np.where(squares <= self.threshold**2, 1.0 / total, 0.0)
+        loss = 0.5 * np.minimum(squares, self.threshold**2)
+        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))
