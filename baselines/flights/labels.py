@@ -7,8 +7,8 @@ straight motion. Rows in which this cannot be said with confidence are not score
 that it reports from its own sensors, say something else.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,22 +89,29 @@ def label_flights(flights: Sequence[Flight], rules: LabelRules | None = None) ->
     chosen = LabelRules() if rules is None else rules
     batch = stack_flights(flights)
     rates, speeds = smoothed_rates(batch, chosen.jerk)
-    found = [_no_labels(flight.times) for flight in flights]
-    for column, (k, first, end) in enumerate(batch.pieces):
-        flight, count = flights[k], end - first
-        part = make_labels(
-            flight.times[first:end], rates[:count, column], speeds[:count, column], flight.tracks[first:end], chosen
-        )
-        for field in fields(Labels):
-            getattr(found[k], field.name)[first:end] = getattr(part, field.name)
+    columns = {piece: column for column, piece in enumerate(batch.pieces)}
+    found = []
+    for k, flight in enumerate(flights):
+
+        def piece(first: int, end: int, k: int = k, flight: Flight = flight) -> Labels:
+            column = columns[k, first, end]
+            values = (one[: end - first, column] for one in (rates, speeds))
+            return make_labels(flight.times[first:end], *values, flight.tracks[first:end], chosen)
+
+        found.append(label_pieces(flight, piece))
     return found
 
 
-def _no_labels(times: FloatArray) -> Labels:
-    """Return labels of which nothing is scored."""
-    n = len(times)
-    zeros, nothing = np.zeros((3, n)), np.zeros(n, np.int64)
-    return Labels(times.copy(), nothing, np.zeros(n, np.bool_), *zeros, nothing - 1)
+def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
+    """Return the labels of a flight; `piece` returns those of its rows from a first one to an end."""
+    n = len(flight.times)
+    nothing = np.zeros(n, np.int64)
+    found = Labels(flight.times, nothing, np.zeros(n, np.bool_), *np.zeros((3, n)), nothing - 1)
+    for first, end in flight.pieces:
+        part = piece(first, end)
+        for name in ("modes", "scored", "weights", "rates", "speeds", "own"):
+            getattr(found, name)[first:end] = getattr(part, name)
+    return found
 
 
 def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
