@@ -84,11 +84,21 @@ class Labels:
         return list(zip(begins.tolist(), ends.tolist(), self.modes[begins].tolist(), strict=True))
 
 
-def label_flights(flights: Sequence[Flight], rules: LabelRules | None = None) -> list[Labels]:
-    """Return the labels of flights."""
+def label_flights(
+    flights: Sequence[Flight],
+    rules: LabelRules | None = None,
+    smoothed: tuple[FloatArray, FloatArray] | None = None,
+) -> list[Labels]:
+    """Return the labels of flights.
+
+    Args:
+        flights: the flights.
+        rules: settings.
+        smoothed: turn rates and speeds of `smoothed_rates` with the same jerk, if they are known already.
+    """
     chosen = LabelRules() if rules is None else rules
     batch = stack_flights(flights)
-    rates, speeds = smoothed_rates(batch, chosen.jerk)
+    rates, speeds = smoothed_rates(batch, chosen.jerk) if smoothed is None else smoothed
     columns = {piece: column for column, piece in enumerate(batch.pieces)}
     found = []
     for k, flight in enumerate(flights):

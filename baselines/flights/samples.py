@@ -8,7 +8,6 @@ from a folder or wheel that the user names, and are no part of this package.
 import gzip
 import importlib.util
 import zipfile
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -56,6 +55,7 @@ class Samples:
         if not self._files:
             raise ArgumentError(f"source={self.source} contains no {SUFFIX} files: {INSTALL}")
         self.names = tuple(self._files)
+        self._last: tuple[str, dict[str, pd.DataFrame]] = "", {}
 
     def table(self, name: str) -> pd.DataFrame:
         """Return the reports of a file, as they are.
@@ -69,6 +69,8 @@ class Samples:
 
     def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
         """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
+        if self._last[0] == name:  # flights of a file are often read one by one
+            return self._last[1]
         table = self.table(name)
         flights = {}
         for aircraft, reports in table.groupby("icao24", sort=True):
@@ -77,6 +79,7 @@ class Samples:
             cuts = np.flatnonzero(np.diff(times[order]) > GAP) + 1
             for k, rows in enumerate(np.split(order, cuts)):
                 flights[f"{name}:{aircraft}:{k}"] = reports.iloc[rows]
+        self._last = name, flights
         return flights
 
     def flight(self, identity: str) -> Flight:
@@ -132,7 +135,6 @@ def _numbers(column: pd.Series) -> NDArray[np.float64]:
     return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
 
 
-@lru_cache(maxsize=2)  # the largest file has 300,000 reports, and its flights are often read one by one
 def _read_table(source: str, name: str) -> pd.DataFrame:
     try:
         if zipfile.is_zipfile(source):

@@ -23,7 +23,7 @@ START_SPEED = 100.0  # standard deviation of each component of the velocity at t
 
 @dataclass(frozen=True, kw_only=True)
 class TurnModel:
-    """Settings of the filter; none is fitted to a recorded flight.
+    """Settings of the filter; chosen for the largest agreement on simulated flights.
 
     Attributes:
         rates: turn rates [deg/s], straight motion first, anticlockwise positive.
@@ -34,7 +34,7 @@ class TurnModel:
     """
 
     rates: tuple[float, ...] = (0.0, 1.5, 3.0, -1.5, -3.0)
-    acceleration: tuple[float, float] = (0.1, 0.5)
+    acceleration: tuple[float, float] = (0.1, 2.0)
     straight: float = 150.0
     turn: float = 40.0
     within: float = 20.0
