@@ -21,6 +21,8 @@ TRACKS = 500  # episodes with unknown switch moments, each of about eight segmen
 SELECTION_TRACKS = 300
 DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
 """Flags that do not apply to unknown switch moments."""
+FLIGHT_FLAGS = ("deciders", "flights", "source", "tier", "out")
+"""Flags that apply to recorded flights."""
 
 
 def _default(decisions: str, statements: str, *aliases: str) -> object:
@@ -66,6 +68,13 @@ class Compare(WorldArguments):
     """Environment steps of each training."""
     training_seeds: int = 1
     """Number of agents to train per recipe, each with its own seed."""
+    flights: tuple[str, ...] | None = None
+    """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on these
+    ids file:icao24:k. Deciders are then 'imm', 'imm-careful', 'cusum' and 'agent'."""
+    source: Path | None = None
+    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed."""
+    tier: tuple[str, ...] = ("A", "B", "C", "D")
+    """With --flights: tiers of quality."""
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
     reference differ most), compare.json, and agents (a run folder for each trained agent)."""
@@ -76,10 +85,28 @@ class Compare(WorldArguments):
         Raises:
             ArgumentError: an argument is out of range, or the output folder cannot be written.
         """
-        if issubclass(environment_options(self.env_id), QuickestOptions):
+        if self.flights is not None:
+            self._compare_flights()
+        elif self.source is not None:
+            raise reject("source", str(self.source), "no value without --flights")
+        elif issubclass(environment_options(self.env_id), QuickestOptions):
             self._compare_statements()
         else:
             self._compare_decisions()
+
+    def _compare_flights(self) -> None:
+        from agents.comparison.flights_command import run_flight_comparison
+        from agents.comparison.flights_study import DECIDERS as FLIGHT_DECIDERS
+        from agents.comparison.flights_study import FlightPlan
+
+        assert self.flights is not None
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in FLIGHT_FLAGS and value != field.default:
+                raise reject(field.name.replace("_", "-"), value, "no value with --flights")
+        deciders = tuple(FLIGHT_DECIDERS) if self.deciders is None else self.deciders
+        plan = FlightPlan(self.source, self.flights, self.tier, deciders)
+        run_flight_comparison(plan, self.out)
 
     def _check(self, deciders: tuple[str, ...], agents: tuple[str, ...], episodes: int) -> None:
         """Check what both kinds of environment have in common."""

@@ -35,11 +35,12 @@ class StatementNet(nn.Module):
 
     Args:
         hidden: units of the recurrent layer.
+        inputs: number of inputs of each turn hypothesis.
     """
 
-    def __init__(self, hidden: int):
+    def __init__(self, hidden: int, inputs: int = INPUTS):
         super().__init__()
-        self.recurrent = nn.GRU(INPUTS, hidden)
+        self.recurrent = nn.GRU(inputs, hidden)
         self.output = nn.Linear(hidden, 5)
         self.scale = nn.Parameter(torch.ones(1))
         nn.init.zeros_(self.output.weight)
@@ -51,12 +52,12 @@ class StatementNet(nn.Module):
         """Process T ticks of N tracks.
 
         Args:
-            inputs: (T, N, M - 1, 26), see `statement_inputs`.
+            inputs: (T, N, M - 1, inputs), see `statement_inputs`.
             log_probability: (T, N, M) of the bank.
             memory: of the last call; None begins episodes.
         """
         ticks, tracks, turns, _ = inputs.shape
-        hidden, memory = self.recurrent(inputs.reshape(ticks, tracks * turns, INPUTS), memory)
+        hidden, memory = self.recurrent(inputs.reshape(ticks, tracks * turns, -1), memory)
         outputs = GAIN * self.output(hidden).unflatten(1, (tracks, turns))
         mean = outputs.mean(2)
         believed = torch.cat([mean[..., 1, None], outputs[..., 0]], -1)

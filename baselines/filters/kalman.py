@@ -159,4 +159,6 @@ def propagate(
     full = (half.swapaxes(1, 2).reshape(shape) @ transposed).reshape(tracks, d, m, d, m)
     for axis in range(d):
         full[:, axis, :, axis] += intensity[axis] * step_noise
-    return state, full.reshape(tracks, size, size)
+    full = full.reshape(tracks, size, size)
+    # rounding errors that are not symmetric would grow in corrections along axes that are not those of x and y
+    return state, 0.5 * (full + full.swapaxes(1, 2))

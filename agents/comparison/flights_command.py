@@ -1,0 +1,44 @@
+"""The part of `hybridtrack compare` for recorded flights."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from agents.comparison.flights_figure import draw_flight
+from agents.comparison.flights_report import flights_json, flights_table, sensitivity_table
+from agents.comparison.flights_study import DECIDERS, FlightPlan, compare_on_flights
+from agents.interface.output_files import output_folder, write_json
+from agents.interface.progress import progress_display
+from baselines.flights.metrics import figures
+
+
+def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
+    """Compare, print the tables and write flights.json and a picture of each flight.
+
+    Raises:
+        ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
+    """
+    plan.check()
+    console = Console(emoji=False)
+    with progress_display(console) as progress:
+        task = progress.add_task("Flights", total=6, note="")
+
+        def note(text: str) -> None:
+            progress.update(task, note=text, advance=1)
+
+        result = compare_on_flights(plan, note)
+        folder = output_folder("out", out)
+        note("pictures")
+        for k, flight in enumerate(result.flights):
+            stated = [(DECIDERS[name][0], result.stated[name][k]) for name in reversed(plan.deciders)]
+            values = figures([result.counts[plan.deciders[-1]][k]])
+            title = f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {values.agreement:.1%}"
+            draw_flight(
+                flight, result.labels[k], stated, title, folder / f"{flight.identity.replace(':', '-')}.png"
+            )
+    write_json(folder / "flights.json", flights_json(result))
+    console.print(flights_table(result))
+    console.print(sensitivity_table(result))
+    console.print(
+        f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False
+    )

@@ -1,0 +1,121 @@
+"""Tables and JSON of the comparison on recorded flights."""
+
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from agents.comparison.flights_study import DECIDERS, FlightComparison
+from baselines.flights.metrics import FlightFigures, figures
+
+COLUMNS = {
+    "agreement": ("agreement", 3, 1.0),
+    "delay": ("delay\ns", 1, 1.0),
+    "misses": ("misses\n%", 1, 100.0),
+    "false_per_hour": ("false\nper hour", 2, 1.0),
+    "changes_per_label": ("changes\nper label", 2, 1.0),
+}
+"""Heading, digits and scale of each figure."""
+
+
+def flights_table(result: FlightComparison) -> Table:
+    """Figures of each decider in each tier, with 95 % intervals over flights."""
+    hours = sum(one.scored for one in next(iter(result.counts.values()))) / 3600.0
+    table = Table(
+        title=f"{len(result.flights)} recorded flights, {hours:.1f} scored hours",
+        caption=(
+            "In brackets: 95 % interval, flights drawn with replacement. Twins: agreement on simulated flights\n"
+            "with the same steps, speeds and labels. Delay: from a change of the label to the first right\n"
+            "statement. False: a change to a mode that is not the label until the next change."
+        ),
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("tier")
+    table.add_column("decider", overflow="fold")
+    for head, *_ in COLUMNS.values():
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("twins", justify="right")
+    for name, rows in result.groups.items():
+        for number, decider in enumerate(result.plan.deciders):
+            group = result.group(decider, name)
+            cells = [
+                f"{scale * value:.{digits}f} \\[{scale * low:.{digits}f}, {scale * high:.{digits}f}]"
+                for value, (low, high), (_, digits, scale) in zip(
+                    group.figures, group.intervals, COLUMNS.values(), strict=True
+                )
+            ]
+            head = f"{name} ({len(rows)})" if number == 0 else ""
+            table.add_row(head, escape(DECIDERS[decider][0]), *cells, f"{group.twin.agreement:.3f}")
+        table.add_section()
+    return table
+
+
+def sensitivity_table(result: FlightComparison) -> Table:
+    """Effect of the settings of the labels."""
+    table = Table(
+        title="Labels with other settings",
+        caption="same: share of the time with the label as used, where both are scored.",
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("setting")
+    decider = DECIDERS[result.plan.deciders[0]][0]
+    for head in ("same", "scored", "turns", f"agreement of\n{escape(decider)}"):
+        table.add_column(head, justify="right")
+    for one in result.sensitivity:
+        table.add_row(
+            one.name, f"{one.same:.3f}", f"{one.scored:.3f}", f"{one.turns}", f"{one.agreement:.3f}"
+        )
+    return table
+
+
+def flights_json(result: FlightComparison) -> dict[str, Any]:
+    """Contents of the tables, and the figures of every flight."""
+    return {
+        "source": str(result.plan.source) if result.plan.source else "package traffic",
+        "tiers": {
+            name: {
+                decider: _figures_json(result.group(decider, name).figures)
+                | {
+                    "intervals": {
+                        key: [_number(low), _number(high)]
+                        for key, (low, high) in zip(COLUMNS, result.group(decider, name).intervals, strict=True)
+                    },
+                    "twins": _figures_json(result.group(decider, name).twin),
+                }
+                for decider in result.plan.deciders
+            }
+            for name in result.groups
+        },
+        "labels": [one._asdict() for one in result.sensitivity],
+        "flights": [
+            {
+                "id": flight.identity,
+                "tier": flight.tier.name,
+                "hours": flight.hours,
+                "positions": len(flight.times),
+                "repeated": flight.repeated,
+                "interpolated": flight.interpolated,
+                "scored": float(np.mean(labels.scored)),
+                "turns": sum(mode != 0 for *_, mode in labels.pieces),
+                "deciders": {
+                    decider: _figures_json(figures([result.counts[decider][k]]))
+                    for decider in result.plan.deciders
+                },
+            }
+            for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
+        ],
+    }
+
+
+def _figures_json(values: FlightFigures) -> dict[str, float | None]:
+    return {name: _number(value) for name, value in values._asdict().items()}
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)

@@ -1,0 +1,58 @@
+"""Inputs of the agent for flights, from the output of the filter over turn rates.
+
+As in `statement_inputs`, the network sees a flight once from the side of each turn, with lateral values
+mirrored to it. Each column says nothing about the units of length; times are in seconds, as in the settings of
+the filter.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.flights.batch import Batch
+from baselines.flights.turn_imm import TurnEstimates
+
+INPUTS = 16
+LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0
+SIDES = (1.0, -1.0)  # of a left and of a right turn
+MODES = 3
+
+
+def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:
+    """Return the logarithms (T, B, 3) of the probabilities of the modes, at least -15."""
+    return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(np.float32)
+
+
+def flight_inputs(batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]:
+    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn."""
+    logs = log_probabilities(estimates)
+    likelihoods = estimates.log_likelihoods
+    ratios = np.maximum(likelihoods - likelihoods.max(-1, keepdims=True), LOWEST_RATIO)
+    innovations = np.clip(estimates.innovations, -LARGEST_INNOVATION, LARGEST_INNOVATION)
+    steps = np.where(batch.steps > 0.0, batch.steps, 1.0)
+    ages = _ages(logs.argmax(-1), batch.times)
+    sway = estimates.speeds * batch.timing / batch.across
+    each = []
+    for turn, (side, other) in enumerate(zip((1, 2), (2, 1), strict=True)):
+        order = [0, side, other]
+        columns = [
+            *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
+            *(logs[..., mode] / 5.0 for mode in order),
+            *(ratios[..., mode] / 3.0 for mode in order),
+            SIDES[turn] * np.degrees(estimates.rates) / 2.0,
+            0.5 * innovations[..., 0],
+            0.5 * SIDES[turn] * innovations[..., 1],
+            np.log(np.clip(steps, 0.1, 100.0)),
+            0.5 * np.log(np.clip(sway, 0.01, 1000.0)),
+            np.minimum(ages / 100.0, 2.0),
+            np.log(1.0 + ages) / 5.0,
+        ]
+        each.append(np.stack(columns, axis=-1).astype(np.float32))
+    return np.stack(each, axis=-2)
+
+
+def _ages(best: NDArray[np.int64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the time for which the most probable mode has been the same, (T, B) [s]."""
+    rows = np.arange(len(best))[:, None]
+    changed = np.diff(best, axis=0, prepend=best[:1]) != 0
+    since = np.maximum.accumulate(np.where(changed, rows, 0), axis=0)
+    return times - np.take_along_axis(times, since, axis=0)

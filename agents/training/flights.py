@@ -1,0 +1,125 @@
+"""Training of the agent for flights, in simulation only: `python -m agents.training.flights --out FOLDER`.
+
+Every round simulates new flights of the tiers A, B and C, and makes one step of the optimizer for every piece of
+them, on the expected reward of its statements.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from torch import Tensor, nn
+
+from agents.interface.output_files import output_folder
+from agents.learned.flight_decider import save_flight_agent
+from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilities
+from agents.learned.policy_file import package_versions
+from agents.learned.statement_net import StatementNet
+from agents.training.statement_reward import expected_reward
+from baselines.flights.batch import stack_flights
+from baselines.flights.simulated import FlightWorld, simulate_flights
+from baselines.flights.tiers import TIERS
+from baselines.flights.turn_imm import TurnModel, run_turn_imm
+
+LARGEST_GRADIENT = 0.5  # norm
+MIN_LEARNING_RATE_FACTOR = 0.05
+ROWS = {"A": 1.2, "B": 1.2, "C": 5.2}  # time between two positions [s], about
+
+
+@dataclass(kw_only=True)
+class FlightTraining:
+    """Train the agent for flights in simulation."""
+
+    out: Path = Path("runs/flights")
+    """Folder for the weights and their card; they are written after every round."""
+    rounds: int = 20
+    """Number of rounds."""
+    passes: int = 2
+    """Times that the flights of a round are used."""
+    flights: tuple[int, int, int] = (24, 32, 40)
+    """Flights of the tiers A, B and C in a round."""
+    rows: int = 1200
+    """Positions of a flight, about."""
+    n_steps: int = 150
+    """Positions of an update. Gradients do not reach back beyond its first one."""
+    hidden: int = 32
+    """Units of the recurrent layer."""
+    learning_rate: float = 4e-3
+    """At the beginning; it decays linearly."""
+    change_cost: float = 10.0
+    """Cost of a change to a wrong mode, in positions with a right statement."""
+    belief_weight: float = 0.3
+    """Weight of the cross-entropy of the present mode, in addition to the reward."""
+    seed: int = 0
+    """Seed of the flights and of the network."""
+
+    def run(self, note: Callable[[str], None] = print) -> StatementNet:
+        """Train, and write the weights."""
+        folder = output_folder("out", self.out)
+        torch.manual_seed(self.seed)
+        generator = np.random.default_rng(10**6 + self.seed)
+        net = StatementNet(self.hidden, INPUTS)
+        optimizer = torch.optim.Adam(net.parameters(), lr=self.learning_rate)
+        begun, updates = time.monotonic(), 0
+        total = self.rounds * self.passes * -(-self.rows // self.n_steps)
+        for number in range(self.rounds):
+            batch = self._simulate(generator)
+            rewards = []
+            for _ in range(self.passes):
+                memory = last = None
+                for piece in zip(*(part.split(self.n_steps) for part in batch), strict=True):
+                    factor = max(1.0 - updates / total, MIN_LEARNING_RATE_FACTOR)
+                    optimizer.param_groups[0]["lr"] = self.learning_rate * factor
+                    reward, memory, last = self._step(net, optimizer, piece, memory, last)
+                    rewards.append(reward)
+                    updates += 1
+            text = f"round {number + 1} of {self.rounds}: expected reward {np.mean(rewards):.4f}"
+            note(f"{text}, {time.monotonic() - begun:.0f} s")
+            card = {"settings": self._settings(), "rounds": number + 1, "versions": package_versions()}
+            save_flight_agent(folder, net, card)
+        return net
+
+    def _settings(self) -> dict[str, Any]:
+        settings = {name: value for name, value in asdict(self).items() if name != "out"}
+        return settings | {"world": asdict(FlightWorld()), "filter": asdict(TurnModel())}
+
+    def _simulate(self, generator: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        """Return inputs (T, N, 2, 16), log-probabilities (T, N, 3) and true modes (T, N) of new flights."""
+        flights, labels = [], []
+        for (name, step), count in zip(ROWS.items(), self.flights, strict=True):
+            new = simulate_flights(TIERS[name], count, step * self.rows, generator)
+            flights += new[0]
+            labels += new[1]
+        batch = stack_flights(flights)
+        estimates = run_turn_imm(batch)
+        modes = np.zeros(batch.times.shape, np.int64)
+        for column, (k, first, end) in enumerate(batch.pieces):
+            modes[: end - first, column] = labels[k].modes[first:end]
+        rows = int(np.quantile(batch.present.sum(0), 0.1))  # what almost all flights have
+        arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes
+        kept = batch.present[rows - 1]
+        return tuple(torch.from_numpy(one[:rows, kept]) for one in arrays)  # type: ignore[return-value]
+
+    def _step(
+        self, net: StatementNet, optimizer: torch.optim.Optimizer, piece: tuple[Tensor, ...],
+        memory: Tensor | None, last: Tensor | None,
+    ) -> tuple[float, Tensor, Tensor]:  # fmt: skip
+        inputs, logs, modes = piece
+        outputs = net(inputs, logs, memory)
+        rewards, last = expected_reward(outputs.utility, outputs.stay, modes, self.change_cost, last)
+        entropy = nn.functional.cross_entropy(outputs.belief.flatten(0, 1), modes.flatten())
+        optimizer.zero_grad()
+        (self.belief_weight * entropy - rewards.mean()).backward()
+        nn.utils.clip_grad_norm_(net.parameters(), LARGEST_GRADIENT)
+        optimizer.step()
+        return float(rewards.mean()), outputs.memory.detach(), last.detach()
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    tyro.cli(FlightTraining).run()

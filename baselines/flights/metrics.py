@@ -1,0 +1,138 @@
+"""How well statements agree with the labels of flights: agreement, delay, misses, false changes."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.flights.batch import Batch
+from baselines.flights.labels import Labels
+
+IntArray = NDArray[np.int64]
+
+
+class FlightCounts(NamedTuple):
+    """Sums over one flight, from which the figures of any set of flights follow.
+
+    Attributes:
+        scored: time that is scored [s].
+        agreed: of it, time in which the statement is the label [s].
+        labels: number of changes of the label that are counted: those after which at least half of the time
+            is scored, and their mode is stated or missed.
+        missed: of them, those whose mode is not stated before the next one.
+        delay: sum of the times from each other change to the first right statement [s].
+        false: changes of the statement to a mode that is not the label in any row until the next change, if
+            more than half of these rows are scored.
+        changes: changes of the statement in scored rows.
+    """
+
+    scored: float
+    agreed: float
+    labels: int
+    missed: int
+    delay: float
+    false: int
+    changes: int
+
+
+class FlightFigures(NamedTuple):
+    """Figures of a set of flights: NaN where nothing is counted.
+
+    Attributes:
+        agreement: share of the scored time.
+        delay: mean delay of the detected changes [s].
+        misses: share of the changes of the label that are missed.
+        false_per_hour: false changes in an hour of scored time.
+        changes_per_label: changes of the statement for each change of the label.
+    """
+
+    agreement: float
+    delay: float
+    misses: float
+    false_per_hour: float
+    changes_per_label: float
+
+
+def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, int]]) -> FlightCounts:
+    """Compare the statements of one flight, (n,), with its labels, in each of its pieces."""
+    total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0)
+    for first, end in pieces:
+        part = _count_piece(
+            *(values[first:end] for values in (labels.times, labels.modes, labels.scored, labels.weights, stated))
+        )
+        total = FlightCounts(*(a + b for a, b in zip(total, part, strict=True)))
+    return total
+
+
+def _count_piece(
+    times: NDArray[np.float64], modes: IntArray, scored: NDArray[np.bool_], weights: NDArray[np.float64], stated: IntArray
+) -> FlightCounts:
+    right = stated == modes
+    changed = np.diff(stated, prepend=stated[:1]) != 0
+    begins = np.flatnonzero(np.diff(modes) != 0) + 1
+    ends = np.append(begins, len(modes))[1:]
+    labels = missed = 0
+    delay = 0.0
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        if scored[begin:end].mean() < 0.5:
+            continue
+        found = np.flatnonzero(right[begin:end])
+        if not found.size and end == len(modes):
+            continue  # the piece ends before the change could be detected
+        labels += 1
+        if found.size:
+            delay += float(times[begin + found[0]] - times[begin])
+        else:
+            missed += 1
+    return FlightCounts(
+        float(weights.sum()), float(weights[right].sum()), labels, missed, delay,
+        _false_changes(changed, right, scored), int((changed & scored).sum()),
+    )  # fmt: skip
+
+
+def _false_changes(
+    changed: NDArray[np.bool_], right: NDArray[np.bool_], scored: NDArray[np.bool_]
+) -> int:
+    begins = np.flatnonzero(changed)
+    if not begins.size:
+        return 0
+    rows = np.append(begins, len(changed))[1:] - begins
+    ever_right, certain = (np.add.reduceat(flags.astype(np.int64), begins) for flags in (right, scored))
+    return int(((ever_right == 0) & (2 * certain > rows)).sum())
+
+
+def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
+    """Return the figures of flights."""
+    return FlightFigures(*(float(one) for one in _figures(np.array(counts, np.float64).sum(0))))
+
+
+def bootstrap(counts: Sequence[FlightCounts], draws: int = 2000, seed: int = 0) -> list[tuple[float, float]]:
+    """Return a 95 % interval of each figure: flights are drawn with replacement (Efron 1979)."""
+    values = np.array(counts, np.float64)
+    chosen = np.random.default_rng(seed).integers(len(values), size=(draws, len(values)))
+    drawn = _figures(values[chosen].sum(1).T)
+    return [
+        (float("nan"),) * 2 if np.isnan(one).all() else tuple(np.nanquantile(one, (0.025, 0.975)).tolist())
+        for one in drawn
+    ]
+
+
+def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    scored, agreed, labels, missed, delay, false, changes = sums
+
+    def over(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
+
+    return [
+        over(agreed, scored), over(delay, labels - missed), over(missed, labels), over(3600.0 * false, scored),
+        over(changes, labels),
+    ]  # fmt: skip
+
+
+def unstack(batch: Batch, values: IntArray, lengths: Sequence[int]) -> list[IntArray]:
+    """Return values (T, B) of the pieces as one array (n,) of each flight; 0 outside of the pieces."""
+    flights = [np.zeros(length, values.dtype) for length in lengths]
+    for column, (k, first, end) in enumerate(batch.pieces):
+        flights[k][first:end] = values[: end - first, column]
+    return flights
