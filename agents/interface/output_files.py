@@ -1,20 +1,26 @@
 """Atomic writing of output files: to a temporary file in the same folder, which is then renamed."""
 
+import csv
 import json
 import os
 import secrets
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 
 from hybrid_env.checks import ArgumentError, reject
 
 PART_PREFIX = ".hybridtrack-"
+WRITTEN_ROWS = 50_000
 STALE_AFTER = 86_400.0  # seconds; a temporary file without a change for so long is of a killed process
+
+Column: TypeAlias = Sequence[Any] | NDArray[Any]
 
 
 def output_folder(name: str, path: Path) -> Path:
@@ -85,3 +91,26 @@ def write_json(path: Path, value: Any) -> None:
         raise ArgumentError(f"{path.name} is not written: its values are not all finite") from None
     with atomic_file(path) as part:
         part.write_text(text + "\n", encoding="utf-8")
+
+
+def write_table(path: str | os.PathLike[str], columns: Mapping[str, Column]) -> None:
+    """Write columns as CSV with a header. The file is written completely or not at all.
+
+    Args:
+        path: path of the file; an existing file is replaced.
+        columns: one-dimensional sequences of equal length, by name. Floats are written without loss of
+            precision.
+
+    Raises:
+        ArgumentError: the columns have different lengths, or the file cannot be written.
+    """
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise reject("columns", lengths, "columns of equal length")
+    with atomic_file(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        for first in range(0, max(lengths.values(), default=0), WRITTEN_ROWS):  # bounds the memory
+            parts = [column[first : first + WRITTEN_ROWS] for column in columns.values()]
+            lists = [one.tolist() if isinstance(one, np.ndarray) else one for one in parts]
+            writer.writerows(zip(*lists, strict=True))

@@ -12,9 +12,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 from agents.interface.help_texts import shown_default
-from agents.interface.output_files import atomic_file
+from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
-from agents.interface.recording_files import write_table
 from agents.interface.world_arguments import WorldArguments
 from agents.playing.animation import write_gif
 from agents.playing.episodes import DecisionEpisodes, Episodes, StatementEpisodes

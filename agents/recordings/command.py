@@ -1,24 +1,22 @@
 """The command `hybridtrack track`: mode decisions with ATE on a recording of positions."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import tyro
 from numpy.typing import ArrayLike, NDArray
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from agents.interface.output_files import atomic_file, output_folder
-from agents.interface.progress import progress_display
-from agents.interface.recording_files import Column, Recording, read_recording, write_table
+from agents.interface.output_files import Column, atomic_file, output_folder, write_table
 from agents.recordings.figure import draw_track
+from agents.recordings.file_arguments import TAU_RANGE, FileArguments, object_folders
+from agents.recordings.many_files import Report, check_free, work_on_files
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.recordings import ate
+from baselines.recordings.recording import Recording
 from hybrid_env.checks import (
     ArgumentError,
     check_array,
@@ -32,11 +30,9 @@ from hybrid_env.limits import distinct_radii
 from hybrid_env.rendering.modes import mode_name
 
 DEFAULT_PIECE = 50  # ticks
-DEFAULT_TAU = 0.1  # [s]
-TAU_TOLERANCE = 1e-3
-"""Largest relative difference between --tau and the t column."""
+STEP_TOLERANCE = 1e-3
+"""Largest relative deviation of a step from the median step."""
 
-TAU_RANGE = (1e-9, 1e9)  # [s]
 MAX_ESTIMATE = 1e15
 """Larger estimates [m, m/s] mean that the filter has diverged."""
 
@@ -93,23 +89,28 @@ def estimate_noise(measurements: ArrayLike) -> float:
     return variance
 
 
-@dataclass
-class Track:
-    """Run ATE on a recording: decide between straight, left and right turns, and estimate the trajectory.
+class _Result(NamedTuple):
+    """Result of a recording."""
+
+    lengths: list[int]
+    tracks: ate.Tracks
+    pieces: dict[str, list[Any]]
+    line: str
+
+
+@dataclass(kw_only=True)
+class Track(FileArguments):
+    """Run ATE on recordings: decide between straight, left and right turns, and estimate the trajectory.
 
     Writes modes.csv, estimates.csv and track.png. Ticks are counted from 1, the first row of the recording.
     """
 
-    file: tyro.conf.Positional[Path]
-    """CSV file with columns x, y [m] and optionally t [s], named by a header or in the order t,x,y."""
     lengths: tuple[int, ...] = ()
     """Ticks of each piece between possible switches; their sum is the number of rows. See also --piece."""
     piece: int | None = None
     """Ticks between possible switches, if --lengths is not given; 50 by default."""
     radii: tuple[float, ...] = (5.0,)
     """Turn radii of the hypotheses [m]; each is tested as a left and as a right turn."""
-    tau: float | None = None
-    """Duration of a tick [s]; by default from the t column, or 0.1 without one."""
     process_variance: float = 0.001
     """Process noise variance Q of each velocity per tick [m^2/s^2]."""
     measurement_variance: float | None = None
@@ -122,69 +123,75 @@ class Track:
     """Mode of a piece without a decision: that of the previous piece (keep), or the most likely one."""
     start: tuple[float, float, float, float] | None = None
     """State x, vx, y, vy one tick before the first row [m, m/s]; by default from a line through ten rows."""
-    out: Path | None = None
-    """Output folder; by default <file name>_track in the folder of the file."""
 
     def run(self) -> None:
-        """Track the recording, write the results and print the decisions.
+        """Track the recordings, write the results and print the decisions.
 
         Raises:
-            ArgumentError: an argument or a line of the file is invalid.
+            ArgumentError: an argument or a line of a file is invalid.
         """
         self._check()
-        console = Console(emoji=False)
-        with progress_display(console, transient=True) as progress:
-            task = progress.add_task("Reading", total=1.0, note="")
-            recording = read_recording(self.file, lambda fraction: progress.update(task, completed=fraction))
-        lengths = self._lengths(len(recording.measurements))
-        tau = self._tau(recording)
+        work_on_files(self.track_file, self.files, self.folders(), self.jobs)
+
+    def track_file(self, path: Path, folder: Path) -> Report:
+        """Track the recordings of a file. Nothing is written before all are tracked.
+
+        Args:
+            path: the file.
+            folder: output folder, with one inside for each object if there are several.
+
+        Raises:
+            ArgumentError: the file is invalid, or a recording cannot be tracked.
+        """
+        check_free(folder, self.overwrite)
+        found = self.read(path)
+        results = [self._track(recording, path) for recording in found.recordings]
+        lines, tables, files = [found.summary], [], []
+        folders = object_folders(folder, [recording.name for recording in found.recordings])
+        for recording, result, place in zip(found.recordings, results, folders, strict=True):
+            lines.append(result.line)
+            tables.append(_printed_table(result.pieces, recording.times, recording.tick))
+            files += self._write(recording, result, place)
+        return Report(tuple(lines), tables[0] if len(tables) == 1 else None, tuple(files))
+
+    def _track(self, recording: Recording, path: Path) -> _Result:
+        _check_uniform(recording, path)
+        ticks = len(recording.times)
+        lengths = self._lengths(ticks, path)
+        tau = check_between("tau", recording.tick, *TAU_RANGE)
         variance = self.measurement_variance
         if variance is None:
-            variance = estimate_noise(recording.measurements)
-        folder = self.out or Path(self.file).with_name(f"{Path(self.file).stem}_track")
-        _check_folder(folder)
-
-        with console.status("Tracking"):
-            tracks = ate.track(
-                recording.measurements, lengths, self.start, radii=self.radii, tau=tau,
-                process_variance=self.process_variance, measurement_variance=variance,
-                alpha=self.alpha, beta=self.beta, undecided=self.undecided,
-            )  # fmt: skip
+            variance = estimate_noise(recording.positions)
+        tracks = ate.track(
+            recording.positions, lengths, self.start, radii=self.radii, tau=tau,
+            process_variance=self.process_variance, measurement_variance=variance,
+            alpha=self.alpha, beta=self.beta, undecided=self.undecided,
+        )  # fmt: skip
         if not (np.abs(tracks.estimates) <= MAX_ESTIMATE).all():
             raise ArgumentError(
-                f"the estimates of {self.file} diverge: expected coordinates, tick, start and variances in "
-                "consistent units of m and s"
+                f"the estimates of {path} diverge: expected coordinates, tick, start and variances in "
+                "consistent units"
             )
-        ticks = len(recording.measurements)
-        times = recording.times
-        if times is None:
-            times = np.round(tau * np.arange(ticks, dtype=np.float64), 9)
-        pieces = _piece_table(lengths, tracks, self.radii)
-        with console.status("Writing"):
-            output_folder("out", folder)
-            write_table(folder / "modes.csv", pieces)
-            write_table(
-                folder / "estimates.csv", _estimate_table(times, recording.measurements, tracks, self.radii)
-            )
-            figure = draw_track(times, recording.measurements, lengths, tracks, self.radii)
-            with atomic_file(folder / "track.png") as part:
-                figure.savefig(part, format="png")
-
         origin = "as given"
         if self.measurement_variance is None:
             origin = f"estimated, relative standard error {NOISE_ERROR / np.sqrt(ticks):.0%}"
-        console.print(
-            f"{ticks} ticks of {tau:.6g} s, measurement variance {variance:.4g} m^2 ({origin})",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
-        console.print(_printed_table(pieces, times, tau))
-        rest = len(lengths) - MAX_PRINTED_PIECES
-        if rest > 0:
-            console.print(f"... and {rest} more in modes.csv", highlight=False)
-        for name in ("modes.csv", "estimates.csv", "track.png"):
-            console.print(str(folder / name), markup=False, highlight=False, soft_wrap=True)
+        line = f"{recording.name}: {len(lengths)} pieces, measurement variance {variance:.4g} ({origin})"
+        return _Result(lengths, tracks, _piece_table(lengths, tracks, self.radii), line)
+
+    def _write(self, recording: Recording, result: _Result, folder: Path) -> list[Path]:
+        output_folder("out", folder)
+        files = [folder / name for name in ("modes.csv", "estimates.csv", "track.png")]
+        write_table(files[0], result.pieces)
+        write_table(
+            files[1], _estimate_table(recording.times, recording.positions, result.tracks, self.radii)
+        )
+        figure = draw_track(recording.times, recording.positions, result.lengths, result.tracks, self.radii)
+        with atomic_file(files[2]) as part:
+            figure.savefig(part, format="png")
+        return files
 
     def _check(self) -> None:
+        self.check_files()
         if self.lengths and self.piece is not None:
             raise reject("piece", self.piece, "no value if lengths are given")
         for length in self.lengths:
@@ -192,8 +199,6 @@ class Track:
         if self.piece is not None:
             check_integer("piece", self.piece)
         distinct_radii("radii", self.radii)
-        if self.tau is not None:
-            check_between("tau", self.tau, *TAU_RANGE)
         check_positive("process_variance", self.process_variance, allow_zero=True)
         if self.measurement_variance is not None:
             check_positive("measurement_variance", self.measurement_variance)
@@ -201,10 +206,8 @@ class Track:
         check_choice("undecided", self.undecided, ("keep", "likeliest"))
         if self.start is not None:
             check_array("start", self.start, (4,))
-        if self.out is not None:
-            _check_folder(Path(self.out))
 
-    def _lengths(self, rows: int) -> list[int]:
+    def _lengths(self, rows: int, path: Path) -> list[int]:
         if rows * (2 * len(self.radii) + 1) > MAX_RATIOS:
             raise reject("radii", self.radii, f"fewer radii for {rows:,} rows, or a part of the recording")
         if not self.lengths:
@@ -216,18 +219,17 @@ class Track:
             raise reject(
                 "lengths",
                 self.lengths,
-                f"lengths whose sum is {rows}, the number of rows of {self.file}, not {sum(self.lengths)}",
+                f"lengths whose sum is {rows}, the number of rows of {path}, not {sum(self.lengths)}",
             )
         return list(self.lengths)
 
-    def _tau(self, recording: Recording) -> float:
-        if self.tau is None:
-            return check_between("tau", recording.tau or DEFAULT_TAU, *TAU_RANGE)
-        if recording.tau is not None and abs(self.tau - recording.tau) > TAU_TOLERANCE * recording.tau:
-            raise reject(
-                "tau", self.tau, f"no value, or {recording.tau:.6g} as in the t column of {self.file}"
-            )
-        return self.tau
+
+def _check_uniform(recording: Recording, path: Path) -> None:
+    """Check that ATE can track a recording: no gaps, no missing rows, uniform ticks."""
+    steps = np.diff(recording.times)
+    uneven = np.abs(steps - recording.tick).max() > STEP_TOLERANCE * recording.tick
+    if uneven or not recording.measured.all() or len(recording.pieces) > 1:
+        raise ArgumentError(f"{path}: ATE needs uniform ticks with a measurement each")
 
 
 def _piece_table(lengths: Sequence[int], tracks: ate.Tracks, radii: Sequence[float]) -> dict[str, list[Any]]:
@@ -284,16 +286,3 @@ def _printed_table(pieces: dict[str, list[Any]], times: NDArray[np.float64], tau
             str(pieces["piece"][k]), f"{first}-{last}", f"{times[first - 1]:.3f}", pieces["mode"][k], *decided
         )
     return table
-
-
-def _check_folder(folder: Path) -> None:
-    """Check that a folder can be created and written to, before any work.
-
-    Raises:
-        ArgumentError: it cannot.
-    """
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise reject("out", str(folder), "a writable folder")

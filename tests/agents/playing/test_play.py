@@ -5,13 +5,13 @@ import csv
 import gymnasium as gym
 import numpy as np
 import pytest
+from agents.interface.recording_files import read_recording
 from PIL import Image, ImageSequence
 
 import agents.playing.command
 import agents.playing.episodes
 import hybrid_env  # noqa: F401
 from agents.evaluation.deciders import load_decider
-from agents.interface.recording_files import read_recording
 from agents.playing.animation import PALETTE_SIZE, palette_colours
 from agents.playing.command import Play
 from agents.playing.evidence import decider_evidence

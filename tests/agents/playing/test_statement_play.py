@@ -6,12 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from agents.interface.recording_files import read_recording
 from PIL import Image
 from rich.console import Console
 
 import hybrid_env  # noqa: F401
 from agents.evaluation.statement_deciders import RULES
-from agents.interface.recording_files import read_recording
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.playing.command import Play

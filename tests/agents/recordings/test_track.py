@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agents.interface.recording_files import read_recording, write_table
 from numpy.typing import NDArray
 
-from agents.interface.recording_files import read_recording, write_table
 from agents.recordings.command import Track, estimate_noise
 from agents.recordings.figure import draw_track
 from baselines.recordings import ate

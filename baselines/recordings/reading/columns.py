@@ -1,0 +1,164 @@
+"""Which column holds what."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from baselines.recordings.reading.names import ROLES, is_index_name, is_object_name, role_of
+from baselines.recordings.reading.table import Table
+from baselines.recordings.reading.times import epoch_unit
+from hybrid_env.checks import ArgumentError, reject
+
+ONE_OBJECT = "none"
+"""Value of --object for a file with one object."""
+
+HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
+
+
+@dataclass
+class Columns:
+    """Numbers of columns from 0.
+
+    Attributes:
+        roles: the columns of `time`, `x`, `y`, `lat` and `lon`.
+        index: an index, whose whole numbers are ticks if there are no times.
+        object: the column that tells objects apart.
+        left_out: names of the columns that are not used.
+        chosen: whether the caller has named columns.
+    """
+
+    roles: dict[str, int]
+    index: int | None = None
+    object: int | None = None
+    left_out: list[str] = field(default_factory=list)
+    chosen: bool = False
+
+    @property
+    def degrees(self) -> bool:
+        """Whether the positions are latitudes and longitudes."""
+        return "lat" in self.roles
+
+
+def find_columns(table: Table, columns: Mapping[str, str] | None, object_column: str | None) -> Columns:
+    """Find the columns of times, positions and objects by their names.
+
+    Raises:
+        ArgumentError: a column is missing, or more than one may be meant.
+    """
+    given = {role: numbered(table, "columns", name) for role, name in _checked(columns or {}).items()}
+    found = Columns(_roles(table, given), chosen=bool(given))
+    used = set(found.roles.values())
+    if object_column is not None and object_column != ONE_OBJECT:
+        found.object = numbered(table, "object", object_column)
+    elif object_column is None:
+        found.object = _object(table, used)
+    if table.headed:
+        found.index = next(
+            (k for k in range(len(table.names)) if k not in used and _is_index(table, k)), None
+        )
+    if found.index is not None and "time" not in found.roles and _is_time(table.frame[found.index]):
+        found.roles["time"], found.index = found.index, None
+    kept = {*found.roles.values(), found.object, found.index}
+    found.left_out = [table.label(k) for k in range(len(table.names)) if k not in kept]
+    return found
+
+
+def numbered(table: Table, option: str, name: str) -> int:
+    """Return the number from 0 of a column that is given by its name or its number from 1.
+
+    Raises:
+        ArgumentError: there is no such column, or several have the name.
+    """
+    wanted = name.strip().lower()
+    found = [k for k, one in enumerate(table.names) if one.strip().lower() == wanted and wanted]
+    if not found and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
+        return int(wanted) - 1
+    if len(found) != 1:
+        several = "several columns have this name" if found else _listed(table)
+        raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
+    return found[0]
+
+
+def _checked(columns: Mapping[str, str]) -> dict[str, str]:
+    names = {"t": "time"}
+    result = {names.get(role, role): str(name) for role, name in columns.items()}
+    for role in result:
+        if role not in ROLES:
+            raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
+    if result and not ({"x", "y"} <= set(result) or {"lat", "lon"} <= set(result) or set(result) == {"time"}):
+        raise reject("columns", dict(columns), "x and y, or lat and lon, and time where the file has times")
+    return result
+
+
+def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
+    if not table.headed and not given:
+        count = len(table.names)
+        if count not in (2, 3):
+            raise ArgumentError(f"{table.file}: {count} columns without names: {HINT}")
+        return dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
+    roles = dict(given)
+    axes = {"x", "y", "lat", "lon"}
+    missing = [role for role in ROLES if role not in roles and not (role in axes and axes & set(given))]
+    for role in missing:
+        named = [k for k, name in enumerate(table.names) if role_of(name) == role and k not in given.values()]
+        if len(named) > 1:
+            labels = " and ".join(repr(table.label(k)) for k in named)
+            raise ArgumentError(
+                f"{table.file}: both {labels} may be {role}: choose by --columns, for example "
+                f"{role}={named[0] + 1}"
+            )
+        if named:
+            roles[role] = named[0]
+    planar, degrees = {"x", "y"} <= set(roles), {"lat", "lon"} <= set(roles)
+    if planar and degrees:
+        raise ArgumentError(
+            f"{table.file}: it has x, y and lat, lon: choose by --columns, for example "
+            f"lat={table.label(roles['lat'])} lon={table.label(roles['lon'])}"
+        )
+    if not planar and not degrees:
+        raise ArgumentError(f"{table.file}: no columns x, y or lat, lon ({_listed(table)}): {HINT}")
+    return {role: k for role, k in roles.items() if role == "time" or (role in ("lat", "lon")) == degrees}
+
+
+def _object(table: Table, used: set[int]) -> int | None:
+    """Return the column by whose values objects differ, by its name.
+
+    A column that is different in every row is a number of the row, one that is the same in every row names
+    the object.
+    """
+    named = [k for k, name in enumerate(table.names) if is_object_name(name) and k not in used]
+    codes = {}
+    for k in named:
+        cells = table.frame[k]
+        whole = not pd.api.types.is_float_dtype(cells) or (cells.dropna() % 1 == 0).all()
+        if whole and cells.nunique() and (cells.nunique() < len(cells) or len(cells) == 1):
+            codes[k] = pd.factorize(cells)[0]
+    several = [k for k, code in codes.items() if code.max() > 0]
+    for other in several[1:]:
+        if not np.array_equal(codes[several[0]], codes[other]):
+            labels = " and ".join(repr(table.label(k)) for k in (several[0], other))
+            raise ArgumentError(f"{table.file}: {labels} tell objects apart differently: choose by --object")
+    return next(iter([*several, *codes]), None)
+
+
+def _is_index(table: Table, column: int) -> bool:
+    return column == 0 and is_index_name(table.names[0]) and not table.frame[0].isna().all()
+
+
+def _is_time(cells: "pd.Series[object]") -> bool:
+    """Whether an index without a name holds dates, and not numbers of rows."""
+    if pd.api.types.is_datetime64_any_dtype(cells):
+        return True
+    if pd.api.types.is_numeric_dtype(cells):
+        return epoch_unit(cells.to_numpy(np.float64, na_value=np.nan)) is not None
+    dates = pd.to_datetime(cells.iloc[:1].astype("str"), format="ISO8601", utc=True, errors="coerce")
+    return bool(dates.notna().all())
+
+
+def _listed(table: Table) -> str:
+    names = [name for name in table.names if name]
+    return "its columns are " + ", ".join(names[:8]) + (" ..." if len(names) > 8 else "") if names else (
+        f"it has {len(table.names)} columns without names"
+    )  # fmt: skip

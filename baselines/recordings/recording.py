@@ -1,0 +1,130 @@
+"""A recording: the measured positions of one object, in the units of its file."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_env.checks import ArgumentError, check_array, check_positive, frozen, reject
+
+if TYPE_CHECKING:
+    from baselines.recordings.reading.projection import Projection
+
+GAP_TICKS = 20
+"""Default of the gap, in nominal ticks."""
+
+UNKNOWN_UNIT = "units"
+"""Unit of a length that the file does not name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Measured positions of one object. `make_recording` checks arrays and makes one.
+
+    Attributes:
+        name: name of the object.
+        times: (n,) strictly increasing times of the rows [`time_unit`].
+        positions: (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement.
+        tick: nominal tick, the median step of the times [`time_unit`].
+        pieces: first row and end of each piece between gaps, in order. A piece begins and ends with a
+            measurement, may consist of a single row, and holds no two successive measurements that are
+            further apart than the gap. Rows outside of all pieces have no measurement.
+        unit: unit of length: `m`, another unit that the file names, or `units` if it names none.
+        time_unit: `s`, or `ticks` for a recording without times.
+        epoch: date of time 0 in UTC, ISO 8601; None for times without a date.
+        projection: from latitude and longitude to `positions`; None if the file has no degrees.
+    """
+
+    name: str
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    tick: float
+    pieces: tuple[tuple[int, int], ...]
+    unit: str = UNKNOWN_UNIT
+    time_unit: str = "s"
+    epoch: str | None = None
+    projection: "Projection | None" = None
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(n,) True for rows with a measurement."""
+        return ~np.isnan(self.positions[:, 0])
+
+
+def tick_times(ticks: ArrayLike, tau: float) -> NDArray[np.float64]:
+    """Return the times of whole numbers of ticks, without the rounding errors of the products."""
+    return np.round(tau * np.asarray(ticks, np.float64), 9 - math.floor(math.log10(tau)))
+
+
+def make_recording(
+    times: ArrayLike | None,
+    positions: ArrayLike,
+    *,
+    name: str = "object",
+    tau: float | None = None,
+    gap: float | None = None,
+    breaks: ArrayLike = (),
+    unit: str = UNKNOWN_UNIT,
+    time_unit: str | None = None,
+    epoch: str | None = None,
+    projection: "Projection | None" = None,
+) -> Recording:
+    """Make a recording of arrays.
+
+    Args:
+        times: (n,) strictly increasing times [`time_unit`]; None for rows at uniform ticks.
+        positions: (n, 2) x and y [`unit`]; NaN in either coordinate marks a missing measurement.
+        name: name of the object.
+        tau: duration of a tick [s] of a recording without times; None counts time in ticks.
+        gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
+        breaks: rows at which a piece begins whatever the times are.
+        unit: unit of length.
+        time_unit: unit of time; None is `s`, and `ticks` without times and tau.
+        epoch: date of time 0, ISO 8601.
+        projection: projection by which degrees became `positions`.
+
+    Raises:
+        ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
+            are fewer than two measurements.
+    """
+    values = np.array(positions, np.float64)
+    if values.ndim != 2 or values.shape[1] != 2:
+        raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
+    if np.isinf(values).any():
+        raise reject("positions", float(values[np.isinf(values)][0]), "finite numbers, or NaN if missing")
+    missing = np.asarray(np.isnan(values).any(axis=1))
+    values[missing] = np.nan
+    measured = len(values) - int(missing.sum())
+    if measured < 2:
+        raise ArgumentError(f"{name} has {measured} measured positions: expected at least two")
+    if times is None:
+        instants = tick_times(np.arange(len(values)), 1.0 if tau is None else check_positive("tau", tau))
+        time_unit = time_unit or ("ticks" if tau is None else "s")
+    elif tau is not None:
+        raise reject("tau", tau, "no value for a recording with times")
+    else:
+        instants = check_array("times", times, (len(values),))
+    steps = np.diff(instants)
+    if not (steps > 0.0).all():
+        k = int(np.argmin(steps > 0.0)) + 1
+        raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
+    tick = float(np.median(steps))
+    pieces = _pieces(
+        instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
+    )
+    return Recording(
+        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection
+    )
+
+
+def _pieces(
+    times: NDArray[np.float64], missing: NDArray[np.bool_], gap: float, breaks: ArrayLike
+) -> tuple[tuple[int, int], ...]:
+    rows = np.flatnonzero(~missing)
+    before = np.searchsorted(rows, np.asarray(breaks, np.int64))  # first measurement at or after a break
+    ends = np.flatnonzero(np.diff(times[rows]) > gap) + 1
+    borders = np.unique(np.concatenate([[0, len(rows)], ends, before]))
+    return tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders.tolist()))
