@@ -13,6 +13,7 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import ENVIRONMENTS, register_environments
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
+from hybrid_env.easy_env import HybridTrackEasyEnv, HybridTrackEasyVectorEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 __all__ = [
@@ -23,6 +24,8 @@ __all__ = [
     "HybridTrackEnv",
     "HybridTrackQuickestEnv",
     "HybridTrackQuickestVectorEnv",
+    "HybridTrackEasyEnv",
+    "HybridTrackEasyVectorEnv",
     "HybridTrackVectorEnv",
     "KalmanBank",
     "Layout",
