@@ -4,6 +4,7 @@ Importing this package registers the environments. `gym.make("hybrid_env:HybridT
 """
 
 from hybrid_env.checks import ArgumentError
+from hybrid_env.easy_env import HybridTrackEasyEnv, HybridTrackEasyVectorEnv
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.online_bank import KalmanBank
@@ -13,7 +14,6 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import ENVIRONMENTS, register_environments
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
-from hybrid_env.easy_env import HybridTrackEasyEnv, HybridTrackEasyVectorEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 __all__ = [
@@ -21,11 +21,11 @@ __all__ = [
     "SCHEMES",
     "ArgumentError",
     "FixedScheme",
+    "HybridTrackEasyEnv",
+    "HybridTrackEasyVectorEnv",
     "HybridTrackEnv",
     "HybridTrackQuickestEnv",
     "HybridTrackQuickestVectorEnv",
-    "HybridTrackEasyEnv",
-    "HybridTrackEasyVectorEnv",
     "HybridTrackVectorEnv",
     "KalmanBank",
     "Layout",

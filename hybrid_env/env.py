@@ -135,7 +135,7 @@ class HybridTrackEnv(TrackEnv):
             return {}
         decisions = self.world.read_decisions()
         del decisions["has_decision"]
-        # flags as arrays without dimensions: vectorizers of Gymnasium would make objects of NumPy's bool scalars
+        # flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool scalars
         return {
             key: values.reshape(()) if values.dtype == np.bool_ else values[0]
             for key, values in decisions.items()

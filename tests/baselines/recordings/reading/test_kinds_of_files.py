@@ -47,7 +47,9 @@ def test_times_in_the_index_of_pandas(tmp_path):
     FRAME[["x", "y"]].set_index(DATES).to_csv(path)  # the index has no name
     assert "dates from 2024-05-01T10:00:00Z" in check(path)
     FRAME[["x", "y"]].set_index(pd.Index(TIMES)).to_csv(path)
-    with pytest.raises(ArgumentError, match=r"column 1 is no number of the row.*--columns, .* time=1 x=\.\.\."):
+    with pytest.raises(
+        ArgumentError, match=r"column 1 is no number of the row.*--columns, .* time=1 x=\.\.\."
+    ):
         read_recordings(path)
     check(path, columns={"time": "1", "x": "x", "y": "y"})
 
