@@ -23,10 +23,12 @@ from agents.playing.command import Play
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.training.command import Train
+from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
 
 COMMANDS = {
     "train": Train,
+    "tune": Tune,
     "evaluate": Evaluate,
     "compare": Compare,
     "play": Play,
@@ -49,6 +51,10 @@ EXAMPLES = {
         "hybridtrack train --resume runs/ppo --steps 3000000",
         "hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]",
         "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
+    ),
+    "tune": (
+        "hybridtrack tune --trials 20 --jobs 2              # writes runs/tune-HybridTrack-v0-ppo/best.yml",
+        "hybridtrack tune --search learning_rate=0.001..0.03 'batch_size=512|2048' --steps 500000",
     ),
     "evaluate": (
         "hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped",
@@ -79,6 +85,7 @@ EXAMPLES = {
     ),
     "limits": (
         "hybridtrack limits --episodes 100                  # a first look",
+        "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
     ),
     "bench": (
