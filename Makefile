@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types study docs clean
+.PHONY: compare test lint types study coverage pythons docs clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -25,6 +25,19 @@ study: $(INSTALLED)
 	$(BIN)/python -m pytest -m study $(ARGS)
 	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(VENV)/checked $(BIN)/python -m pytest -n 2 $(ARGS)
 
+# lines of the three packages that the quick tests run; compiled functions are left out
+coverage: $(INSTALLED)
+	$(BIN)/python -m pytest -n 2 --cov --cov-report=term $(ARGS)
+
+# the quick tests with every other Python that is at hand, each in an environment of its own
+OTHER_PYTHONS ?= python3.12 python3.13 python3.14
+pythons:
+	@for python in $(OTHER_PYTHONS); do \
+	  if name=$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null); then \
+	    $(MAKE) test PYTHON=$$python VENV=.venv-$$name || exit 1; \
+	  else echo "$$python is not at hand"; fi; \
+	done
+
 # the site, with its examples: open docs/_build/html/index.html
 docs: $(INSTALLED)-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
@@ -42,5 +55,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info docs/_build docs/gallery docs/api/generated docs/api/examples
+	rm -rf $(VENV) .venv-* .coverage build dist *.egg-info docs/_build docs/gallery docs/api/generated docs/api/examples
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -153,8 +153,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         _report(f"not enough memory: {error}")
         return 2
-    except KeyboardInterrupt:
-        _report("interrupted")
+    except KeyboardInterrupt as interrupt:
+        _report(": ".join(["interrupted", *map(str, interrupt.args)]))
         return 130
 
 

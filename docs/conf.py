@@ -66,9 +66,17 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "download_all_examples": False,
     "plot_gallery": True,
+    "capture_repr": (),
     "abort_on_example_error": True,
     "min_reported_time": 1000,
     "image_scrapers": ("matplotlib",),
 }
 
 warnings.filterwarnings("ignore", message=".*non-interactive.*")
+
+
+def setup(app):
+    """Compile the kernel before the examples run, so that its notice is not among their output."""
+    import gymnasium as gym
+
+    gym.make("hybrid_env:HybridTrack-v0").reset(seed=0)

@@ -14,6 +14,7 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import ENVIRONMENTS, register_environments
 from hybrid_env.scheme import SCHEMES, FixedScheme, RandomScheme, Segment, parse_scheme
+from hybrid_env.sensors import Sensor
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "QuickestOptions",
     "RandomScheme",
     "Segment",
+    "Sensor",
     "WorldOptions",
     "parse_scheme",
 ]

@@ -67,6 +67,10 @@ class HybridTrackEnv(TrackEnv):
     | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
     | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
+    A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
+    innovations are exactly zero, which they are in no other tick, the ratios do not
+    change, and the displacement is the one that the most likely filter predicts.
+
     ## Rewards
     Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the
     decision is correct and -1 if it is wrong. The return of a segment decided at its k-th tick is therefore
@@ -86,9 +90,9 @@ class HybridTrackEnv(TrackEnv):
 
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx, y, vy],
-    `measurement` [x, y], `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active filter, which is
-    that of the last decided mode (with `follow="bank"`: the mean of the posterior over all filters), and
-    `log_likelihood` (M,) since the switch.
+    `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y, vy] of the active
+    filter, which is that of the last decided mode (with `follow="bank"`: the mean of the posterior over all
+    filters), and `log_likelihood` (M,) since the switch.
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the
     reward), `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`,

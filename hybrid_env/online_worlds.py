@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
 from hybrid_env.core.kernel import HAS_DECISION
-from hybrid_env.core.online_kernel import ONLINE_KERNELS, online_quickest
+from hybrid_env.core.online_kernel import ONLINE_KERNELS, online_quickest, online_quickest_robust
 from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.tracks import Tracks
 from hybrid_env.world import World
 
 FloatArray = NDArray[np.float64]
-
-NO_MEASUREMENT = 1e23
-"""Variance [m^2] of a measurement that tells nothing; a filter with a variance of 1e24 has diverged."""
 
 TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
@@ -45,7 +42,8 @@ class OnlineTrack(Tracks):
         self._triangle: FloatArray = block[self.covariance_field][:, 0]
         self._values: FloatArray = self.bank.hypotheses[self.hypothesis_field][0, :, 0]
         self._blind = self._parameters[0].copy()
-        self._blind["variance_x"] = self._blind["variance_y"] = NO_MEASUREMENT
+        self._blind["irregular"] = True
+        self._parameters[0]["irregular"] = False  # every measurement that is given has variance R
         self._run_blind: Callable[[bool], int] = functools.partial(self._advance, self._blind.ctypes.data)
 
     def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
@@ -75,8 +73,8 @@ class OnlineTrack(Tracks):
         self._run(False)
 
     def skip(self) -> None:
-        """Advance by one tick without a measurement; the observation has no meaning."""
-        self._measurement[:] = self._estimate[::2]
+        """Advance by one tick without a measurement: the filters predict; write the observation."""
+        self._measurement[:] = np.nan
         self._run_blind(False)
 
     @property
@@ -130,7 +128,7 @@ class OnlineWorld(OnlineTrack, World):
             raise reject(
                 "bank", self.options.bank, "'published' or 'anchor_aware': the true state is unknown"
             )
-        return ONLINE_KERNELS[self.options.bank, self.options.follow]
+        return ONLINE_KERNELS[self.options.bank, self.options.follow, self.options.robust]
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """See `OnlineTrack.begin_track`; the first segment still has to begin."""
@@ -183,7 +181,7 @@ class OnlineQuickestWorld(OnlineTrack, QuickestWorld):
     asks = True
 
     def _kernel(self) -> Any:
-        return online_quickest
+        return online_quickest_robust if self.options.robust else online_quickest
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """See `OnlineTrack.begin_track`."""

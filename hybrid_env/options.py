@@ -71,6 +71,8 @@ class WorldOptions(ModelOptions):
             fix("reset_covariance", check_flag("reset_covariance", self.reset_covariance))
         if self.reset_covariance and self.bank == "oracle":
             raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
+        if self.robust and self.bank == "anchor_aware":
+            raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
         self._check_radii_of_scheme()
 
     def _check_radii_of_scheme(self) -> None:

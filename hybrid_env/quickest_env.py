@@ -48,6 +48,10 @@ class HybridTrackQuickestEnv(TrackEnv):
     | 6 M | speed | speed of the merged estimate [m/s] | 0 | | 1 |
     | 6 M + 1 | stated_ticks | number of consecutive statements of this mode | 0 | | 0.01 |
 
+    A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
+    innovations are exactly zero, which they are in no other tick, and the probabilities follow the Markov
+    chain.
+
     ## Rewards
     A statement of the right mode has a reward of 1, a statement of a wrong mode one of 0. A change of the
     statement to a wrong mode costs `change_cost` in addition; the first statement of an episode is no change.
@@ -69,8 +73,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     ## Information
     `info` describes the current tick at every step: `segment` (number of switches so far), `tick` (since the
     switch or the beginning of the episode, at first 1), `true_mode`, `truth` [x, vx, y, vy], `measurement`
-    [x, y], `estimate` [x, vx, y, vy] (the mean over the bank), and `log_probability` (M,). Units are m, m/s
-    and ticks.
+    [x, y] (NaN without one), `estimate` [x, vx, y, vy] (the mean over the bank), and `log_probability` (M,).
+    Units are m, m/s and ticks.
 
     ## Arguments
     `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.QuickestOptions`:

@@ -11,7 +11,7 @@ from hybrid_env.checks import reject
 from hybrid_env.core.imm_bank import ImmBank, imm_arrays
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
-from hybrid_env.core.quickest_kernel import advance_quickest
+from hybrid_env.core.quickest_kernel import advance_quickest, advance_quickest_robust
 from hybrid_env.core.quickest_records import (
     QUICKEST_BLOCK,
     QUICKEST_SCRATCH,
@@ -51,10 +51,11 @@ class QuickestWorld(Tracks):
             "radii": np.array(self.options.radii),
             "table": self.options.table,
             "durations": self.options.cumulative_durations,
+            "sensors": self.options.sensor_table,
         }
 
     def _kernel(self) -> Any:
-        return advance_quickest
+        return advance_quickest_robust if self.options.robust else advance_quickest
 
     def _addressed_arrays(self) -> dict[str, NDArray[Any]]:
         state = {name.removeprefix("bank."): array for name, array in self.arrays().items()}

@@ -10,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.checks import axis_variances, check_array, check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import aligned_zeros
-from hybrid_env.core.records import BLOCK, LANES
+from hybrid_env.core.noise import NOISE_ROWS
+from hybrid_env.core.records import BLOCK, LANES, SENSOR
 from hybrid_env.core.true_object import begin_motion, move
 from hybrid_env.limits import check_variances, check_within
+from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
 
@@ -34,12 +36,16 @@ class Simulation:
 
 
 class _Noise(NamedTuple):
-    """The noise settings read by `core.true_object.move`: standard deviations, and fraction of outliers."""
+    """The noise settings read by `core.true_object.move`: standard deviations, and law."""
 
     process_deviation: float
     deviation_x: float
     deviation_y: float
-    outliers: float
+    noise_law: int
+    noise_shape: float
+    noise_scale: float
+    noise_clip: float
+    missed: float
 
 
 @compiled
@@ -49,10 +55,11 @@ def _simulate(
     table: NDArray[np.float64],
     tau: float,
     noise: _Noise,
+    sensors: NDArray[Any],
     truth: NDArray[np.float64],
     measurements: NDArray[np.float64],
 ) -> None:
-    draws = np.empty((5, LANES))
+    draws = np.empty((NOISE_ROWS, LANES))
     for b in range(blocks.size):
         block = blocks[b]
         k = 0
@@ -60,7 +67,7 @@ def _simulate(
             for lane in range(LANES):
                 begin_motion(block, lane, table[segment], tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), noise)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, noise)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -78,6 +85,7 @@ def simulate(
     tau: float = 0.1,
     process_variance: float = 0.001,
     measurement_variance: float | ArrayLike = 0.1,
+    noise: str | Noise = "gaussian",
 ) -> Simulation:
     """Simulate runs of a fixed scheme. Golubkov 2018, eq. (1); the default start is that of the papers.
 
@@ -89,6 +97,7 @@ def simulate(
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
+        noise: law of the measurement noise, see `hybrid_env.noises`.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
@@ -110,8 +119,10 @@ def simulate(
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(axis_variances(check_variances(measurement_variance)))
     process_deviation = math.sqrt(check_within("process_variance", process_variance))
-    noise = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), 0.0)
-    arguments = blocks, lengths, table, check_within("tau", tau), noise, truth, measurements
+    law = parse_noise(noise).parameters
+    settings = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), *law, 0.0)
+    no_sensors = np.zeros(0, SENSOR)
+    arguments = blocks, lengths, table, check_within("tau", tau), settings, no_sensors, truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
     signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])

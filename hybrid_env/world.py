@@ -56,14 +56,16 @@ class World(Tracks):
         self.seeded = np.zeros(tracks, np.bool_)
         self._radii = np.array(self.options.radii)
         self._table = self.options.table
+        self._sensors = self.options.sensor_table
 
     def _kernel(self) -> Any:
-        return KERNELS[self.options.bank, self.options.follow]
+        return KERNELS[self.options.bank, self.options.follow, self.options.robust]
 
     def _addressed_arrays(self) -> dict[str, NDArray[Any]]:
         arrays: dict[str, NDArray[Any]] = self.bank._asdict()
         return arrays | {
             "actions": self.actions, "blocks": self.blocks, "radii": self._radii, "table": self._table,
+            "sensors": self._sensors,
             "trace": self.trace, "observations": self.observations, "rewards": self.rewards,
             "terminated": self.terminated, "decisions": self.decisions,
             "decision_flags": self.decision_flags,

@@ -2,11 +2,23 @@
 
 import numpy as np
 
-from hybrid_env import FixedScheme, HybridTrackVectorEnv, RandomScheme, Segment, WorldOptions
+from hybrid_env import FixedScheme, HybridTrackVectorEnv, RandomScheme, Segment, Sensor, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, RANGES
 
 BANKS = ("published", "anchor_aware", "oracle")
+NOISES = (
+    *("gaussian",) * 4,
+    "outliers 0.05",
+    "outliers 0.99",
+    "outliers 0.1 1000",
+    "levy 1.5 1 44",
+    "levy 0.5 1000",
+    "levy 1",
+    "levy 2 0.001",
+    "student_t 3",
+    "student_t 1",
+)
 
 
 def log_uniform(generator, name, spread):
@@ -33,6 +45,23 @@ def random_scheme(generator, radii, longest):
     return FixedScheme(tuple(pieces))
 
 
+def random_sensors(generator, values, radii):
+    """Draw up to four sensors, often none."""
+    if generator.random() < 0.6:
+        return ()
+    return [
+        Sensor(
+            variance=float(
+                np.clip(values["measurement_variance"] * 10.0 ** generator.normal(0, 2), 1e-18, 1e18)
+            ),
+            position=tuple((generator.normal(size=2) * max(radii)).clip(-1e12, 1e12).tolist()),
+            period=int(generator.integers(1, 30)),
+            range=float(10.0 ** generator.normal(0, 2) * max(radii)) if generator.random() < 0.5 else np.inf,
+        )
+        for _ in range(generator.integers(1, 5))
+    ]
+
+
 def draw(generator, longest):
     """Draw the keywords of a world, which may be outside the allowed ratios."""
     # from values near 1 to the whole range, and with the turn per tick drawn in its own range
@@ -46,6 +75,7 @@ def draw(generator, longest):
     radii = tuple(float(radii[0] * ratio**k) for k in range(generator.integers(1, 11)))
     variance = values["measurement_variance"]
     unequal = (variance, variance * 10.0 ** generator.uniform(-3, 3))
+    unequal_axes = bool(generator.random() < 0.3)
     bank = str(generator.choice(BANKS))
     return {
         "scheme": random_scheme(generator, radii, longest),
@@ -54,8 +84,10 @@ def draw(generator, longest):
         "heading": None if generator.random() < 0.5 else generator.normal(),
         "tau": values["tau"],
         "process_variance": values["process_variance"],
-        "measurement_variance": variance if generator.random() < 0.7 else unequal,
-        "outliers": float(generator.choice((0.0, 0.05, 0.99))),
+        "measurement_variance": unequal if unequal_axes else variance,
+        "noise": str(generator.choice(NOISES)),
+        "missed": float(generator.choice((0.0, 0.0, 0.2, 0.99))),
+        "sensors": random_sensors(generator, values, radii) if not unequal_axes else (),
         "initial_error": (values["initial_position"], values["initial_velocity"]),
         "bank": bank,
         "reset_covariance": None if bank == "oracle" else generator.choice((None, True, False)),

@@ -1,8 +1,9 @@
 """Comparison of deciders on the same episodes: `hybridtrack compare`.
 
-`command` defines the flags, `study` trains, sweeps and evaluates, `report` prints the tables, `figure` draws
-the operating curves, and `episode_figure` draws one episode with two deciders. The files `statement_*` are
-the same for unknown switch moments, where deciders state the mode at every tick.
+`command` defines the flags, `plan` holds the settings, `study` trains, sweeps and evaluates, `continuation`
+keeps what an interrupted comparison has finished, `report` prints the tables, `figure` draws the operating
+curves, and `episode_figure` draws one episode with two deciders. The files `statement_*` are the same for
+unknown switch moments, where deciders state the mode at every tick.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

@@ -32,16 +32,17 @@ def _default(decisions: str, statements: str, *aliases: str) -> object:
 class Compare(WorldArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for about half a minute and take about six minutes in total on two cores. With
+    The defaults train PPO for about half a minute and take about four minutes in total. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
-    three minutes.
+    three minutes. An interrupted comparison goes on when it is started again.
     """
 
     deciders: Annotated[tuple[str, ...] | None, _default(" ".join(DECIDERS), "all")] = None
     """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
     the run), 'calibrated-robust' (with filters that reject outliers), 'gap', 'ml' (maximum likelihood at the
-    end), 'bayes' (Bayes risk, fitted during the run).
+    end), 'bayes' (Bayes risk, fitted during the run), 'ate-robust' and 'msprt-robust' (on a bank with Student's
+    t likelihood).
     In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
     'glr', 'detector-2020' (of Golubkov 2020), 'beam' (semi-Markov posterior), 'beam-geometric' (which does
     not know the law of durations)."""
@@ -67,7 +68,7 @@ class Compare(WorldArguments):
     """Number of agents to train per recipe, each with its own seed."""
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
-    reference differ most) and compare.json."""
+    reference differ most), compare.json, and agents (a run folder for each trained agent)."""
 
     def run(self) -> None:
         """Train, evaluate, print the tables and write the figures and compare.json.
@@ -124,7 +125,9 @@ class Compare(WorldArguments):
         self._check(deciders, agents, episodes)
         from rich.console import Console
 
+        from agents.comparison.continuation import TRAINED
         from agents.comparison.figure import draw_operating_curves
+        from agents.comparison.plan import Plan
         from agents.comparison.report import (
             calibration_table,
             comparison_table,
@@ -132,7 +135,7 @@ class Compare(WorldArguments):
             summary_lines,
             unreached_accuracy_lines,
         )
-        from agents.comparison.study import Plan, compare
+        from agents.comparison.study import compare
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
 
@@ -153,7 +156,12 @@ class Compare(WorldArguments):
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
         with progress_display(console) as progress:
-            result = compare(plan, progress)
+            try:
+                result = compare(
+                    plan, progress, folder, lambda now: write_json(folder / "compare.json", now.as_json())
+                )
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
         console.print(comparison_table(result))
         for line in summary_lines(result):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -166,6 +174,8 @@ class Compare(WorldArguments):
         write_json(folder / "compare.json", result.as_json())
         pictures = "compare.png, episode.png" if result.learned else "compare.png"
         console.print(f"Files in {folder}: {pictures}, compare.json", markup=False, highlight=False)
+        if (folder / TRAINED).is_dir():
+            console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 
     def _draw_episode(self, result: "Comparison", folder: Path) -> None:
         from agents.comparison.episode_figure import draw_episode, record_episode

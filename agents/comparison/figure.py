@@ -12,7 +12,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
-from agents.evaluation.evaluate import confidence_interval
+from agents.evaluation.evaluate import confidence_interval, share_interval
 from agents.evaluation.operating_curve import ACCURACY, REWARD, TICKS
 from agents.interface.curve_labels import label_curves
 from agents.interface.decider_colours import DeciderStyle, decider_styles
@@ -206,4 +206,5 @@ def _band(entries: Sequence[Entry], row: int) -> FloatArray:
         values = np.array([entry.curve.means[row] for entry in entries])
         return np.array([values.min(0), values.max(0)])
     episodes = entries[0].curve.episodes[:, row]
-    return np.array([confidence_interval(values) for values in episodes.T]).T
+    interval_of = share_interval if row == ACCURACY else confidence_interval
+    return np.array([interval_of(values) for values in episodes.T]).T

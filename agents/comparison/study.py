@@ -1,5 +1,6 @@
 """Comparison of deciders: training where requested, threshold sweeps, and evaluation on common episodes."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,10 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
+from agents.comparison.continuation import Continuation, weights_digest
+from agents.comparison.plan import Plan
 from agents.evaluation import seeds
-from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, DeciderFamily, check_family, decider_family
+from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.operating_curve import (
     ACCURACY,
     REWARD,
@@ -21,77 +24,15 @@ from agents.evaluation.operating_curve import (
     ticks_at_accuracy,
 )
 from agents.interface.decider_colours import name_without_seed
-from agents.training.recipe import Recipe, load_recipe, recipe_names
+from agents.training.checkpoint import has_checkpoint
+from agents.training.recipe import Recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
 from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths, summarise_calibration
-from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
-from hybrid_env.registration import make_vector_env
 
 ACCURACY_LEVELS = (0.95, 0.98)
 CALIBRATION_TICKS = (2, 5, 10, 20, 40)
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Settings of a comparison.
-
-    Attributes:
-        env_id: registered id of the environment.
-        options: keyword arguments of the environment, which override those of the id.
-        deciders: names of classical rules; the first is the reference.
-        agents: recipes to train, 'shipped', or run folders.
-        episodes: number of episodes that all figures are reported on.
-        seed: of the first of them.
-        steps: environment steps of each training; None takes the number in the recipe.
-        training_seeds: number of agents trained per recipe.
-        accuracy: of the thresholds that reach this accuracy, the one with the shortest mean decision time is
-            selected; None selects the threshold with the largest mean reward.
-        curves: False evaluates all deciders but the reference at their selected threshold only.
-        selection_episodes: number of separate episodes for the selection of thresholds.
-    """
-
-    env_id: str
-    options: dict[str, Any]
-    deciders: tuple[str, ...]
-    agents: tuple[str, ...]
-    episodes: int
-    seed: int
-    steps: int | None
-    training_seeds: int
-    accuracy: float | None = None
-    curves: bool = True
-    selection_episodes: int = seeds.SELECTION_EPISODES
-
-    def world(self) -> WorldOptions:
-        """All options of the environment, including the defaults of the id."""
-        return make_vector_env(self.env_id, 1, **self.options).options
-
-    def families(self) -> list[DeciderFamily | Recipe]:
-        """The deciders to compare: families, and recipes of agents still to be trained.
-
-        Raises:
-            ArgumentError: a name or an option is unknown, or a policy was trained for a different number of
-                hypotheses.
-        """
-        world = self.world()
-        found: list[DeciderFamily | Recipe] = []
-        for name in self.deciders:
-            if name not in CLASSICAL_NAMES:
-                raise reject("deciders", name, ", ".join(CLASSICAL_NAMES))
-            found.append(decider_family(name, world))
-        for name in self.agents:
-            if name in recipe_names() or name.endswith(".yml"):
-                found.append(load_recipe(name, self.env_id))
-                continue
-            if name != SHIPPED and not Path(name).is_dir():
-                allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipe_names())}"
-                raise reject("agents", name, allowed)
-            family = decider_family(name, world)
-            check_family(family, name, world)
-            found.append(family)
-        return found
 
 
 @dataclass(frozen=True)
@@ -135,14 +76,15 @@ class Comparison:
         world: options of the environment.
         reference_ticks: mean decision time of the reference at its default threshold, in ticks.
         entries: results of each decider; the first is the reference.
-        posterior_paths: segments without early decisions, for the calibration of the bank.
+        posterior_paths: segments without early decisions, for the calibration of the bank; None before all
+            deciders are evaluated.
     """
 
     plan: Plan
     world: WorldOptions
     reference_ticks: float
     entries: tuple[Entry, ...]
-    posterior_paths: PosteriorPaths
+    posterior_paths: PosteriorPaths | None
 
     def calibration_rows(self) -> list[dict[str, float]]:
         """Calibration of the bank's posterior after a number of ticks without a decision.
@@ -150,6 +92,8 @@ class Comparison:
         The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated"
         (its mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin).
         """
+        if self.posterior_paths is None:
+            return []
         return [
             {"ticks": tick, **asdict(summarise_calibration(self.posterior_paths, tick))}
             for tick in CALIBRATION_TICKS
@@ -199,6 +143,7 @@ class Comparison:
         """Contents of the tables and figures, with every point of the curves."""
         return {
             "plan": asdict(self.plan),
+            "complete": self.posterior_paths is not None,
             "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
             "equal_time": self.reference_ticks,
             "segments": int(self.entries[0].curve.decisions[0].correct.size),
@@ -238,53 +183,94 @@ class Comparison:
         }
 
 
-def compare(plan: Plan, progress: Progress) -> Comparison:
-    """Train, evaluate and compare the deciders of a plan."""
-    families: list[DeciderFamily] = []
-    for found in plan.families():
+def compare(
+    plan: Plan,
+    progress: Progress,
+    folder: Path | None = None,
+    on_entry: Callable[[Comparison], None] | None = None,
+) -> Comparison:
+    """Train, evaluate and compare the deciders of a plan.
+
+    Args:
+        plan: settings.
+        progress: display.
+        folder: for the agents that are trained and, until the comparison is complete, for the decisions of
+            each decider. A comparison that was interrupted and is started again goes on from there, with the
+            same results. None writes nothing.
+        on_entry: called after each decider with the comparison of those so far.
+    """
+    continuation = Continuation(plan, folder)
+    families: list[tuple[DeciderFamily, str]] = []
+    for decider, found in zip((*plan.deciders, *plan.agents), plan.families(), strict=True):
         if isinstance(found, Recipe):
-            families += [_train(found, plan, number, progress) for number in range(plan.training_seeds)]
+            numbers = range(plan.training_seeds)
+            families += [_train(found, plan, number, progress, continuation) for number in numbers]
         else:
-            families.append(found)
-    total = sum(2 * len(family.thresholds) for family in families)
-    task = progress.add_task("Evaluating", total=total, note="")
-    curves: list[OperatingCurve] = []
-    chosen = []
-    for family in families:
-        progress.update(task, note=family.name)
-        arguments: dict[str, Any] = {"on_progress": lambda: progress.advance(task), **plan.options}
-        selection = sweep(family, plan.env_id, plan.selection_episodes, seeds.SELECTION, **arguments)
-        wanted = plan.accuracy
-        index = selection.best_index() if wanted is None else selection.fastest_index(wanted)
-        if not plan.curves and curves:
-            progress.advance(task, len(family.thresholds) - 1)
-            family, index = replace(family, thresholds=(family.thresholds[index],)), 0
-        chosen.append(index)
-        curves.append(sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments))
-    progress.update(task, note="")
-    reference = curves[0].family
-    default = reference.thresholds.index(reference.default)
-    reference_ticks = float(curves[0].means[TICKS, default])
-    task = progress.add_task("Intervals", total=len(curves), note="")
-    entries = []
-    for curve, index in zip(curves, chosen, strict=True):
-        entries.append(_entry(curve, index, reference_ticks))
-        progress.advance(task)
+            families.append((found, weights_digest(decider)))
     world = plan.world()
+    total = sum(2 * len(family.thresholds) + 1 for family, _ in families)
+    task = progress.add_task("Evaluating", total=total, note="")
+    reference_ticks = np.nan
+    entries: list[Entry] = []
+    for family, weights in families:
+        progress.update(task, note=family.name)
+        before = progress.tasks[task].completed
+        swept = continuation.load(family, weights)
+        if swept is None:
+            swept = _sweep(
+                family, plan, full=plan.curves or not entries, on_progress=lambda: progress.advance(task)
+            )
+            continuation.save(family, weights, *swept)
+        curve, chosen = swept
+        if not entries:
+            default = curve.family.thresholds.index(curve.family.default)
+            reference_ticks = float(curve.means[TICKS, default])
+        entries.append(_entry(curve, chosen, reference_ticks))
+        progress.update(task, completed=before + 2 * len(family.thresholds) + 1)
+        if on_entry is not None:
+            on_entry(Comparison(plan, world, reference_ticks, tuple(entries), None))
+    progress.update(task, note="")
     paths = simulate_posterior_paths(plan.episodes, plan.seed, max(CALIBRATION_TICKS), **vars(world))
+    continuation.finish()
     return Comparison(plan, world, reference_ticks, tuple(entries), paths)
 
 
-def _train(recipe: Recipe, plan: Plan, number: int, progress: Progress) -> DeciderFamily:
+def _sweep(
+    family: DeciderFamily, plan: Plan, full: bool, on_progress: Callable[[], None]
+) -> tuple[OperatingCurve, int]:
+    """Return the operating curve on the reported episodes and the index of the selected threshold.
+
+    Args:
+        family: of the decider.
+        plan: settings.
+        full: False evaluates the selected threshold only.
+        on_progress: called after each threshold.
+    """
+    arguments: dict[str, Any] = {"on_progress": on_progress, **plan.options}
+    selection = sweep(family, plan.env_id, plan.selection_episodes, seeds.SELECTION, **arguments)
+    wanted = plan.accuracy
+    index = selection.best_index() if wanted is None else selection.fastest_index(wanted)
+    if not full:
+        family, index = replace(family, thresholds=(family.thresholds[index],)), 0
+    return sweep(family, plan.env_id, plan.episodes, plan.seed, **arguments), index
+
+
+def _train(
+    recipe: Recipe, plan: Plan, number: int, progress: Progress, continuation: Continuation
+) -> tuple[DeciderFamily, str]:
+    """Train an agent, or go on with its training; return its family and the digest of its weights."""
     name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
-    run = make_run(plan.env_id, plan.options, recipe, number, steps=plan.steps)
+    folder = continuation.run_folder(recipe, number)
+    resume = folder is not None and has_checkpoint(folder)
+    run = make_run(plan.env_id, plan.options, recipe, number, folder, plan.steps, resume)
     task = progress.add_task(f"Training {name}", total=run.steps, note="")
 
     def show(now: TrainingProgress) -> None:
         progress.update(task, completed=min(now.steps, now.total), note=now.note)
 
     run.train(show)
-    return run.family(name)
+    progress.update(task, completed=run.steps)
+    return run.family(name), "" if folder is None else weights_digest(str(folder))
 
 
 def _entry(curve: OperatingCurve, chosen: int, reference_ticks: float) -> Entry:
@@ -293,11 +279,11 @@ def _entry(curve: OperatingCurve, chosen: int, reference_ticks: float) -> Entry:
     return Entry(
         curve,
         chosen,
-        curve.estimate(at_threshold(ACCURACY, chosen)),
+        curve.estimate_share(at_threshold(ACCURACY, chosen)),
         curve.estimate(at_threshold(TICKS, chosen)),
         curve.estimate(at_threshold(REWARD, chosen)),
         Estimate(summary["mean"], *summary["interval"]),
-        curve.estimate(error_at_ticks(reference_ticks)),
+        curve.estimate_share(error_at_ticks(reference_ticks)),
         {level: curve.estimate(ticks_at_accuracy(level)) for level in ACCURACY_LEVELS},
         decisions.error_after(),
     )

@@ -12,6 +12,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.noises import parse_noise
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import environment_options
 
@@ -35,7 +36,8 @@ class Evaluate(WorldArguments, ParallelArguments):
     ] = ()
     """'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated',
     'calibrated-robust', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds:
-    'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
+    'ate:1e-6', 'fixed:30', 'runs/ppo:-2'. 'ate-robust' and 'msprt-robust' are those rules on a bank with
+    Student's t likelihood.
     In HybridTrackQuickest-v0: 'threshold', 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
     'beam', 'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000
@@ -47,6 +49,8 @@ class Evaluate(WorldArguments, ParallelArguments):
     with the best reward in each environment and in the nominal one; the names then take no thresholds."""
     drawn: int = 0
     """Evaluate in this many random worlds, and in the nominal one, as with --shifted."""
+    noises: tuple[str, ...] = ()
+    """Evaluate under these laws of noise, and in the nominal environment, as with --shifted."""
     beyond: float = 2.0
     """Factor by which the ranges of random worlds exceed those of the training of the shipped agent."""
     out: Annotated[Path | None, shown_default("none is written")] = None
@@ -85,13 +89,17 @@ class Evaluate(WorldArguments, ParallelArguments):
         if self.shifted or self.drawn:
             name, value = ("shifted", True) if self.shifted else ("drawn", self.drawn)
             raise reject(name, value, "no value with unknown switch moments")
+        if self.noises:
+            raise reject("noises", self.noises, "none with unknown switch moments; --noise chooses one")
         env_id, options = self.world_of(deciders[0])
         return evaluate_statements(deciders, env_id, options, self.episodes, self.seed)
 
     def _evaluate_decisions(self, deciders: tuple[str, ...]) -> Any:
-        shifted = self.shifted or self.drawn > 0
+        shifted = self.shifted or self.drawn > 0 or bool(self.noises)
         if shifted and self.seed + self.episodes > seeds.SELECTION:
-            limit = f"at most {seeds.SELECTION} minus the number of episodes, with --shifted or --drawn"
+            limit = (
+                f"at most {seeds.SELECTION} minus the number of episodes, with --shifted, --drawn or --noises"
+            )
             raise reject("seed", self.seed, limit)
         if shifted:
             return self._evaluate_shifts(deciders)
@@ -119,8 +127,11 @@ class Evaluate(WorldArguments, ParallelArguments):
         world = make_vector_env(env_id, 1, **options).options
         for name in deciders:
             if ":" in name and not Path(name).is_dir():
-                raise reject("deciders", name, "a name without a threshold, with --shifted or --drawn")
+                raise reject(
+                    "deciders", name, "a name without a threshold, with --shifted, --drawn or --noises"
+                )
         worlds = shifted_worlds(world) if self.shifted else {NOMINAL: {}}
+        worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
         worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
         for name in deciders:
             check_family(decider_family(name, world), name, world)

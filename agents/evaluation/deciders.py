@@ -1,5 +1,6 @@
 """Deciders by name: the classical rules with the thresholds to sweep, and trained policies in run folders."""
 
+import dataclasses
 import functools
 import os
 from collections.abc import Callable
@@ -126,6 +127,9 @@ KEPT_COVARIANCE = "msprt-kept"
 CALIBRATED_ANCHOR = "calibrated"
 CALIBRATED_ROBUST = "calibrated-robust"
 ANCHOR_AWARE = "msprt-aware"
+ROBUST_ATE = "ate-robust"
+ROBUST_MSPRT = "msprt-robust"
+ROBUST_LIKELIHOOD = "student_t 50"
 SHIPPED = "shipped"
 SHIPPED_FOLDER = Path(learned.__file__).parent / "shipped"
 COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # times the delay cost
@@ -192,12 +196,21 @@ def anchor_aware_family(world: WorldOptions) -> DeciderFamily:
     )
 
 
+def robust_family(family: DeciderFamily, world: WorldOptions) -> DeciderFamily:
+    """Return a classical rule on the published bank with the robust likelihood."""
+    return dataclasses.replace(
+        family, name=f"{family.name}, robust", options={"likelihood": ROBUST_LIKELIHOOD}
+    )
+
+
 FITTED: dict[str, Callable[[WorldOptions], DeciderFamily]] = {
     BAYES: bayes_family,
     KEPT_COVARIANCE: kept_covariance_family,
     CALIBRATED_ANCHOR: calibrated_anchor_family,
     CALIBRATED_ROBUST: functools.partial(calibrated_anchor_family, robust=True),
     ANCHOR_AWARE: anchor_aware_family,
+    ROBUST_ATE: functools.partial(robust_family, ATE),
+    ROBUST_MSPRT: functools.partial(robust_family, MSPRT),
 }
 """Rules that read the options of the environment, or are fitted to its simulation."""
 
@@ -279,7 +292,7 @@ def load_decider(name: str, options: WorldOptions) -> Decider:
     if options.actions != "all":
         raise reject("actions", options.actions, "'all': deciders declare hypotheses")
     for key, value in family.options.items():
-        if getattr(options, key) != value:
+        if str(getattr(options, key)) != value:
             raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
     check_family(family, name, options)
     return family.make(family.default if threshold is None else threshold)

@@ -12,6 +12,11 @@ TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
 WIDEST_BANK = 25.0  # largest over smallest radius
 PROCESS = (0.003, 0.06)  # deviation of process noise per tick over the speed
 MOST_OUTLIERS = 0.1
+HEAVY_TAILS = 0.3  # share of worlds whose noise is stable or Student's t
+LEVY_INDICES = (1.2, 1.9)
+LEVY_SCALES = (0.5, 1.2)  # over the assumed standard deviation
+LEVY_CLIPS = (10.0, 1000.0)
+FREEDOMS = (1.5, 8.0)
 LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
 SHORTEST = (20, 100)  # ticks of the shortest segment
 LONGEST_OVER_SHORTEST = 2.5
@@ -64,19 +69,32 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
     axes = ratio**0.5 if generator.random() < 0.3 else 1.0
     velocity = speed * _log_uniform(generator, (0.01, 0.3))
     bank, follow = BANKS[generator.choice(len(BANKS), p=SHARES)]
-    return {
+    world = {
         "scheme": f"random 6x{shortest}-{longest}",
         "radii": tuple(radii.tolist()),
         "speed": speed,
         "tau": tau,
         "process_variance": (noise * speed) ** 2,
         "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
-        "outliers": generator.uniform(0.0, beyond * MOST_OUTLIERS) if generator.random() < 0.35 else 0.0,
+        "noise": f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}"
+        if generator.random() < 0.35
+        else "gaussian",
         "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
         "bank": bank,
         "follow": follow,
         "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
     }
+    if generator.random() < HEAVY_TAILS:
+        world["noise"] = _draw_heavy_tails(generator)
+    return world
+
+
+def _draw_heavy_tails(generator: Generator) -> str:
+    """Return a law of the measurement noise with heavy tails, stable or Student's t."""
+    if generator.random() < 0.7:
+        index, scale = generator.uniform(*LEVY_INDICES), _log_uniform(generator, LEVY_SCALES)
+        return f"levy {index:.6g} {scale:.6g} {_log_uniform(generator, LEVY_CLIPS):.6g}"
+    return f"student_t {_log_uniform(generator, FREEDOMS):.6g}"
 
 
 def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:

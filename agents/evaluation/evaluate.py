@@ -80,10 +80,11 @@ class Decisions:
             "reward": self.reward.mean(1),
             "forced": self.forced.mean(1),
         }
-        metrics: dict[str, Any] = {
-            name: {"mean": float(values.mean()), "interval": confidence_interval(values, confidence, seed)}
-            for name, values in rows.items()
-        }
+        metrics: dict[str, Any] = {}
+        for name, values in rows.items():
+            interval_of = confidence_interval if name in ("ticks", "reward") else share_interval
+            interval = interval_of(values, confidence, seed)
+            metrics[name] = {"mean": float(values.mean()), "interval": interval}
         ticks = self.length.sum(1)
         errors = self.squared_error.sum(1)
         low, high = confidence_interval(
@@ -121,6 +122,24 @@ def confidence_interval(
         confidence_level=confidence, method="percentile", rng=seed,
     )  # fmt: skip
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Return the confidence interval of a mean share, as `confidence_interval`, also if no episode differs.
+
+    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability
+    that an episode has the share 1; the mean share is at least this probability. The same holds for 0.
+
+    Args:
+        shares: (E,) share of decisions in each episode, from 0 to 1.
+        confidence: level of the interval.
+        seed: of the bootstrap.
+    """
+    if shares[0] in (0.0, 1.0) and (shares == shares[0]).all():
+        test = stats.binomtest(int(shares.sum()), len(shares))
+        interval = test.proportion_ci(confidence, method="wilson")
+        return float(interval.low), float(interval.high)
+    return confidence_interval(shares, confidence, seed)
 
 
 def evaluate(

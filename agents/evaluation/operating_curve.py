@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.deciders import DeciderFamily
-from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
+from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate, share_interval
 
 FloatArray = NDArray[np.float64]
 ACCURACY, TICKS, REWARD = 0, 1, 2
@@ -81,6 +81,13 @@ class OperatingCurve:
     def estimate(self, statistic: Callable[[FloatArray], Any]) -> Estimate:
         """Return a function of the means (..., 3, thresholds) with its confidence interval."""
         return estimate(self.episodes, statistic)
+
+    def estimate_share(self, statistic: Callable[[FloatArray], Any]) -> Estimate:
+        """Return an accuracy or error rate as `estimate`, also if all decisions are right, or all wrong."""
+        found = self.estimate(statistic)
+        if found.low == found.high and found.value in (0.0, 1.0):
+            return Estimate(found.value, *share_interval(np.full(len(self.episodes), found.value)))
+        return found
 
     def difference(
         self, other: "OperatingCurve", statistic: Callable[[FloatArray], Any], of_other: Any = None

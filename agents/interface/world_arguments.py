@@ -62,8 +62,13 @@ class WorldArguments:
     """Process noise Q, the variance added to each velocity at every tick [m^2/s^2]."""
     measurement_variance: Annotated[float | None, _default("measurement_variance")] = None
     """Measurement noise R, the variance of a measured coordinate [m^2]."""
-    outliers: Annotated[float | None, _default("outliers")] = None
-    """Share of outliers: measurements with five times the standard deviation, not modelled by the bank."""
+    noise: Annotated[str | None, _default("noise")] = None
+    """Law of the measurement errors in units of sqrt(R): 'gaussian', 'outliers 0.02', 'levy 1.5 1 44' (index,
+    scale, clip), 'student_t 3'. The bank does not know it."""
+    missed: Annotated[float | None, _default("missed")] = None
+    """Probability that a tick has no measurement."""
+    likelihood: Annotated[str | None, _default("likelihood")] = None
+    """Law of the innovations that the bank assumes: 'gaussian', or the robust 'student_t 4'."""
     delay_cost: Annotated[float | None, _default("delay_cost")] = None
     """Cost of a tick, relative to the reward of a correct decision."""
     correctness: Annotated[Literal["exact", "type"] | None, _default("correctness")] = None

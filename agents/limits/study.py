@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_family
-from agents.evaluation.evaluate import confidence_interval, evaluate
+from agents.evaluation.evaluate import evaluate, share_interval
 from agents.evaluation.operating_curve import REWARD, Estimate, at_threshold, sweep, ticks_at_accuracy
 from agents.interface.parallel import Call
 from baselines.deciders.msprt import GapDecider
@@ -182,5 +182,5 @@ def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int
         heading=math.pi / 2, initial_error=0, measurement_variance=noise, bank=bank,
     )  # fmt: skip
     shares = decisions.type_correct.mean(1)
-    accuracy = Estimate(float(shares.mean()), *confidence_interval(shares))
+    accuracy = Estimate(float(shares.mean()), *share_interval(shares))
     return TypeAccuracy(bank, noise, accuracy, float(np.mean(decisions.ticks)))

@@ -133,9 +133,13 @@ class Play(WorldArguments):
 
 
 def write_recording(path: Path, history: Any, tau: float) -> None:
-    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m]."""
+    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m].
+
+    Ticks without a measurement have no row.
+    """
     ticks = np.arange(1, len(history.trace) + 1)
     # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
-    times = [float(f"{time:.12g}") for time in tau * ticks]
-    x, y = (history.trace[:, TRACE_COLUMNS.index(name)] for name in ("measured_x", "measured_y"))
+    measured = ~np.isnan(history.trace[:, TRACE_COLUMNS.index("measured_x")])
+    times = [float(f"{time:.12g}") for time in tau * ticks[measured]]
+    x, y = (history.trace[measured, TRACE_COLUMNS.index(name)] for name in ("measured_x", "measured_y"))
     write_table(path, {"t": times, "x": x, "y": y})

@@ -1,6 +1,8 @@
 """Mode decisions on recordings of positions: `hybridtrack track`.
 
-`command` reads the file, runs ATE and writes the results. `figure` draws them.
+`tracking` has the options of tracking, deciders by name, and the same as a function; `tracked` what is known
+of a recording afterwards, row by row. `file_arguments` and `many_files` read files, `figure` and `html_map`
+draw, `command` writes everything.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

@@ -1,7 +1,8 @@
-"""Figure of a tracked recording: trajectory with decisions in the plane, and active mode over time."""
+"""Figure of a tracked recording: ground track, probabilities and residuals, readable at any number of
+rows.
+"""
 
-import itertools
-from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,186 +10,162 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from agents.interface.curve_labels import label_curves
-from baselines.recordings.ate import Tracks
-from hybrid_env.rendering.modes import mode_colour, mode_name
+from agents.recordings.tracked import TrackedRecording
+from hybrid_env.rendering.modes import mode_colour
 
-MAX_NUMBERED = 20
-"""Up to this many pieces, decisions are numbered."""
+FloatArray = NDArray[np.float64]
 
-MIN_NUMBERED_SHARE = 0.025
-"""Pieces shorter than this share of the recording have no number on the time axis."""
-
-MAX_GUIDES = 40
-"""Up to this many pieces, thin lines mark the possible switches over time."""
+MAX_POINTS = 20_000
+"""Points of the ground track that are drawn."""
 
 MAX_LINE_POINTS = 5000
 """Agg raises OverflowError for very long lines; longer ones are split."""
 
-GREY, BLACK, YELLOW = "#9a9a9a", "#000000", "#f0e442"
+BINS = 800  # of time, about the pixels of the axes
+MAX_MARKS = 60  # up to this many pieces, their first rows are marked
+MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
+FAR_LENGTH = 3.717  # exceeded with probability 0.001
+GREY, BLACK = "#9a9a9a", "#000000"
 
 
-def draw_track(
-    times: NDArray[np.float64],
-    measurements: NDArray[np.float64],
-    lengths: Sequence[int],
-    tracks: Tracks,
-    radii: Sequence[float],
-) -> Figure:
-    """Draw the estimated trajectory and, below it, the active mode over time.
-
-    Args:
-        times: (T,) times of the measurements [s].
-        measurements: (T, 2) measured coordinates [m].
-        lengths: (K,) ticks of the pieces.
-        tracks: result of `baselines.track` for a single run.
-        radii: (n,) turn radii of the bank [m].
-
-    Returns:
-        The figure, with an Agg canvas.
-    """
-    used = np.unique(np.concatenate([tracks.modes, tracks.decided])).tolist()
-    points = np.concatenate([measurements, tracks.estimates[:, [0, 2]]])
-    width, height = np.maximum(np.ptp(points, axis=0), 1e-9)
-    heights = (8.0 * float(np.clip(height / width, 0.3, 0.9)), 0.5 + 0.3 * len(used))  # [in]
-    figure = Figure(figsize=(10.0, sum(heights) + 1.6), dpi=120, layout="constrained")
+def draw_recording(tracked: TrackedRecording) -> Figure:
+    """Draw the ground track with the decided pieces, and over time the probabilities and the residuals."""
+    known = np.flatnonzero(tracked.modes >= 0)
+    points = tracked.recording.positions[tracked.recording.measured]
+    width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
+    heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)  # [in]
+    figure = Figure(figsize=(10.0, sum(heights) + 1.4), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    above, below = figure.subplots(2, 1, height_ratios=heights)
-    size = float(np.clip(40.0 / np.sqrt(len(lengths)), 3.0, 7.0))  # of the markers [pt]
-    marks = _draw_trajectory(above, measurements, lengths, tracks, radii, size)
-    _draw_modes(below, times, lengths, tracks, radii, used, size)
+    ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
+    residuals.sharex(ribbon)
+    _draw_ground(ground, tracked)
+    edges = _time_edges(tracked.recording.times[known])
+    _draw_probabilities(ribbon, tracked, known, edges)
+    _draw_residuals(residuals, tracked, known, edges)
+    ribbon.set_xlim(edges[0], edges[-1])
+    ribbon.tick_params(labelbottom=False)
+    residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
+    colours = mode_colours(tracked)
+    names = {"S": "S: straight", "L": "L: left turn", "R": "R: right turn"}
     handles = [
-        Line2D([], [], color=GREY, marker=".", linestyle="none", markersize=6, label="measurements"),
+        Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements"),
         *(
-            Line2D([], [], color=mode_colour(mode, radii), linewidth=2.5, label=mode_name(mode, radii))
-            for mode in used
+            Line2D([], [], color=colours[mode], linewidth=2.5, label=names.get(name, name))
+            for mode, name in enumerate(tracked.mode_names())
         ),
-        *above.get_legend_handles_labels()[0],
+        Line2D([], [], color=BLACK, marker="o", markerfacecolor="white", linestyle="none", label="new piece"),
     ]
-    figure.legend(
-        handles=handles, loc="outside right upper", frameon=False, alignment="left",
-        title="S: straight\nL, R: left, right turn",
-    )  # fmt: skip
-    if len(lengths) <= MAX_NUMBERED:
-        label_curves(above, marks)
+    figure.legend(handles=handles, loc="outside right upper", frameon=False, alignment="left")
     return figure
 
 
-def _draw_trajectory(
-    axes: Any,
-    measurements: NDArray[np.float64],
-    lengths: Sequence[int],
-    tracks: Tracks,
-    radii: Sequence[float],
-    size: float,
-) -> list[tuple[Line2D, str]]:
-    """Draw measurements, estimate and decisions; return one mark and its number for each piece."""
-    axes.plot(*measurements.T, ".", color=GREY, markersize=3, alpha=0.6, zorder=1)
-    positions = tracks.estimates[:, [0, 2]]
-    lines, colours = [], []
-    for first, end in _mode_runs(tracks.modes):
-        colour = mode_colour(int(tracks.modes[first]), radii)
-        for k in range(first, end, MAX_LINE_POINTS):
-            lines.append(positions[max(k - 1, 0) : min(k + MAX_LINE_POINTS, end)])
-            colours.append(colour)
-    width = 1.0 + size / 7.0
-    numbered = len(lengths) <= MAX_NUMBERED
-    if numbered:  # the labels avoid lines, not collections
-        for line, colour in zip(lines, colours, strict=True):
-            axes.plot(*line.T, color=colour, linewidth=width, zorder=2)
-    else:
-        axes.add_collection(
-            LineCollection(lines, colors=colours, linewidths=width, capstyle="round", zorder=2)
-        )
-    axes.plot(*positions[0], "s", color=BLACK, markersize=6, zorder=5, label="first tick")
-    decisions = positions[_decision_indices(lengths, tracks)]
-    _draw_marks(axes, decisions, positions[np.cumsum(lengths)[:-1] - 1], tracks.undecided, size)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set(title="Estimated trajectory", xlabel="x [m]", ylabel="y [m]")
-    axes.grid(alpha=0.25)
-    if not numbered:
-        return []
-    # `label_curves` needs one line for each label; these are transparent
-    return [
-        (axes.plot(*point, "o", color=BLACK, alpha=0.0, markersize=size)[0], str(number))
-        for number, point in enumerate(decisions, start=1)
-    ]
+def mode_colours(tracked: TrackedRecording) -> list[str]:
+    """Return the colour of every mode."""
+    radii = tracked.model.radii
+    return [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
 
 
-def _draw_marks(
-    axes: Any,
-    decisions: NDArray[np.float64],
-    switches: NDArray[np.float64],
-    undecided: NDArray[np.bool_],
-    size: float,
-) -> None:
-    """Mark decisions and possible switches.
+def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, NDArray[np.int64]]]:
+    """Return mode and rows of the line of each piece, joined to the piece before; of `most` rows in all.
 
-    Args:
-        axes: axes to draw into.
-        decisions: (K, 2) points of the decisions, or of the ends of pieces without one.
-        switches: (K - 1, 2) points of the possible switches.
-        undecided: (K,) True for pieces without a decision.
-        size: size of the markers [pt].
+    Every piece keeps its first and last row, so that short pieces stay visible.
     """
-    style: dict[str, Any] = {"color": BLACK, "markeredgewidth": size / 6.0, "zorder": 4, "clip_on": False}
-    if len(switches):
-        axes.plot(*switches.T, "D", markersize=0.5 * size, label="possible switch", **style)
-    if not undecided.all():
-        points = decisions[~undecided].T
-        axes.plot(*points, "o", markerfacecolor="white", markersize=size, label="decision", **style)
-    if undecided.any():
-        points = decisions[undecided].T
-        axes.plot(*points, "^", markerfacecolor=YELLOW, markersize=1.2 * size, label="no decision", **style)
+    every = max(-(-len(tracked.modes) // most), 1)
+    lines = []
+    for k, (first, end, mode, _) in enumerate(tracked.pieces.tolist()):
+        joined = first > 0 and k > 0 and tracked.pieces[k - 1, 1] == first and tracked.modes[first - 1] >= 0
+        begin = first - 1 if joined and not _after_gap(tracked, first) else first
+        rows = np.append(np.arange(begin, end - 1, every), end - 1)
+        lines.append((mode, rows))
+    return lines
 
 
-def _draw_modes(
-    axes: Any,
-    times: NDArray[np.float64],
-    lengths: Sequence[int],
-    tracks: Tracks,
-    radii: Sequence[float],
-    used: list[int],
-    size: float,
-) -> None:
-    """Draw the active mode over time as bars, one row for each mode, with the marks of `_draw_marks`."""
-    rows = {mode: len(used) - 1 - k for k, mode in enumerate(used)}  # straight in the top row
-    step = times[1] - times[0] if len(times) > 1 else 1.0
-    bars: dict[int, list[tuple[float, float]]] = {mode: [] for mode in used}
-    for first, end in _mode_runs(tracks.modes):
-        bars[int(tracks.modes[first])].append((times[first] - step / 2.0, (end - first) * step))
-    for mode, spans in bars.items():
-        axes.broken_barh(spans, (rows[mode] - 0.3, 0.6), facecolors=mode_colour(mode, radii), zorder=2)
-    ends, bottom = np.cumsum(lengths), -0.6
-    decisions = np.column_stack(
-        [times[_decision_indices(lengths, tracks)], [rows[mode] for mode in tracks.decided.tolist()]]
+def _after_gap(tracked: TrackedRecording, row: int) -> bool:
+    return any(first == row for first, _ in tracked.recording.pieces)
+
+
+def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
+    recording, unit = tracked.recording, tracked.recording.unit
+    rows = np.flatnonzero(recording.measured)
+    rows = rows[:: max(-(-len(rows) // MAX_POINTS), 1)]
+    size = float(np.clip(600.0 / np.sqrt(len(rows)) / 10.0, 0.7, 3.0))
+    axes.plot(*recording.positions[rows].T, ".", color=GREY, markersize=size, alpha=0.5, zorder=1)
+    colours, positions = mode_colours(tracked), tracked.estimates[:, ::2]
+    lines, shades = [], []
+    for mode, part in mode_lines(tracked, MAX_POINTS):
+        for k in range(0, len(part), MAX_LINE_POINTS):
+            lines.append(positions[part[max(k - 1, 0) : k + MAX_LINE_POINTS]])
+            shades.append(colours[mode])
+    axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.8, capstyle="round", zorder=2))
+    first = tracked.pieces[:, 0]
+    if len(first) <= MAX_MARKS:
+        axes.plot(*positions[first].T, "o", color=BLACK, markerfacecolor="white", markersize=4, zorder=4)
+    axes.plot(*positions[first[0]], "s", color=BLACK, markersize=6, zorder=5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.autoscale_view()
+    axes.set(
+        title=f"{recording.name}: decided pieces (square: first row)",
+        xlabel=f"x [{unit}]",
+        ylabel=f"y [{unit}]",
     )
-    switches = np.column_stack([times[ends[:-1]] - step / 2.0, np.full(len(ends) - 1, bottom)])
-    _draw_marks(axes, decisions, switches, tracks.undecided, size)
-    if len(lengths) <= MAX_GUIDES:
-        for end in ends[:-1]:
-            axes.axvline(times[end] - step / 2.0, color="0.85", linewidth=0.8, zorder=0)
-    if len(lengths) <= MAX_NUMBERED:
-        top = axes.secondary_xaxis("top")
-        top.set_xlabel("piece")
-        centres = (times[ends - np.asarray(lengths)] + times[ends - 1]) / 2.0
-        wide = np.flatnonzero(np.asarray(lengths) >= MIN_NUMBERED_SHARE * ends[-1])
-        top.set_xticks(centres[wide], [str(number) for number in wide + 1])
-        top.tick_params(length=0)
-    axes.set_yticks(list(rows.values()), [mode_name(mode, radii) for mode in rows])
-    axes.set_ylim(bottom, len(used) - 0.4)
-    axes.set_xlim(times[0] - step / 2.0, times[-1] + step / 2.0)
-    axes.set(title="Active mode", xlabel="t [s]", ylabel="mode")
+    axes.grid(alpha=0.25)
 
 
-def _decision_indices(lengths: Sequence[int], tracks: Tracks) -> NDArray[np.int64]:
-    """Index of the decision tick of each piece, or of its last tick if there is no decision, (K,)."""
-    return np.asarray(np.cumsum(lengths) - np.asarray(lengths) + tracks.ticks - 1)
+def _time_edges(times: FloatArray) -> FloatArray:
+    """Return the edges of at most `BINS` intervals of time."""
+    step = np.median(np.diff(times)) if len(times) > 1 else 1.0
+    return np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
 
 
-def _mode_runs(modes: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """First tick and end of each interval of constant mode, counted from 0."""
-    borders = [0, *(np.flatnonzero(np.diff(modes)) + 1).tolist(), len(modes)]
-    return list(itertools.pairwise(borders))
+def _draw_probabilities(
+    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
+) -> None:
+    """Draw the mean probabilities in each interval as stacked bars, and above them the decided modes."""
+    bins = np.clip(np.searchsorted(edges, tracked.recording.times[known], "right") - 1, 0, len(edges) - 2)
+    counts = np.bincount(bins, minlength=len(edges) - 1)
+    filled = counts > 0
+    colours, bottom = mode_colours(tracked), np.zeros(len(counts))
+    order = [0, *range(1, len(colours))]
+    for mode in order:
+        mean = np.bincount(bins, tracked.probabilities[known, mode], len(counts)) / np.maximum(counts, 1)
+        top = bottom + np.where(filled, mean, 0.0)
+        axes.stairs(top, edges, baseline=bottom, fill=True, color=colours[mode], linewidth=0.0)
+        bottom = top
+    above = blended_transform_factory(axes.transData, axes.transAxes)
+    times = tracked.recording.times
+    half = 0.5 * tracked.tau
+    spans: dict[int, list[tuple[float, float]]] = {}
+    for first, end, mode, _ in tracked.pieces.tolist():
+        spans.setdefault(mode, []).append((times[first] - half, times[end - 1] - times[first] + 2 * half))
+    for mode, bars in spans.items():
+        axes.broken_barh(bars, (1.04, 0.12), facecolors=colours[mode], transform=above, clip_on=False)
+    axes.set(ylim=(0.0, 1.0), ylabel="probability")
+    axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
+
+
+def _draw_residuals(
+    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
+) -> None:
+    """Draw the lengths of the normalised innovations: all of them, or quantiles in each interval."""
+    lengths = np.hypot(*tracked.residuals[known].T)
+    times = tracked.recording.times[known]
+    given = ~np.isnan(lengths)
+    lengths, times = lengths[given], times[given]
+    if len(lengths) <= 4 * BINS:
+        axes.plot(times, lengths, ".", color=BLACK, markersize=2)
+    else:
+        borders = np.searchsorted(times, edges)
+        parts = [(a, b) for a, b in pairwise(borders) if b > a]
+        middle = [times[a:b].mean() for a, b in parts]
+        low, median, high = np.array([np.quantile(lengths[a:b], (0.05, 0.5, 0.95)) for a, b in parts]).T
+        axes.fill_between(middle, low, high, color=GREY, alpha=0.5, linewidth=0.0)
+        axes.plot(middle, median, color=BLACK, linewidth=0.8)
+    axes.axhline(MEDIAN_LENGTH, color=BLACK, linestyle=":", linewidth=1.0)
+    axes.axhline(FAR_LENGTH, color=BLACK, linestyle="--", linewidth=1.0)
+    top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths, 0.995))) if len(lengths) else 5.0
+    axes.set(ylim=(0.0, top), ylabel="residual [sd]")
+    shown = "" if len(lengths) <= 4 * BINS else ": median, 5 to 95 %"
+    axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")

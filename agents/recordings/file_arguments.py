@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from baselines.recordings.reading.names import ROLES
-from baselines.recordings.reading.read import RecordingFile, read_recordings
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
+
+if TYPE_CHECKING:
+    from baselines.recordings.reading.read import RecordingFile
 
 TAU_RANGE = (1e-9, 1e9)  # [s]
 COLUMN_ROLES = ("t", *ROLES)
@@ -43,12 +46,14 @@ class FileArguments:
     jobs: int | None = None
     """Files that are tracked at the same time. By default one for each core if there are many files."""
 
-    def read(self, path: Path) -> RecordingFile:
+    def read(self, path: Path) -> "RecordingFile":
         """Read a file.
 
         Raises:
             ArgumentError: the file is invalid, or its columns are unclear.
         """
+        from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
+
         return read_recordings(
             path, columns=self.column_names(), object_column=self.object, unit=self.unit,
             time_unit=self.time_unit, tau=self.tau, gap=self.gap,
@@ -79,12 +84,13 @@ class FileArguments:
         folders = [self._folder(Path(path)) for path in self.files]
         first: dict[Path, Path] = {}
         for path, folder in zip(self.files, folders, strict=True):
-            if folder.absolute() in first:
+            if folder.resolve() in first:
+                other = first[folder.resolve()]
                 raise ArgumentError(
-                    f"{first[folder.absolute()]} and {path} both have the output folder {folder}: rename one, or "
-                    "track each by itself with --out"
+                    f"{other} and {path} both have the output folder {folder}: rename one, or track each by "
+                    "itself with --out"
                 )
-            first[folder.absolute()] = Path(path)
+            first[folder.resolve()] = Path(path)
         return folders
 
     def check_files(self) -> None:
@@ -100,6 +106,8 @@ class FileArguments:
             check_between("tau", self.tau, *TAU_RANGE)
         if self.gap is not None:
             check_positive("gap", self.gap)
+        if self.unit is not None and not self.unit.strip():
+            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
         if self.jobs is not None:
             check_integer("jobs", self.jobs)
 

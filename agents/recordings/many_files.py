@@ -74,7 +74,8 @@ def work_on_files(
                 errors.print(f"hybridtrack: {result}", markup=False, highlight=False, soft_wrap=True)
             progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
     if failed:
-        raise ArgumentError(f"{failed} of {len(paths):,} files are not tracked; the others are")
+        verb = "is" if failed == 1 else "are"
+        raise ArgumentError(f"{failed:,} of {len(paths):,} files {verb} not tracked; the others are")
 
 
 def check_free(folder: Path, overwrite: bool) -> None:

@@ -1,18 +1,20 @@
-"""Figures of the papers, drawn from one run of each reproduced study."""
+"""Figures of the papers: of the studies that decide here, of others in a file of their own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from agents.interface.curve_labels import label_curves
 from agents.interface.output_files import atomic_file
+from agents.reproduction import novospaskyi_figures, zimchuk_figure
+from agents.reproduction.canvas import DPI, GREY, new_figure
 from baselines.deciders.sprt import sprt_thresholds
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
 from baselines.papers.reproduction import Reproduction
@@ -22,50 +24,41 @@ TYPE_NAMES = ("straight", "left turn", "right turn")
 RUN = 0
 """Index of the run that is drawn."""
 
-GREY, DARK_GREY = "#9a9a9a", "#4d4d4d"
+DARK_GREY = "#4d4d4d"
 TRUTH = "#1a1a1a"
 ALPHA_COLOURS = ("#000000", "#4477AA", "#CCBB44", "#AA3377")
 ALPHA_LINES = ("-", "--", "-.", ":")
-DPI = 110
 
 
 def draw_figures(paper: str, result: Reproduction, folder: Path) -> list[str]:
     """Draw the figures of a paper as PNG files.
 
     Args:
-        paper: "golubkov2018", "tsyganov2019" or "golubkov2020".
+        paper: key of `FIGURES`.
         result: its reproduction.
         folder: existing output folder.
 
     Returns:
         Names of the files.
     """
-    if paper == "golubkov2020":
-        figures = {"golubkov2020.png": _detection_figure(result)}
-    else:
-        settings: dict[str, tuple[dict[str, float], Sequence[float], float]] = {
-            "golubkov2018": (golubkov2018.MEASUREMENT_VARIANCES, golubkov2018.RADII, golubkov2018.ALPHA),
-            "tsyganov2019": (tsyganov2019.MEASUREMENT_VARIANCES, (tsyganov2019.RADIUS,), tsyganov2019.ALPHA),
-        }
-        variances, radii, alpha = settings[paper]
-        figures = {
-            f"{paper}_{index}.png": _tracking_figure(
-                f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²",
-                recording, tracks, radii, alpha,
-            )
-            for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1)
-        }  # fmt: skip
+    figures = FIGURES[paper](result)
     for name, figure in figures.items():
         with atomic_file(folder / name) as part:
             figure.savefig(part, dpi=DPI)
     return list(figures)
 
 
-def _figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title)
-    return figure, figure.subplots(1, len(widths), width_ratios=widths)
+def _tracking_figures(
+    paper: str, variances: dict[str, float], radii: Sequence[float], alpha: float, result: Reproduction
+) -> dict[str, Figure]:
+    """One figure for each variance of a paper that tracks with ATE."""
+    return {
+        f"{paper}_{index}.png": _tracking_figure(
+            f"{result.paper}: one run of ATE, measurement variance R = {variances[name]:g} m²",
+            recording, tracks, radii, alpha,
+        )
+        for index, (name, (recording, tracks)) in enumerate(result.examples.items(), start=1)
+    }  # fmt: skip
 
 
 def _style_map(axes: Any, title: str) -> None:
@@ -95,7 +88,7 @@ def _mode_label(signed_radius: float) -> str:
 
 def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[float], alpha: float) -> Figure:
     """Estimate over the true trajectory, and log-likelihood ratios with their thresholds."""
-    figure, (map_axes, ratio_axes) = _figure(title, (13.0, 6.4), (1.0, 1.15))
+    figure, (map_axes, ratio_axes) = new_figure(title, (13.0, 6.4), (1.0, 1.15))
     ends = np.cumsum(recording.lengths)
     _style_map(map_axes, "Trajectory; labels: true mode of each piece")
     map_axes.plot(*recording.measurements[RUN].T, ".", color=GREY, markersize=2.5, alpha=0.6, zorder=1)
@@ -175,10 +168,10 @@ def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float],
     )  # fmt: skip
 
 
-def _detection_figure(result: Reproduction) -> Figure:
+def _detection_figure(result: Reproduction) -> dict[str, Figure]:
     """Trajectory with its measurements, ln lambda of one run, and distribution of the delay."""
     switch = golubkov2020.SWITCH
-    figure, (map_axes, ratio_axes, delay_axes) = _figure(
+    figure, (map_axes, ratio_axes, delay_axes) = new_figure(
         f"{result.paper}: detection of a right turn (r = 5 m) that begins after tick {switch}",
         (15.5, 5.2), (0.9, 1.2, 1.2),
     )  # fmt: skip
@@ -230,4 +223,20 @@ def _detection_figure(result: Reproduction) -> Figure:
     label_curves(map_axes, [(measured, "measurements"), (paths[0], "straight"), (paths[1], "right turn")])
     label_curves(ratio_axes, labels)
     label_curves(delay_axes, [*curves, (published, f"published: {golubkov2020.PUBLISHED_DELAY}")])
-    return figure
+    return {"golubkov2020.png": figure}
+
+
+FIGURES: dict[str, Callable[[Reproduction], dict[str, Figure]]] = {
+    "golubkov2018": partial(
+        _tracking_figures, "golubkov2018", golubkov2018.MEASUREMENT_VARIANCES, golubkov2018.RADII,
+        golubkov2018.ALPHA,
+    ),
+    "tsyganov2019": partial(
+        _tracking_figures, "tsyganov2019", tsyganov2019.MEASUREMENT_VARIANCES, (tsyganov2019.RADIUS,),
+        tsyganov2019.ALPHA,
+    ),
+    "golubkov2020": _detection_figure,
+    "zimchuk": zimchuk_figure.draw,
+    "novospaskyi": novospaskyi_figures.draw,
+}  # fmt: skip
+"""What draws the figures of each paper, by their file names."""

@@ -5,12 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from baselines.papers.reproduction import Cell, Reproduction
-
-MIN_RUNS = 500
-"""With fewer runs, the centre of the interval is itself too uncertain."""
 
 HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
 INSIDE = {"inside": ("yes", "green"), "outside": ("no", "red"), "not published": ("-", "bright_black")}
@@ -35,7 +33,8 @@ def _title(result: Reproduction, table: str) -> str:
 
 def describe_runs(result: Reproduction) -> str:
     """Number of runs and seed, with a recommendation if there are few runs."""
-    few = f" At least {MIN_RUNS} runs are recommended." if result.runs < MIN_RUNS else ""
+    least = result.recommended_runs
+    few = f" At least {least} runs are recommended." if result.runs < least else ""
     return f"{result.runs} runs, seed {result.seed}.{few}"
 
 
@@ -64,7 +63,7 @@ def tables(result: Reproduction) -> list[Table]:
     for head in FINDINGS_HEADER:
         table.add_column(head)
     for finding in result.findings:
-        table.add_row(finding.name, finding.value, finding.claim)
+        table.add_row(*(escape(text) for text in (finding.name, finding.value, finding.claim)))
     return [*made, table]
 
 

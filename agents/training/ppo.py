@@ -248,6 +248,10 @@ class PPORun(Run):
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train for the remaining steps; see `Run.learn`."""
+        with _without_tracebacks_of_threads():
+            self._learn(on_progress)
+
+    def _learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         model, writers = self.model, []
         if self.folder is not None:
             writers = [_MetricsWriter(self.folder), _Events(self.folder, self.num_timesteps)]
@@ -262,15 +266,14 @@ class PPORun(Run):
             model.set_random_seed(self.seed)
         self._random, self._logged = None, {}
         callback = _RunCallback(self, on_progress)
-        with _without_tracebacks_of_threads():
-            try:
-                model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
-            except ArgumentError:
-                raise
-            except ValueError as error:  # probabilities that are not finite
-                raise ArgumentError(f"the training has diverged: {first_line(error)}") from error
-            finally:
-                model.logger.close()
+        try:
+            model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
+        except ArgumentError:
+            raise
+        except ValueError as error:  # probabilities that are not finite
+            raise ArgumentError(f"the training has diverged: {first_line(error)}") from error
+        finally:
+            model.logger.close()
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""

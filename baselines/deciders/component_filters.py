@@ -5,14 +5,16 @@ frame the anchor is at the origin and its velocity is (speed, 0), so that the ob
 everything that a filter needs except the model, which is that of the world.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Observations
+from hybrid_env.checks import reject
 from hybrid_env.core import bank_operations
-from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.compilation import compiled, inlined, internal, prepare
 from hybrid_env.core.kernels import BANKS
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES
@@ -36,6 +38,15 @@ class _Orientation(NamedTuple):
     outlier_model: FilterModel
     log_likelihood: FloatArray
     innovations: FloatArray
+
+
+@inlined
+def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel) -> None:
+    """Advance the filters of one lane; a measurement NaN only predicts."""
+    if math.isnan(measurement[0, lane]):
+        bank_operations.predict(bank, lane, model)
+    else:
+        bank_operations.step(bank, lane, lane + 1, measurement, model)
 
 
 @internal
@@ -71,7 +82,7 @@ def _filter_tick(
         banks: banks of all blocks of C N lanes; the tracks of one component follow each other.
         begins: (N,) tracks whose filters start.
         anchors: (C, N, 14) initial estimate and upper triangle of its covariance.
-        measurements: (N, 2) [m].
+        measurements: (N, 2) [m], NaN if a tick has none.
         radii: (n,) [m].
         model: model of the filters.
         outlier_model: of measurements that no hypothesis explains.
@@ -94,9 +105,14 @@ def _filter_tick(
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
                 bank_operations.begin(bank, lane, anchor, covariance, radii, model)
             measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
+        missing = np.isnan(measurement[0, :lanes]).any()
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
-        bank_operations.step(bank, 0, lanes, measurement, model)
+        if missing:
+            for lane in range(lanes):
+                _step_lane(bank, lane, measurement, model)
+        else:
+            bank_operations.step(bank, 0, lanes, measurement, model)
         if saved.size > 0 and _any_outlier(bank, lanes, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
@@ -106,7 +122,7 @@ def _filter_tick(
                     for h in range(saved.size):
                         bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
                 else:
-                    bank_operations.step(bank, lane, lane + 1, measurement, model)
+                    _step_lane(bank, lane, measurement, model)
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
@@ -133,9 +149,14 @@ class ComponentFilters:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
         innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
             the logarithm of its variance [m^2].
+
+    Raises:
+        ArgumentError: the world has several sensors, whose variances the observation does not contain.
     """
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
+        if world.sensors:
+            raise reject("sensors", world.sensors, "none for a decider with filters of its own")
         self.bank, self.world, self.robust = bank, world, robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
@@ -170,6 +191,8 @@ class ComponentFilters:
         deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
         names = ("displacement_along", "displacement_across")
         measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
+        if self.world.missed > 0.0:
+            measurements[without_measurement(self.layout, rows)] = np.nan
         for banks, *rest in self.orientations:
             _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, self.saved)
         if len(self.orientations) == 1:
@@ -204,6 +227,12 @@ class ComponentFilters:
                     for name in old.dtype.names:
                         new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
         return selected
+
+
+def without_measurement(layout: Layout, rows: Observations) -> NDArray[np.bool_]:
+    """Return whether the ticks of rows have no measurement, (N,): then all innovations are exactly zero."""
+    names = ("innovation_along", "innovation_across")
+    return ~np.any([layout.read(rows, name).any(-1) for name in names], axis=0)
 
 
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:

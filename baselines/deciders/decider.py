@@ -12,8 +12,8 @@ Actions = NDArray[np.int64]
 class Decider(Protocol):
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
-    A decider with filters of its own has an attribute `every_tick` that is True: it needs a row of every
-    tick, so that `baselines.OnlineTracker` cannot leave out missing measurements.
+    A decider with filters of its own has an attribute `every_tick` that is True: `baselines.OnlineTracker` asks
+    it also in ticks without a measurement, so that its filters predict.
     """
 
     def predict(

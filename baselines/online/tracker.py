@@ -66,14 +66,14 @@ class OnlineTracker:
     `follow="bank"` all filters run on, and the estimate is merged over them.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
-    k - 1 ticks without a measurement. Deciders with filters of their own, whose `every_tick` is True, need a
-    measurement at every tick.
+    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True, are
+    asked in these ticks: their filters predict, too.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
         options: of the environment whose model the bank uses. Options of its simulated object, such as speed,
-            outliers and scheme, are not used, except `initial_error` if `begin` is given an estimate without
+            noise and scheme, are not used, except `initial_error` if `begin` is given an estimate without
             a covariance, and by deciders.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
@@ -100,6 +100,7 @@ class OnlineTracker:
         self.world: OnlineTrack = OnlineWorld(options) if known else OnlineQuickestWorld(options)
         self._action_count = int(self.world.action_space().n)
         self._longest = options.longest_segment
+        self._every_tick = bool(getattr(decider, "every_tick", False))
         self._try_decider()
         self.begin()
 
@@ -163,18 +164,12 @@ class OnlineTracker:
             What is known after it.
 
         Raises:
-            ArgumentError: the measurement is not finite, the time does not fit the ticks, or the decider has
-                filters of its own and a measurement is missing.
+            ArgumentError: the measurement is not finite, or the time does not fit the ticks.
         """
         point = None if measurement is None else _checked_point(measurement)
         moment = None if time is None else check_number("time", time)
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
-        if missing and getattr(self.decider, "every_tick", False):
-            allowed = (
-                f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
-            )
-            raise reject("missing measurements", missing, allowed)
         if moment is not None:
             self._last_time = moment
         elif self._last_time is not None:
@@ -186,6 +181,8 @@ class OnlineTracker:
         world = self.world
         for _ in range(missing):
             world.skip()
+            if self._every_tick and world.asks:
+                world.decide(self._ask_decider())
         if point is not None:
             self._measured = True
             if self._ticks is not None:

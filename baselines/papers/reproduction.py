@@ -83,6 +83,7 @@ class Reproduction:
         cells: values of the published tables.
         findings: results beyond the published tables.
         examples: recording and result for each figure, by the name of the setting.
+        recommended_runs: with fewer runs, the centre of the interval is itself too uncertain.
     """
 
     paper: str
@@ -91,6 +92,7 @@ class Reproduction:
     cells: tuple[Cell, ...]
     findings: tuple[Finding, ...]
     examples: dict[str, Any]
+    recommended_runs: int = 500
 
     @property
     def tables(self) -> dict[str, list[Cell]]:

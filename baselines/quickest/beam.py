@@ -15,7 +15,7 @@ from baselines.quickest.beam_filters import (
     step_branches,
     step_memory,
 )
-from baselines.quickest.measurements import FloatArray, MeasurementDecider
+from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured
 from baselines.quickest.threshold import ThresholdDecider
 from hybrid_env.checks import check_flag, check_integer
 from hybrid_env.core.compilation import prepare
@@ -76,6 +76,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         merged: bool = True,
         durations: str | Durations | None = None,
     ):
+        check_measured(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions
 from hybrid_env.checks import reject
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_world import QuickestWorld
 
 FloatArray = NDArray[np.float64]
@@ -14,6 +15,13 @@ State = TypeVar("State")
 
 OBSERVED = 2 + 4 + 10
 """Width of an observation without the probabilities: measurement, estimate and covariance."""
+
+
+def check_measured(options: QuickestOptions) -> None:
+    """Raise `ArgumentError` if ticks may have no measurement, or those of several sensors."""
+    for name, value in (("missed", options.missed), ("sensors", options.sensors)):
+        if value:
+            raise reject(name, value, "none for a decider with filters of its own")
 
 
 class MeasurementDecider(Generic[State]):

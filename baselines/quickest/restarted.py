@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions
-from baselines.quickest.measurements import FloatArray, MeasurementDecider
+from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured
 from baselines.quickest.restarted_filters import (
     RestartedFilters,
     RestartModel,
@@ -47,6 +47,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
     mean: bool
 
     def __init__(self, options: QuickestOptions, threshold: float, margin: float, window: int, bank: Bank):
+        check_measured(options)
         self.hypotheses = options.hypotheses
         variances = options.variances
         self.model = RestartModel(

@@ -1,8 +1,14 @@
 """Decision algorithms for recorded measurements, without an environment.
 
-`ate` is adaptive trajectory estimation, which decides the mode of each segment at known switch times.
-`change_detection` detects a switch at an unknown time. Both apply the published bank to arrays of measured
-positions and return estimates and decisions.
+A recording (`recording`, read by `reading`) in its own units becomes uniform ticks (`ticks`), without
+outliers (`scatter`). `model_fit` finds noise, radii and durations by maximum likelihood of the innovations,
+which `imm_pass` computes. `decisions` runs a decider over the ticks, from the state that `first_state` finds;
+`consistency` says whether the model fits.
 
-May import: `hybrid_env`, `baselines.deciders`, `baselines.filters`. Never `baselines.papers` or `agents`.
+`ate` is adaptive trajectory estimation, which decides the mode of each segment at known switch times.
+`change_detection` detects a switch at an unknown time. Both are those of the papers: they apply the published
+bank to arrays of measured positions. `kinematic_models` decides between CV, CA and CJ.
+
+May import: `hybrid_env`, `baselines.deciders`, `baselines.filters`, `baselines.online`. Never
+`baselines.papers` or `agents`.
 """

@@ -1,7 +1,8 @@
 """Put texts of the code into Markdown pages, so that each is written once.
 
 `<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as Gymnasium's
-environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack compare --help`.
+environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack compare --help`;
+`<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to pages of the site.
 """
 
 import contextlib
@@ -9,9 +10,11 @@ import importlib
 import inspect
 import io
 import re
+from pathlib import Path
 from typing import Any
 
-MARK = re.compile(r"^<!-- (docstring|help) ([\w.]*) ?-->$", re.MULTILINE)
+ROOT = Path(__file__).parents[2]
+MARK = re.compile(r"^<!-- (docstring|help|file) ([\w.]*) ?-->$", re.MULTILINE)
 
 
 def docstring(path: str) -> str:
@@ -34,13 +37,27 @@ def help_text(command: str) -> str:
     return f"```text\n{plain}```"
 
 
+def file(name: str) -> str:
+    """A Markdown file of the repository's root; its links to files that are no pages become text."""
+    text = (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
+    for page in ("CHANGELOG", "CONTRIBUTING", "SECURITY"):
+        text = text.replace(f"]({page}.md)", f"]({page.lower()}.md)")
+    return re.sub(r"\[([^\]]+)\]\((LICENSE|CITATION\.cff)\)", r"\1", text)
+
+
 def embed(app: Any, page: str, source: list[str]) -> None:
     """Replace the marks of a page; a handler of Sphinx's event `source-read`."""
-    texts = {"docstring": docstring, "help": help_text}
+    texts = {"docstring": docstring, "help": help_text, "file": file}
     source[0] = MARK.sub(lambda mark: texts[mark[1]](mark[2]), source[0])
 
 
+def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
+    """Pages with marks, which are always read again; a handler of Sphinx's event `env-get-outdated`."""
+    return [page for page in env.found_docs if MARK.search(Path(env.doc2path(page)).read_text("utf-8"))]
+
+
 def setup(app: Any) -> dict[str, bool]:
-    """Register the handler."""
+    """Register the handlers."""
     app.connect("source-read", embed)
+    app.connect("env-get-outdated", outdated)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -36,7 +36,6 @@ model = PPO(
     device="cpu",
 )
 model.policy.action_net.bias.data[0] = 5.0
-untrained = evaluate(PolicyDecider(model.policy), episodes=300)
 model.learn(steps)
 
 # %%

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.extended_kalman import (
+    Triangle7,
     anchor_covariance,
     condition,
     predict_covariance,
@@ -128,6 +129,36 @@ def begin_hypothesis(
         kalman.covariance[k, lane] = value
 
 
+@inlined
+def _covariance7(P: NDArray[np.float64], lane: int) -> Triangle7:
+    return (
+        P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
+        P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
+        P[13, lane], P[14, lane], P[15, lane], P[16, lane], P[17, lane],
+        P[18, lane], P[19, lane], P[20, lane], P[21, lane],
+        P[22, lane], P[23, lane], P[24, lane], P[25, lane], P[26, lane], P[27, lane],
+    )  # fmt: skip
+
+
+@inlined
+def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float, float, float, Triangle7]:
+    """Return the predicted estimate (x, vx, y, vy) of a filter and its predicted covariance."""
+    x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    centre_x, centre_y = kalman.centre_x[lane], kalman.centre_y[lane]
+    turn = turn_coefficients(kalman.turn_rate[lane], model.tau)
+    C, S, W, _, dC, dS, dW = turn
+    from_x, from_y = x - centre_x, y - centre_y
+    by_rate = (
+        dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y,
+    )  # fmt: skip
+    predicted = predict_covariance(
+        _covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance
+    )
+    new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
+    new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
+    return new_x, new_u, new_y, new_v, predicted
+
+
 @internal
 def step_hypothesis(
     kalman: Any, innovation: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any
@@ -138,22 +169,8 @@ def step_hypothesis(
     for lane in range(first, last):
         x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
         centre_x, centre_y, rate = kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane]
-        p = (
-            P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
-            P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
-            P[13, lane], P[14, lane], P[15, lane], P[16, lane], P[17, lane],
-            P[18, lane], P[19, lane], P[20, lane], P[21, lane],
-            P[22, lane], P[23, lane], P[24, lane], P[25, lane], P[26, lane], P[27, lane],
-        )  # fmt: skip
-        turn = turn_coefficients(rate, model.tau)
-        C, S, W, _, dC, dS, dW = turn
-        from_x, from_y = x - centre_x, y - centre_y
-        by_rate = (
-            dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y,
-        )  # fmt: skip
-        predicted = predict_covariance(p, turn, by_rate, model.process_variance)
-        new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
-        new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
+        p = _covariance7(P, lane)
+        new_x, new_u, new_y, new_v, predicted = predict_hypothesis(kalman, lane, model)
 
         # sequential corrections by x and y; the product of both densities is the joint density
         k = (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import internal
-from hybrid_env.core.noise import draw_noise, uniform
+from hybrid_env.core.noise import draw_normals, uniform
 
 
 @internal
@@ -20,9 +20,10 @@ def draw_first_estimate(
     """Set the initial state of the object of a lane, and draw the first estimate.
 
     Args:
-        block: a record with the fields `truth`, `estimate` and `random_state` of `records.BLOCK`.
+        block: a record with the fields `truth`, `estimate`, `random_state`, `clock` and `variance_ratio` of
+            `records.BLOCK`.
         covariance: (10, LANES) of the estimate, upper triangle row by row; the column of the lane is written.
-        noise: (5, LANES), overwritten.
+        noise: (NOISE_ROWS, LANES), overwritten.
         lane: index of the track in the block.
         setting: a record `PARAMETERS`, or a record with its fields of the first estimate.
     """
@@ -32,7 +33,9 @@ def draw_first_estimate(
     block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
     block.truth[1, lane] = setting.speed * math.cos(heading)
     block.truth[3, lane] = setting.speed * math.sin(heading)
-    draw_noise(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1), 0.0)
+    draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
+    block.clock[lane] = 0
+    block.variance_ratio[lane] = 1.0
     for k in range(covariance.shape[0]):
         covariance[k, lane] = 0.0
     for axis in range(2):

@@ -35,7 +35,8 @@ from hybrid_env.core.coordinated_turn import (
     turn_coefficients,
 )
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.kalman import log_likelihood
+from hybrid_env.core.imm_merging import NEGLIGIBLE, SUMS, merge, normalize
+from hybrid_env.core.kalman import log_likelihood, student_log_likelihood, student_weight
 from hybrid_env.core.memory import aligned_zeros, array_at
 from hybrid_env.core.published_bank import INNOVATION, State, Triangle4, set_estimate, signed_radius
 from hybrid_env.core.records import lanes_of
@@ -48,10 +49,6 @@ IMM_HYPOTHESIS = lanes_of(
 )
 """State of one filter."""
 
-SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
-"""Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
-
-NEGLIGIBLE = -700.0  # smaller log probabilities count as this one
 DIVERGED = -1e3  # log-likelihood of a tick in which a filter diverges
 LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
 
@@ -80,6 +77,7 @@ class ImmModel(NamedTuple):
         variance_x, variance_y: R of each axis [m^2].
         stay_probability: diagonal entry of the transition matrix, 1 - hazard.
         switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
+        freedom: degrees of freedom of the robust likelihood, see `step_imm`.
     """
 
     tau: float
@@ -88,6 +86,7 @@ class ImmModel(NamedTuple):
     variance_y: float
     stay_probability: float
     switch_probability: float
+    freedom: float = 0.0
 
 
 def imm_arrays(radii_count: int, *blocks: int) -> ImmBank:
@@ -173,32 +172,56 @@ def _mixture(own: float, mine: Triangle4, merged: Triangle4, difference: State) 
     )
 
 
+@inlined
+def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
+    """Return the prior probability of a mode in the tick, and its mixed initial condition."""
+    merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
+    probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+    from_itself = (model.stay_probability - model.switch_probability) * probability
+    prior = from_itself + model.switch_probability
+    own = from_itself / prior
+    difference = (
+        kalman.x[lane] - merged_x, kalman.vx[lane] - merged_u,
+        kalman.y[lane] - merged_y, kalman.vy[lane] - merged_v,
+    )  # fmt: skip
+    mean = (
+        merged_x + own * difference[0], merged_u + own * difference[1],
+        merged_y + own * difference[2], merged_v + own * difference[3],
+    )  # fmt: skip
+    mixed = _mixture(own, _triangle(kalman.covariance, lane), _triangle(block.covariance, lane), difference)
+    return prior, mean, mixed
+
+
+@inlined
+def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
+    """Return the predicted estimate of a filter and its covariance."""
+    x, u, y, v = mean
+    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
+    C, S, along, across = turn
+    predicted = predict_covariance(mixed, turn, model.process_variance)
+    new_x, new_y = x + along * u - across * v, y + across * u + along * v
+    return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
+
+
 @internal
 def _step_hypothesis(
-    kalman: Any, innovation: Any, block: Any, first: int, last: int, curvature: float, model: Any
+    kalman: Any,
+    innovation: Any,
+    block: Any,
+    first: int,
+    last: int,
+    curvature: float,
+    model: Any,
+    robust: Any,
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
     P = kalman.covariance
     variance_x, variance_y = model.variance_x, model.variance_y
     for lane in range(first, last):
-        merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
-        probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-        from_itself = (model.stay_probability - model.switch_probability) * probability
-        prior = from_itself + model.switch_probability
-        own = from_itself / prior
-        difference = (
-            kalman.x[lane] - merged_x, kalman.vx[lane] - merged_u,
-            kalman.y[lane] - merged_y, kalman.vy[lane] - merged_v,
-        )  # fmt: skip
-        x, u = merged_x + own * difference[0], merged_u + own * difference[1]
-        y, v = merged_y + own * difference[2], merged_v + own * difference[3]
-        mixed = _mixture(own, _triangle(P, lane), _triangle(block.covariance, lane), difference)
-
-        turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
-        C, S, along, across = turn
-        predicted = predict_covariance(mixed, turn, model.process_variance)
-        new_x, new_y = x + along * u - across * v, y + across * u + along * v
-        new_u, new_v = C * u - S * v, S * u + C * v
+        prior, mean, mixed = mix(kalman, block, lane, model)
+        x, u, y, v = mean
+        moved, predicted = predict(mean, mixed, curvature, model)
+        new_x, new_u, new_y, new_v = moved
         # sequential corrections by x and y; the product of both densities is the joint density
         sigma_x = predicted[0] + variance_x
         inverse_x = 1.0 / sigma_x
@@ -219,6 +242,11 @@ def _step_hypothesis(
             & (predicted[4] + predicted[9] < LARGEST * LARGEST)
             & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
         )
+        likelihood = log_likelihood(white_x, white_y, log_variance)
+        if robust is not None:
+            weight = student_weight(white_x, white_y, model.freedom)
+            gain_x, gain_y = weight * gain_x, weight * gain_y
+            likelihood = student_log_likelihood(white_x, white_y, log_variance, model.freedom)
         kalman.x[lane] = new_x + predicted[0] * gain_x + after_x[2] * gain_y if valid else x
         kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
         kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
@@ -233,7 +261,7 @@ def _step_hypothesis(
         P[7, lane] = corrected[7] if valid else mixed[7]
         P[8, lane] = corrected[8] if valid else mixed[8]
         P[9, lane] = corrected[9] if valid else mixed[9]
-        likelihood = log_likelihood(white_x, white_y, log_variance) if valid else DIVERGED
+        likelihood = likelihood if valid else DIVERGED
         innovation.white_x[lane] = white_x if valid else 0.0
         innovation.white_y[lane] = white_y if valid else 0.0
         innovation.log_variance[lane] = log_variance if valid else 0.0
@@ -242,70 +270,20 @@ def _step_hypothesis(
 
 
 @internal
-def _normalize(bank: ImmBank, first: int, last: int) -> None:
-    """Normalize the probabilities of lanes first .. last - 1."""
-    sums = bank.sums[0]
-    for lane in range(first, last):
-        sums.largest[lane] = bank.hypotheses[0].log_probability[lane]
-        sums.total[lane] = 0.0
-    for h in range(1, bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        for lane in range(first, last):
-            sums.largest[lane] = max(sums.largest[lane], kalman.log_probability[lane])
-    for h in range(bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        for lane in range(first, last):
-            sums.total[lane] += exp(max(kalman.log_probability[lane] - sums.largest[lane], NEGLIGIBLE))
-    for h in range(bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        for lane in range(first, last):
-            # the first difference is exact where it matters, also for very small likelihoods
-            ratio = kalman.log_probability[lane] - sums.largest[lane]
-            kalman.log_probability[lane] = ratio - log(sums.total[lane])
-
-
-@internal
-def _merge(bank: ImmBank, block: Any, first: int, last: int) -> None:
-    """Write the mean and the covariance of the mixture of all filters to the block."""
-    estimate, covariance = block.estimate, block.covariance
-    origin = bank.hypotheses[0]  # sums of differences lose no digits far from the origin
-    for lane in range(first, last):
-        estimate[0, lane], estimate[1, lane] = origin.x[lane], origin.vx[lane]
-        estimate[2, lane], estimate[3, lane] = origin.y[lane], origin.vy[lane]
-        for k in range(10):
-            covariance[k, lane] = 0.0
-    for h in range(1, bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        for lane in range(first, last):
-            weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            estimate[0, lane] += weight * (kalman.x[lane] - origin.x[lane])
-            estimate[1, lane] += weight * (kalman.vx[lane] - origin.vx[lane])
-            estimate[2, lane] += weight * (kalman.y[lane] - origin.y[lane])
-            estimate[3, lane] += weight * (kalman.vy[lane] - origin.vy[lane])
-    for h in range(bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        P = kalman.covariance
-        for lane in range(first, last):
-            weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            a, b = kalman.x[lane] - estimate[0, lane], kalman.vx[lane] - estimate[1, lane]
-            c, d = kalman.y[lane] - estimate[2, lane], kalman.vy[lane] - estimate[3, lane]
-            covariance[0, lane] += weight * (P[0, lane] + a * a)
-            covariance[1, lane] += weight * (P[1, lane] + a * b)
-            covariance[2, lane] += weight * (P[2, lane] + a * c)
-            covariance[3, lane] += weight * (P[3, lane] + a * d)
-            covariance[4, lane] += weight * (P[4, lane] + b * b)
-            covariance[5, lane] += weight * (P[5, lane] + b * c)
-            covariance[6, lane] += weight * (P[6, lane] + b * d)
-            covariance[7, lane] += weight * (P[7, lane] + c * c)
-            covariance[8, lane] += weight * (P[8, lane] + c * d)
-            covariance[9, lane] += weight * (P[9, lane] + d * d)
-
-
-@internal
 def step_imm(
-    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
+    bank: ImmBank,
+    block: Any,
+    first: int,
+    last: int,
+    radii: NDArray[np.float64],
+    model: Any,
+    robust: Any = None,
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
+
+    With the robust likelihood the innovations have a Student t distribution, and the corrections of the
+    estimates are weighted, as in `student_bank`. An approximation: the covariances of the filters do not grow
+    after an outlier.
 
     Args:
         bank: bank of the block.
@@ -314,10 +292,13 @@ def step_imm(
         first, last: range of lanes.
         radii: (n,) turn radii of the bank [m].
         model: an `ImmModel`, or a record with its fields.
+        robust: None, or True for the robust likelihood; only this one is compiled.
     """
     for h in range(bank.hypotheses.size):
         radius = signed_radius(h, radii)
         curvature = 0.0 if radius == 0.0 else 1.0 / radius
-        _step_hypothesis(bank.hypotheses[h], bank.innovations[h], block, first, last, curvature, model)
-    _normalize(bank, first, last)
-    _merge(bank, block, first, last)
+        _step_hypothesis(
+            bank.hypotheses[h], bank.innovations[h], block, first, last, curvature, model, robust
+        )
+    normalize(bank, first, last)
+    merge(bank, block, first, last)

@@ -8,6 +8,7 @@ separates into two filters of (position, velocity), one per axis. A covariance i
 import math
 
 from hybrid_env.core.compilation import inlined
+from hybrid_env.core.elementary import log
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
@@ -74,3 +75,25 @@ def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float
         log_variance: logarithm of the innovation variance [m^2], mean of the two axes.
     """
     return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))
+
+
+@inlined
+def student_log_likelihood(white_x: float, white_y: float, log_variance: float, freedom: float) -> float:
+    """Return the logarithm of the bivariate Student t density of the innovation of one tick.
+
+    Args:
+        white_x, white_y, log_variance: see `log_likelihood`; the innovation variance is the scale matrix.
+        freedom: degrees of freedom.
+    """
+    distance = white_x * white_x + white_y * white_y
+    return -(LOG_TWO_PI + log_variance + 0.5 * (freedom + 2.0) * log(1.0 + distance / freedom))
+
+
+@inlined
+def student_weight(white_x: float, white_y: float, freedom: float) -> float:
+    """Return the weight of the correction by a measurement, (freedom + 2) / (freedom + d^2).
+
+    d^2 is the squared whitened innovation. This is the expected precision of the measurement, relative to
+    the assumed one, given the innovation: Lange, Little & Taylor 1989, eq. (4).
+    """
+    return min((freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y), 1.0)

@@ -17,7 +17,12 @@ from hybrid_env.core.kernel_arrays import Arrays, arrays_of
 from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
+from hybrid_env.core.observation_row import (
+    compare_hypotheses,
+    write_expected_displacement,
+    write_segment,
+    write_tick,
+)
 from hybrid_env.core.published_bank import (
     IDENTITY,
     State,
@@ -127,6 +132,24 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 
 @inlined
+def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
+    if setting.irregular:
+        bank_operations.step_irregular(bank, first, last, block, setting)
+    else:
+        bank_operations.step(bank, first, last, block.measurement, setting)
+
+
+@inlined
+def follow_lane(block: Any, lane: int, bank: Any, hypothesis: int, setting: Any) -> None:
+    """Advance the filter of one hypothesis of a lane by the measurement of the block, if there is one."""
+    if setting.irregular:
+        bank_operations.follow_irregular(bank, lane, hypothesis, block, setting)
+    else:
+        bank_operations.follow(bank, lane, hypothesis, block.measurement, setting)
+
+
+@inlined
 def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -153,6 +176,29 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> No
 
 
 @internal
+def _follow_irregular(
+    block: Any,
+    lane: int,
+    chosen: int,
+    bank: Any,
+    arrays: Arrays,
+    trace: NDArray[np.float64],
+    setting: Any,
+    merged: Any,
+) -> None:
+    """Follow the object to the end of the segment, where measurements may be missing; see `_decide`."""
+    noise = arrays.scratch[0].noise
+    first, last = np.uint64(lane), np.uint64(lane + 1)
+    while block.tick[lane] < block.length[lane]:
+        move(block, noise, first, last, arrays.sensors, setting)
+        if merged is None:
+            bank_operations.follow_irregular(bank, lane, chosen, block, setting)
+        else:
+            bank_operations.step_irregular(bank, first, last, block, setting)
+        _record_estimate(block, lane, bank.hypotheses, trace, merged)
+
+
+@internal
 def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
@@ -170,11 +216,13 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
+    if setting.irregular:
+        _follow_irregular(block, lane, chosen, bank, arrays, trace, setting, merged)
     noise = arrays.scratch[0].noise
     while block.tick[lane] < block.length[lane]:
         ticks = min(LANES, block.length[lane] - block.tick[lane])
         # the noise of several ticks is drawn at once with SIMD code
-        draw_noise_ahead(block.random_state, lane, noise, ticks, setting.outliers)
+        draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
             if merged is None:
@@ -214,10 +262,12 @@ def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> 
 
 
 @inlined
-def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, setting: Any) -> None:
+def _tick(
+    block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any
+) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
-    move(block, scratch.noise, first, last, setting)
-    bank_operations.step(bank, first, last, block.measurement, setting)
+    move(block, scratch.noise, first, last, sensors, setting)
+    step_lanes(block, bank, first, last, setting)
     compare_hypotheses(scratch, bank.hypotheses, first, last)
 
 
@@ -257,13 +307,15 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
             continue
         last = lanes if all_running else first + 1
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
-        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), setting)
+        _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
         for lane in range(first, last):
             i = b * LANES + lane
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], merged)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
+            if setting.irregular:
+                write_expected_displacement(arrays.observations[i], block, lane, bank, setting)
     return events
 
 

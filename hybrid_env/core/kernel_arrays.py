@@ -14,6 +14,7 @@ from hybrid_env.core.records import (
     DECISION_FLAGS,
     SCRATCH,
     SEGMENT_COLUMNS,
+    SENSOR,
     TRACE_COLUMNS,
 )
 
@@ -29,6 +30,7 @@ class Arrays(NamedTuple):
     scratch: NDArray[Any]  # (1,) record `SCRATCH`
     radii: NDArray[np.float64]  # (n,) [m]
     table: NDArray[np.float64]  # (rows, SEGMENT_WIDTH), see `scheme.segment_table`
+    sensors: NDArray[Any]  # (k,) records `SENSOR`
     trace: NDArray[np.float64]  # (N, trace rows, TRACE_WIDTH)
     observations: NDArray[np.float32]  # (N, width)
     rewards: NDArray[np.float64]  # (N,)
@@ -49,6 +51,7 @@ def arrays_of(setting: Any) -> Arrays:
         array_at(setting.scratch, (1,), SCRATCH),
         array_at(setting.radii, (n,), np.float64),
         array_at(setting.table, (setting.table_rows, SEGMENT_WIDTH), np.float64),
+        array_at(setting.sensors, (setting.sensor_count,), SENSOR),
         array_at(setting.trace, (tracks, setting.trace_rows, TRACE_WIDTH), np.float64),
         array_at(setting.observations, (tracks, row_width(2 * n + 1)), np.float32),
         array_at(setting.rewards, (tracks,), np.float64),

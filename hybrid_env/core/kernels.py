@@ -8,6 +8,7 @@ from hybrid_env.core.kernel import advance
 from hybrid_env.core.memory import array_at
 from hybrid_env.core.published_bank import published_arrays, published_banks
 from hybrid_env.core.records import PARAMETERS
+from hybrid_env.core.student_bank import student_banks
 
 
 @compiled
@@ -51,6 +52,20 @@ def advance_aware_merged(address: int, reset: bool) -> int:
     return advance(reset, aware_banks(setting), setting, True)
 
 
+@compiled
+def advance_student(address: int, reset: bool) -> int:
+    """Like `advance_published`, with the robust likelihood."""
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance(reset, student_banks(setting), setting, None)
+
+
+@compiled
+def advance_student_merged(address: int, reset: bool) -> int:
+    """Like `advance_published_merged`, with the robust likelihood."""
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance(reset, student_banks(setting), setting, True)
+
+
 BANKS: dict[str, Any] = {
     "published": published_arrays,
     "oracle": published_arrays,
@@ -58,12 +73,16 @@ BANKS: dict[str, Any] = {
 }
 """Allocation function of each bank, by the value of the option `bank`."""
 
-KERNELS: dict[tuple[str, str], Any] = {
-    ("published", "declared"): advance_published,
-    ("oracle", "declared"): advance_published,
-    ("anchor_aware", "declared"): advance_aware,
-    ("published", "bank"): advance_published_merged,
-    ("oracle", "bank"): advance_published_merged,
-    ("anchor_aware", "bank"): advance_aware_merged,
+KERNELS: dict[tuple[str, str, bool], Any] = {
+    ("published", "declared", False): advance_published,
+    ("oracle", "declared", False): advance_published,
+    ("anchor_aware", "declared", False): advance_aware,
+    ("published", "bank", False): advance_published_merged,
+    ("oracle", "bank", False): advance_published_merged,
+    ("anchor_aware", "bank", False): advance_aware_merged,
+    ("published", "declared", True): advance_student,
+    ("oracle", "declared", True): advance_student,
+    ("published", "bank", True): advance_student_merged,
+    ("oracle", "bank", True): advance_student_merged,
 }
-"""Kernel by the values of the options `bank` and `follow`."""
+"""Kernel by the values of the options `bank` and `follow`, and whether the likelihood is robust."""

@@ -1,20 +1,25 @@
-"""Random numbers of the kernel: one xoshiro256++ generator per track, and standard normals from it.
+"""Random numbers of the kernel: one xoshiro256++ generator per track, and the noise of the object from it.
 
 Every track has a separate generator, so that a track of a vector environment has the same random stream as a
-single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals). The
-Box-Muller method has no rejection step, so that several tracks, or several ticks of one track, can be drawn
-with SIMD code.
+single environment with the same seed. Blackman & Vigna 2021 (xoshiro256++); Box & Muller 1958 (normals);
+Chambers, Mallows & Stuck 1976 (stable distributions); Bailey 1994 (Student's t). None of these methods has a
+rejection step, so that several tracks, or several ticks of one track, can be drawn with SIMD code.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.elementary import ONE, float_of, log, sine_cosine
+from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 
-OUTLIER = 5.0  # ratio of the standard deviations of outliers and other measurements
+GAUSSIAN, OUTLIERS, LEVY, STUDENT_T = range(4)  # laws of the measurement noise
+NOISE_ROWS = 7  # of the arrays that `draw_noise` writes
+LOST = 6  # the row with the uniform number that decides whether a tick has a measurement
+LARGEST_EXPONENT = 700.0  # of the elementary exponential
+SMALLEST_COSINE = 1e-17  # of the largest angle below 90 degrees
 
 _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
@@ -71,49 +76,137 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 
 
 @internal
+def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int) -> None:
+    """Draw four independent numbers from N(0, 1), of magnitude below 8.5, for lanes first .. last - 1.
+
+    Args:
+        state: (4, LANES), advanced in place.
+        noise: (NOISE_ROWS, LANES); rows 0 .. 3 are written in place.
+    """
+    for lane in range(first, last):
+        _draw_uniforms(state, lane, noise, lane)
+    for pair in range(2):
+        _to_normals(noise, 2 * pair, first, last)
+
+
+@internal
 def draw_noise(
-    state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, outliers: float
+    state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, setting: Any
 ) -> None:
     """Draw the noise of one tick for lanes first .. last - 1.
 
     Args:
         state: (4, LANES), advanced in place.
-        noise: (5, LANES), written in place. Rows 0 .. 3 are independent draws of N(0, 1) of magnitude below
-            8.5; in an outlier rows 2 and 3 are multiplied by `OUTLIER`. Row 4 is temporary.
-        outliers: fraction of ticks with outliers.
+        noise: (NOISE_ROWS, LANES), written in place. Rows 0 and 1 are independent draws of N(0, 1), of
+            magnitude below 8.5, for the velocities; rows 2 and 3 are the errors of the measured coordinates
+            over sqrt(R). Row `LOST` is uniform in [0, 1) if measurements may be missing. The others are
+            temporary.
+        setting: a record with the fields of `records.MODEL_FIELDS` whose names begin with `noise_`, and
+            `missed`, the probability that a tick has no measurement.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
-    if outliers > 0.0:
+    if setting.noise_law != GAUSSIAN or setting.missed > 0.0:
         for lane in range(first, last):
-            noise[4, lane] = uniform(state, lane)
-    _to_normals(noise, first, last, outliers)
+            _draw_further(state, lane, noise, lane, setting)
+    _to_noise(noise, first, last, setting)
 
 
 @internal
 def draw_noise_ahead(
-    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, outliers: float
+    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], ticks: int, setting: Any
 ) -> None:
     """Draw the noise of up to LANES consecutive ticks of one lane; column k holds that of tick k."""
+    further = setting.noise_law != GAUSSIAN or setting.missed > 0.0
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
-        if outliers > 0.0:
-            noise[4, tick] = uniform(state, lane)
-    _to_normals(noise, np.uint64(0), np.uint64(ticks), outliers)
+        if further:
+            _draw_further(state, lane, noise, tick, setting)
+    _to_noise(noise, np.uint64(0), np.uint64(ticks), setting)
 
 
 @internal
-def _to_normals(noise: NDArray[np.float64], first: int, last: int, outliers: float) -> None:
-    """Transform the uniforms in columns first .. last - 1 to normals, and apply outliers."""
-    for pair in range(2):
-        k = 2 * pair
+def _draw_further(
+    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int, setting: Any
+) -> None:
+    """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and `LOST`."""
+    if setting.noise_law == OUTLIERS or setting.noise_law == LEVY:
+        noise[4, column] = uniform(state, lane)
+    if setting.noise_law == LEVY:
+        noise[5, column] = uniform(state, lane)
+    if setting.missed > 0.0:
+        noise[LOST, column] = uniform(state, lane)
+
+
+@internal
+def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+    """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
+    _to_normals(noise, 0, first, last)
+    if setting.noise_law == LEVY:
+        _to_stable(noise, first, last, setting)
+    elif setting.noise_law == STUDENT_T:
+        _to_student(noise, first, last, setting)
+    else:
+        _to_normals(noise, 2, first, last)
+    if setting.noise_law == OUTLIERS:
         for column in range(first, last):
-            radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
-            sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
-            noise[k, column] = radius * cosine
-            noise[k + 1, column] = radius * sine
-    if outliers > 0.0:
-        for column in range(first, last):
-            factor = OUTLIER if noise[4, column] < outliers else 1.0
+            factor = setting.noise_scale if noise[4, column] < setting.noise_shape else 1.0
             noise[2, column] *= factor
             noise[3, column] *= factor
+
+
+@inlined
+def _to_normals(noise: NDArray[np.float64], k: int, first: int, last: int) -> None:
+    """Transform the uniforms in rows k and k + 1 to independent normals. Box & Muller 1958."""
+    for column in range(first, last):
+        radius = math.sqrt(-2.0 * log(1.0 - noise[k, column]))
+        sine, cosine = sine_cosine(2.0 * math.pi * noise[k + 1, column])
+        noise[k, column] = radius * cosine
+        noise[k + 1, column] = radius * sine
+
+
+@inlined
+def _stable(number: float, other: float, index: float) -> float:
+    """Return a draw with the characteristic function exp(-|t|^index) from two uniform numbers.
+
+    Chambers, Mallows & Stuck 1976, eq. (4.1), in logarithms, so that no factor overflows.
+    """
+    angle = math.pi * (number - 0.5)
+    sine, _ = sine_cosine(index * angle)
+    _, cosine = sine_cosine(angle)
+    _, other_cosine = sine_cosine((1.0 - index) * angle)
+    waiting = -log(1.0 - other)
+    exponent = (
+        log(abs(sine))
+        - log(max(cosine, SMALLEST_COSINE)) / index
+        + (1.0 - index) / index * (log(max(other_cosine, SMALLEST_COSINE)) - log(waiting))
+    )
+    size = exp(max(min(exponent, LARGEST_EXPONENT), -LARGEST_EXPONENT))
+    return size if sine > 0.0 else -size
+
+
+@internal
+def _to_stable(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+    """Transform the uniforms in rows 2 .. 5 to two independent stable draws in rows 2 and 3."""
+    index, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
+    for column in range(first, last):
+        x = scale * _stable(noise[2, column], noise[4, column], index)
+        y = scale * _stable(noise[3, column], noise[5, column], index)
+        noise[2, column] = max(min(x, clip), -clip)
+        noise[3, column] = max(min(y, clip), -clip)
+
+
+@internal
+def _to_student(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+    """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution.
+
+    Bailey 1994: the squared radius r of the bivariate distribution satisfies
+    P(r > q) = (1 + q / freedom)^(-freedom / 2). Each coordinate has the univariate distribution.
+    """
+    freedom, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
+    for column in range(first, last):
+        power = exp(min(-2.0 / freedom * log(1.0 - noise[2, column]), LARGEST_EXPONENT))
+        radius = scale * math.sqrt(max(freedom * (power - 1.0), 0.0))
+        sine, cosine = sine_cosine(2.0 * math.pi * noise[3, column])
+        noise[2, column] = max(min(radius * cosine, clip), -clip)
+        noise[3, column] = max(min(radius * sine, clip), -clip)

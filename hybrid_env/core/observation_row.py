@@ -3,6 +3,7 @@
 A row is a float32 array of six blocks of M values, one per hypothesis, followed by ten scalars of the track.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.published_bank import likeliest
 
 LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
 LARGEST = 1e6  # clip of the magnitude of whitened innovations
@@ -175,5 +177,26 @@ def write_tick(
     singles[TICKS] = TICK_SCALE * block.tick[lane]
     singles[TICKS_LEFT] = TICK_SCALE * (block.length[lane] - block.tick[lane])
     singles[LOG_ERROR] = LOG_SCALE * scratch.log_error[lane]
+    singles[ALONG] = LENGTH_SCALE * along
+    singles[ACROSS] = LENGTH_SCALE * across
+
+
+@internal
+def write_expected_displacement(
+    row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any
+) -> None:
+    """Write the displacement that the likeliest filter expects, if the tick has no measurement.
+
+    Arguments as in `write_tick`, which is called before.
+    """
+    if not math.isnan(block.measurement[0, lane]):
+        return
+    expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
+    along, across = heading_frame(
+        (expected.x[lane] - block.anchor[0, lane]) * setting.noise_whitener,
+        (expected.y[lane] - block.anchor[2, lane]) * setting.noise_whitener,
+        block.heading[0, lane], block.heading[1, lane],
+    )  # fmt: skip
+    singles = row[BLOCKS * bank.hypotheses.size :]
     singles[ALONG] = LENGTH_SCALE * along
     singles[ACROSS] = LENGTH_SCALE * across

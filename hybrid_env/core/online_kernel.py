@@ -12,17 +12,31 @@ import numpy as np
 from hybrid_env.core import bank_operations
 from hybrid_env.core.anchor_aware_bank import aware_banks
 from hybrid_env.core.compilation import compiled, inlined
-from hybrid_env.core.imm_bank import begin_imm, imm_of_block, step_imm
-from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, set_anchor
+from hybrid_env.core.imm_bank import begin_imm, imm_of_block
+from hybrid_env.core.kernel import (
+    HAS_DECISION,
+    begin_bank,
+    chosen_mode,
+    follow_lane,
+    set_anchor,
+    step_lanes,
+)
 from hybrid_env.core.kernel_arrays import arrays_of
 from hybrid_env.core.memory import array_at
-from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
+from hybrid_env.core.observation_row import (
+    compare_hypotheses,
+    write_expected_displacement,
+    write_segment,
+    write_tick,
+)
 from hybrid_env.core.published_bank import published_banks
 from hybrid_env.core.quickest_kernel import arrays_of as quickest_arrays_of
 from hybrid_env.core.quickest_kernel import record_statement
+from hybrid_env.core.quickest_kernel import step_lanes as quickest_step_lanes
 from hybrid_env.core.quickest_records import QUICKEST_PARAMETERS
 from hybrid_env.core.quickest_row import write_quickest_row
 from hybrid_env.core.records import PARAMETERS
+from hybrid_env.core.student_bank import student_banks
 
 FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
 
@@ -48,15 +62,16 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any, merged: Any) -> N
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
     if decided and merged is None:
-        bank_operations.follow(bank, 0, block.active_mode[0], block.measurement, setting)
+        follow_lane(block, 0, bank, block.active_mode[0], setting)
     else:
-        bank_operations.step(bank, FIRST, LAST, block.measurement, setting)
+        step_lanes(block, bank, FIRST, LAST, setting)
     if not decided:
         scratch, row = arrays.scratch[0], arrays.observations[0]
         compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
         if block.tick[0] == 1:
             write_segment(row, block, 0, arrays.radii, setting)
         write_tick(row, block, 0, scratch, bank, setting)
+        write_expected_displacement(row, block, 0, bank, setting)
 
 
 @inlined
@@ -83,9 +98,9 @@ def online_published(address: int, begins: bool) -> int:
 
     With `begins` the last segment ends, and the bank starts from its estimate; the first one starts from
     `estimate` and `kept_covariance` of the block, and its `segment` is -1. Otherwise action 0 advances the
-    bank by the `measurement` of the block, and writes the observation until a mode is declared; action i + 1
-    declares mode i and advances nothing. Then `estimate` and `kept_covariance` of the block are those of the
-    last decided mode.
+    bank by the `measurement` of the block, which is NaN if there is none, and writes the observation until a
+    mode is declared; action i + 1 declares mode i and advances nothing. Then `estimate` and
+    `kept_covariance` of the block are those of the last decided mode.
 
     Args:
         address: address of a record `records.PARAMETERS`, whose arrays must exist during the call.
@@ -119,31 +134,34 @@ def online_aware_merged(address: int, begins: bool) -> int:
     return _advance(begins, aware_banks(setting), setting, True)
 
 
-ONLINE_KERNELS: dict[tuple[str, str], Any] = {
-    ("published", "declared"): online_published,
-    ("anchor_aware", "declared"): online_aware,
-    ("published", "bank"): online_published_merged,
-    ("anchor_aware", "bank"): online_aware_merged,
-}
-"""Kernel by the values of the options `bank` and `follow`."""
+@compiled
+def online_student(address: int, begins: bool) -> int:
+    """Like `online_published`, with the robust likelihood."""
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return _advance(begins, student_banks(setting), setting, None)
 
 
 @compiled
-def online_quickest(address: int, begins: bool) -> int:
-    """Begin a track, or process a statement and a measurement, with unknown switch moments.
+def online_student_merged(address: int, begins: bool) -> int:
+    """Like `online_published_merged`, with the robust likelihood."""
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return _advance(begins, student_banks(setting), setting, True)
 
-    With `begins` every filter starts from `estimate` and `covariance` of the block; the action is the mode
-    before the first tick, -1 if it is not known. Otherwise the action is the statement of the last tick,
-    which does not count before the first one; the bank advances by the `measurement` of the block, and the
-    observation is written.
 
-    Args:
-        address: address of a record `QUICKEST_PARAMETERS`, whose arrays must exist during the call.
-        begins: True begins a track.
+ONLINE_KERNELS: dict[tuple[str, str, bool], Any] = {
+    ("published", "declared", False): online_published,
+    ("anchor_aware", "declared", False): online_aware,
+    ("published", "bank", False): online_published_merged,
+    ("anchor_aware", "bank", False): online_aware_merged,
+    ("published", "declared", True): online_student,
+    ("published", "bank", True): online_student_merged,
+}
+"""Kernel by the values of the options `bank` and `follow`, and whether the likelihood is robust."""
 
-    Returns:
-        0.
-    """
+
+@inlined
+def _advance_quickest(address: int, begins: bool, robust: Any) -> int:
+    """Step the track; see `online_quickest`. `robust` as in `imm_bank.step_imm`."""
     setting = array_at(address, (1,), QUICKEST_PARAMETERS)[0]
     arrays, bank = quickest_arrays_of(setting), imm_of_block(setting, 0)
     block = arrays.blocks[0]
@@ -153,7 +171,32 @@ def online_quickest(address: int, begins: bool) -> int:
         return 0
     if block.time[0] > 0:
         record_statement(block, 0, arrays.actions[0])
-    step_imm(bank, block, FIRST, LAST, arrays.radii, setting)
+    quickest_step_lanes(bank, block, FIRST, LAST, arrays, setting, robust)
     block.time[0] += 1
     write_quickest_row(arrays.observations[0], block, 0, bank, setting)
     return 0
+
+
+@compiled
+def online_quickest(address: int, begins: bool) -> int:
+    """Begin a track, or process a statement and a measurement, with unknown switch moments.
+
+    With `begins` every filter starts from `estimate` and `covariance` of the block; the action is the mode
+    before the first tick, -1 if it is not known. Otherwise the action is the statement of the last tick,
+    which does not count before the first one; the bank advances by the `measurement` of the block, which is
+    NaN if there is none, and the observation is written.
+
+    Args:
+        address: address of a record `QUICKEST_PARAMETERS`, whose arrays must exist during the call.
+        begins: True begins a track.
+
+    Returns:
+        0.
+    """
+    return _advance_quickest(address, begins, None)
+
+
+@compiled
+def online_quickest_robust(address: int, begins: bool) -> int:
+    """Like `online_quickest`, with the robust likelihood."""
+    return _advance_quickest(address, begins, True)

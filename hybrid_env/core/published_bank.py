@@ -82,12 +82,14 @@ class FilterModel(NamedTuple):
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         variance_x, variance_y: R of each axis [m^2].
+        freedom: degrees of freedom of a Student t likelihood, see `student_bank`.
     """
 
     tau: float
     process_variance: float
     variance_x: float
     variance_y: float
+    freedom: float = 0.0
 
 
 IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
@@ -202,10 +204,8 @@ def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float,
 
 
 @inlined
-def _step_estimate(
-    kalman: Any, shared: Any, gain_x: Any, gain_y: Any, lane: int, measured_x: float, measured_y: float
-) -> tuple[float, float]:
-    """Predict and correct the estimate of a filter. Golubkov 2018, eq. (2). Returns the innovation [m]."""
+def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
+    """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
     cosine, sine_velocity, sine_position = (
         shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
     )  # fmt: skip
@@ -215,12 +215,50 @@ def _step_estimate(
     y, vy = propagate(
         kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position
     )
+    return x, vx, y, vy
+
+
+@inlined
+def _step_estimate(
+    kalman: Any, shared: Any, gain_x: Any, gain_y: Any, lane: int, measured_x: float, measured_y: float
+) -> tuple[float, float]:
+    """Predict and correct the estimate of a filter. Golubkov 2018, eq. (2). Returns the innovation [m]."""
+    x, vx, y, vy = predict_estimate(kalman, shared, lane)
     innovation_x, innovation_y = measured_x - x, measured_y - y
-    kalman.x[lane] = x + gain_x.gain_x[lane] * innovation_x
-    kalman.vx[lane] = vx + gain_x.gain_v[lane] * innovation_x
-    kalman.y[lane] = y + gain_y.gain_x[lane] * innovation_y
-    kalman.vy[lane] = vy + gain_y.gain_v[lane] * innovation_y
+    correct_estimate(kalman, (x, vx, y, vy), gain_x, gain_y, lane, innovation_x, innovation_y)
     return innovation_x, innovation_y
+
+
+@inlined
+def correct_estimate(
+    kalman: Any,
+    predicted: State,
+    gain_x: Any,
+    gain_y: Any,
+    lane: int,
+    correction_x: float,
+    correction_y: float,
+) -> None:
+    """Correct the predicted estimate of a filter by an innovation, which may be weighted [m]."""
+    x, vx, y, vy = predicted
+    kalman.x[lane] = x + gain_x.gain_x[lane] * correction_x
+    kalman.vx[lane] = vx + gain_x.gain_v[lane] * correction_x
+    kalman.y[lane] = y + gain_y.gain_x[lane] * correction_y
+    kalman.vy[lane] = vy + gain_y.gain_v[lane] * correction_y
+
+
+@inlined
+def step_covariances(bank: Any, first: int, last: int, model: Any) -> None:
+    """Update covariances, gains and innovation variances of all radii; arguments as in `step_published`."""
+    axes, columns = bank.covariances.shape
+    for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        for column in range(columns):
+            shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+            for lane in range(first, last):
+                innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+                gain.log_variance[lane] = log(innovation_variance)
 
 
 @internal
@@ -234,14 +272,7 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
         model: a `FilterModel`, or a record with its fields.
     """
     axes, columns = bank.covariances.shape
-    for axis in range(axes):
-        variance = model.variance_x if axis == 0 else model.variance_y
-        for column in range(columns):
-            shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
-            for lane in range(first, last):
-                innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
-                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-                gain.log_variance[lane] = log(innovation_variance)
+    step_covariances(bank, first, last, model)
     for h in range(bank.hypotheses.size):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
         column = radius_column(h, columns - 1)

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from hybrid_env.core.compilation import compiled, inlined, internal
 from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.imm_bank import begin_imm, imm_of_block, step_imm
+from hybrid_env.core.irregular_ticks import step_imm_irregular
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.memory import array_at
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.quickest_records import QUICKEST_BLOCK, QUICKEST_PARAMETERS, QUICKEST_SCRATCH
 from hybrid_env.core.quickest_row import quickest_row_width, write_quickest_row
-from hybrid_env.core.records import LANES, SEGMENT_COLUMNS
+from hybrid_env.core.records import LANES, SEGMENT_COLUMNS, SENSOR
 from hybrid_env.core.true_object import begin_motion, move
 
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1  # rows of the table of durations
@@ -32,6 +33,7 @@ class QuickestArrays(NamedTuple):
     radii: NDArray[np.float64]  # (n,) [m]
     table: NDArray[np.float64]  # (M, columns) one row for each mode, see `scheme.segment_table`
     durations: NDArray[np.float64]  # (2, ticks) cumulative probabilities of the first and of other segments
+    sensors: NDArray[Any]  # (k,) records `SENSOR`
     observations: NDArray[np.float32]  # (N, width)
     rewards: NDArray[np.float64]  # (N,)
     terminated: NDArray[np.bool_]  # (N,)
@@ -49,6 +51,7 @@ def arrays_of(setting: Any) -> QuickestArrays:
         array_at(setting.radii, (n,), np.float64),
         array_at(setting.table, (modes, len(SEGMENT_COLUMNS)), np.float64),
         array_at(setting.durations, (2, setting.ticks), np.float64),
+        array_at(setting.sensors, (setting.sensor_count,), SENSOR),
         array_at(setting.observations, (tracks, quickest_row_width(modes)), np.float32),
         array_at(setting.rewards, (tracks,), np.float64),
         array_at(setting.terminated, (tracks,), np.bool_),
@@ -148,7 +151,18 @@ def _prepare_lane(
 
 
 @inlined
-def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setting: Any) -> int:
+def step_lanes(
+    bank: Any, block: Any, first: int, last: int, arrays: QuickestArrays, setting: Any, robust: Any
+) -> None:
+    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
+    if setting.irregular:
+        step_imm_irregular(bank, block, first, last, arrays.radii, setting, robust)
+    else:
+        step_imm(bank, block, first, last, arrays.radii, setting, robust)
+
+
+@inlined
+def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setting: Any, robust: Any) -> int:
     """Step the tracks of a block; see `advance_quickest`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
@@ -167,11 +181,26 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setti
         last = lanes if all_running else first + 1
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
         start, stop = np.uint64(first), np.uint64(last)
-        move(block, scratch.noise, start, stop, setting)
-        step_imm(bank, block, start, stop, arrays.radii, setting)
+        move(block, scratch.noise, start, stop, arrays.sensors, setting)
+        step_lanes(bank, block, start, stop, arrays, setting, robust)
         for lane in range(first, last):
             block.time[lane] += 1
             write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
+    return events
+
+
+@inlined
+def _advance(address: int, reset: bool, robust: Any) -> int:
+    """Check all actions, then step the blocks of this call; `robust` as in `imm_bank.step_imm`."""
+    setting = array_at(address, (1,), QUICKEST_PARAMETERS)[0]
+    arrays = arrays_of(setting)
+    if not reset:
+        for i in range(setting.tracks):
+            if arrays.actions[i] < 0 or arrays.actions[i] >= arrays.table.shape[0]:
+                return -1 - i
+    events = 0
+    for b in range(setting.first_block, setting.last_block):
+        events |= _advance_block(reset, b, imm_of_block(setting, b), arrays, setting, robust)
     return events
 
 
@@ -191,13 +220,10 @@ def advance_quickest(address: int, reset: bool) -> int:
         `kernel.TERMINATED` if any track terminated, else 0. If the action of track i is outside the space,
         -1 - i; then no track is stepped.
     """
-    setting = array_at(address, (1,), QUICKEST_PARAMETERS)[0]
-    arrays = arrays_of(setting)
-    if not reset:
-        for i in range(setting.tracks):
-            if arrays.actions[i] < 0 or arrays.actions[i] >= arrays.table.shape[0]:
-                return -1 - i
-    events = 0
-    for b in range(setting.first_block, setting.last_block):
-        events |= _advance_block(reset, b, imm_of_block(setting, b), arrays, setting)
-    return events
+    return _advance(address, reset, None)
+
+
+@compiled
+def advance_quickest_robust(address: int, reset: bool) -> int:
+    """Like `advance_quickest`, with the robust likelihood."""
+    return _advance(address, reset, True)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hybrid_env.core.records import MODEL_FIELDS, lanes_of
+from hybrid_env.core.noise import NOISE_ROWS
+from hybrid_env.core.records import MODEL_FIELDS, SENSED, lanes_of
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
@@ -29,12 +30,13 @@ QUICKEST_BLOCK = lanes_of(
     ("time", np.int64, ()),  # ticks of the episode, 1 at the first measurement
     ("stated_mode", np.int64, ()),  # the last statement; only valid if `stated_ticks` > 0
     ("stated_ticks", np.int64, ()),  # number of consecutive statements of this mode, 0 before the first
+    *SENSED,
 )
 """State of `LANES` tracks."""
 
 QUICKEST_SCRATCH = lanes_of(
     ("running", np.int64, ()),  # 1 if the track advances in this tick
-    ("noise", np.float64, (5,)),  # from `noise.draw_noise`
+    ("noise", np.float64, (NOISE_ROWS,)),  # from `noise.draw_noise`
 )
 """Temporary values of one tick of one block."""
 
@@ -48,6 +50,7 @@ QUICKEST_ARRAYS = (
     "radii",
     "table",
     "durations",
+    "sensors",
     "observations",
     "rewards",
     "terminated",

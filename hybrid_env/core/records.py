@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.noise import NOISE_ROWS
+
 LANES = 8
 """Tracks per block. Eight float64 fill a cache line and the widest vector register."""
 
@@ -27,6 +29,24 @@ _TICK = (
     ("tick", np.int64, ()),  # since the switch, 1 at the first measurement
 )
 
+SENSED: tuple[tuple[str, type, tuple[int, ...]], ...] = (
+    ("clock", np.int64, ()),  # ticks of the episode, only counted for the periods of sensors
+    ("variance_ratio", np.float64, ()),  # of the fused measurement over R, 1 without sensors
+)
+"""Fields of every block about the measurement of a tick, besides `measurement`, NaN without one."""
+
+SENSOR = np.dtype(
+    [
+        ("x", np.float64),  # [m]
+        ("y", np.float64),
+        ("deviation", np.float64),  # of each measured coordinate [m]
+        ("precision", np.float64),  # R over the variance
+        ("range", np.float64),  # [m]
+        ("period", np.int64),  # [ticks]
+    ]
+)
+"""A position sensor; see `hybrid_env.sensors.Sensor`."""
+
 TICK = lanes_of(*_TICK)
 """The leading fields of a block: the current tick as described by `info`."""
 
@@ -45,12 +65,13 @@ BLOCK = lanes_of(
     ("kept_covariance", np.float64, (10,)),  # of the estimate at the switch, upper triangle row by row
     ("speed", np.float64, ()),  # of the anchor [m/s]
     ("trace_length", np.int64, ()),  # rows written to the trace in this step
+    *SENSED,
 )
 """State of `LANES` tracks."""
 
 SCRATCH = lanes_of(
     ("running", np.int64, ()),  # 1 if the track advances in this tick
-    ("noise", np.float64, (5,)),  # from `noise.draw_noise`
+    ("noise", np.float64, (NOISE_ROWS,)),  # from `noise.draw_noise`
     ("largest", np.float64, ()),  # maximum log-likelihood of the hypotheses
     ("ties", np.float64, ()),  # number of other hypotheses with the maximum
     ("log_error", np.float64, ()),  # ln(1 - maximum posterior), equal priors
@@ -80,6 +101,7 @@ ARRAYS = (
     "radii",
     "table",
     "trace",
+    "sensors",
     "observations",
     "rewards",
     "terminated",
@@ -100,7 +122,14 @@ MODEL_FIELDS: tuple[tuple[str, type], ...] = (
     ("process_deviation", np.float64),  # sqrt(Q) [m/s]
     ("deviation_x", np.float64),  # sqrt(R) of each axis [m]
     ("deviation_y", np.float64),
-    ("outliers", np.float64),  # fraction of measurements
+    ("noise_law", np.int64),  # of the measurements, see `noise`
+    ("noise_shape", np.float64),  # share of outliers, index, or degrees of freedom
+    ("noise_scale", np.float64),  # of a stable law, or ratio of the deviations of outliers and others
+    ("noise_clip", np.float64),  # largest error over sqrt(R)
+    ("missed", np.float64),  # probability that a tick has no measurement, of each sensor
+    ("sensor_count", np.int64),  # 0 without a list of sensors
+    ("irregular", np.bool_),  # measurements may be missing or of different variances
+    ("freedom", np.float64),  # of the Student t likelihood of the bank; 0 is the normal one
     ("log_noise", np.float64),  # ln R, mean of the axes
     ("radii_count", np.int64),
     ("tracks", np.int64),

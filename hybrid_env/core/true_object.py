@@ -1,8 +1,9 @@
 """The true object: motion with process noise on the velocity, and noisy measurements of the position.
 
-Golubkov 2018, eq. (1).
+Golubkov 2018, eq. (1). A tick may have no measurement, which is then NaN, or those of several sensors.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
-from hybrid_env.core.noise import draw_noise
+from hybrid_env.core.noise import LOST, draw_noise
 from hybrid_env.core.records import SEGMENT_COLUMNS
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
@@ -45,7 +46,7 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
     Args:
         block: a record `records.BLOCK`.
         lane: index of the track in the block.
-        noise: (5, LANES), from `noise.draw_noise`.
+        noise: (NOISE_ROWS, LANES), from `noise.draw_noise`.
         column: column of `noise` for this tick.
         setting: a record with `process_deviation`, sqrt(Q) [m/s], and `deviation_x` and `deviation_y`,
             sqrt(R) [m].
@@ -69,16 +70,65 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
     block.tick[lane] += 1
 
 
+@inlined
+def _lose_measurement(block: Any, lane: int, noise: NDArray[np.float64], column: int, missed: float) -> None:
+    """Replace the measurement of a lane by NaN if the tick has none."""
+    if noise[LOST, column] < missed:
+        block.measurement[0, lane] = block.measurement[1, lane] = np.nan
+
+
 @internal
-def move(block: Any, noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
+def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[Any], setting: Any) -> None:
+    """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one.
+
+    Independent measurements of a position are equivalent to one: their mean weighted by the inverse
+    variances, whose inverse variance is the sum of theirs. Every sensor draws random numbers in every tick,
+    so that the stream does not depend on where the object is.
+    """
+    clock = block.clock[lane]
+    precision, error_x, error_y = 0.0, 0.0, 0.0
+    for k in range(sensors.size):
+        sensor = sensors[k]
+        draw_noise(block.random_state, noise, lane, lane + 1, setting)
+        if k == 0:  # the first draw also moves the object
+            move_lane(block, lane, noise, lane, setting)
+        if clock % sensor.period != 0 or (setting.missed > 0.0 and noise[LOST, lane] < setting.missed):
+            continue
+        distance = math.hypot(block.truth[0, lane] - sensor.x, block.truth[2, lane] - sensor.y)
+        if distance <= sensor.range:
+            weight = sensor.precision * sensor.deviation
+            error_x += weight * noise[2, lane]
+            error_y += weight * noise[3, lane]
+            precision += sensor.precision
+    block.clock[lane] = clock + 1
+    if precision > 0.0:
+        block.measurement[0, lane] = block.truth[0, lane] + error_x / precision
+        block.measurement[1, lane] = block.truth[2, lane] + error_y / precision
+        block.variance_ratio[lane] = 1.0 / precision
+    else:
+        block.measurement[0, lane] = block.measurement[1, lane] = np.nan
+
+
+@internal
+def move(
+    block: Any, noise: NDArray[np.float64], first: int, last: int, sensors: NDArray[Any], setting: Any
+) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions.
 
     Args:
         block: a record `records.BLOCK`.
-        noise: (5, LANES), overwritten.
+        noise: (NOISE_ROWS, LANES), overwritten.
         first, last: range of lanes.
-        setting: see `move_lane`; also `outliers`, the fraction of ticks with outliers.
+        sensors: (k,) records `records.SENSOR`; with none, one sensor measures with variance R everywhere.
+        setting: see `move_lane` and `noise.draw_noise`.
     """
-    draw_noise(block.random_state, noise, first, last, setting.outliers)
+    if sensors.size > 0:
+        for lane in range(first, last):
+            _sense(block, lane, noise, sensors, setting)
+        return
+    draw_noise(block.random_state, noise, first, last, setting)
     for lane in range(first, last):
         move_lane(block, lane, noise, lane, setting)
+    if setting.missed > 0.0:
+        for lane in range(first, last):
+            _lose_measurement(block, lane, noise, lane, setting.missed)

@@ -27,7 +27,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--measurement-variance nan", "measurement_variance=nan"),
     ("--measurement-variance loud", "--measurement-variance"),
     ("--delay-cost -1", "delay_cost=-1.0"),
-    ("--outliers 1", "outliers=1.0"),
+    ("--noise outliers", "noise='outliers'"),
     ("--correctness rough", "correctness"),
     ("--undecided shrug", "undecided"),
     ("--reset-covariance 2", "2"),
@@ -114,23 +114,38 @@ INVALID_ARGUMENTS = [
     ("reproduce golubkov2018 golubkov2018", "papers=('golubkov2018', 'golubkov2018')"),
     ("reproduce --runs 1", "runs=1"),
     ("reproduce --seed -1", "seed=-1"),
+    ("reproduce --physics maybe", "physics"),
+    ("reproduce golubkov2018 --physics True", "novospaskyi, with --physics True"),
     ("reproduce --out bad.txt", "out="),
-    ("track", "PATH"),
+    ("track", "files=()"),
     ("track nofile.csv", "file='nofile.csv'"),
     ("track bad.txt", "bad.txt"),
-    ("track good.csv --lengths 1", "lengths="),
+    ("track good.csv --lengths 1 2", "lengths="),
     ("track good.csv --lengths 2 0", "lengths"),
-    ("track good.csv --piece 0", "piece=0"),
-    ("track good.csv --lengths 2 --piece 2", "piece"),
+    ("track good.csv --decider nosuch", "decider='nosuch'"),
+    ("track good.csv --decider ate", "--lengths"),
+    ("track good.csv --lengths 2 --decider beam", "decider='beam'"),
     ("track good.csv --radii 0", "radii=(0.0,)"),
     ("track good.csv --tau 0", "tau=0.0"),
     ("track good.csv --process-variance -1", "process_variance=-1.0"),
     ("track good.csv --measurement-variance 0", "measurement_variance=0.0"),
-    ("track good.csv --alpha 0", "alpha=0.0"),
-    ("track good.csv --beta 1", "beta=1.0"),
+    ("track good.csv --durations long", "durations='long'"),
+    ("track good.csv --bank published", "bank='published'"),
+    ("track good.csv --picture perhaps", "picture"),
+    ("track good.csv --html perhaps", "html"),
     ("track good.csv --undecided shrug", "undecided"),
     ("track good.csv --start 0 0 0", "start"),
     ("track good.csv --out bad.txt", "bad.txt"),
+    ("track good.csv --columns x", "columns='x'"),
+    ("track good.csv --columns x=1 x=2", "columns='x=2'"),
+    ("track good.csv --columns x=z y=y", "columns='z'"),
+    ("track good.csv --object who", "object='who'"),
+    ("track good.csv --unit ''", "unit=''"),
+    ("track good.csv --time-unit weeks", "time_unit='weeks'"),
+    ("track good.csv --gap 0", "gap=0.0"),
+    ("track good.csv --jobs 0", "jobs=0"),
+    ("track good.csv --overwrite perhaps", "overwrite"),
+    ("track good.csv ./good.csv", "both have the output folder"),
 ]
 
 
@@ -173,7 +188,7 @@ def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
         for kind in kinds:
             for field in fields(kind):
                 positional = (kind, field.name) in {
-                    (Track, "file"),
+                    (Track, "files"),
                     (Evaluate, "deciders"),
                     (Reproduce, "papers"),
                 }
@@ -226,6 +241,7 @@ def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path
         "golubkov2018_3.png",
         "tsyganov2019_1.png",
         "golubkov2020.png",
+        "zimchuk.png",
         "reproduction.md",
     } <= names
     cells = json.loads((out / "tsyganov2019.json").read_text())["cells"]
@@ -267,7 +283,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
     ]  # fmt: skip
     assert data["segments"] == 40
     assert (out / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
+    assert {path.name for path in out.iterdir()} == {"agents", "compare.json", "compare.png", "episode.png"}
 
 
 def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):

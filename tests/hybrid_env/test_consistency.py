@@ -109,7 +109,7 @@ def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name
 INEXACT = {
     "published, anchor with an error, turn": {"scheme": "L60r5"} | TRUE_COVARIANCE,
     "published, P := I": {"scheme": "S60"},
-    "outliers": {"scheme": "S60", "bank": "oracle", "outliers": 0.01},
+    "outliers": {"scheme": "S60", "bank": "oracle", "noise": "outliers 0.01"},
 }
 
 

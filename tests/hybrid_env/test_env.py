@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, KalmanBank, Layout
+from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, KalmanBank, Layout, Sensor
 from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.world import World
 
@@ -72,9 +72,15 @@ def test_mean_rewards_of_declaring_immediately_and_of_never_declaring_have_their
     assert np.mean(rewards) == pytest.approx(-0.50, abs=4 * 0.02 * 14.7 / math.sqrt(600) + 0.01)
 
 
-@pytest.mark.parametrize("outliers", [0.0, 0.3])
-def test_truth_and_measurements_do_not_depend_on_the_actions(outliers):
-    first, second = (HybridTrackEnv(render_mode="rgb_array", outliers=outliers) for _ in range(2))
+@pytest.mark.parametrize(
+    "options",
+    [
+        {}, {"noise": "outliers 0.3"}, {"noise": "levy 1.5", "missed": 0.2},
+        {"sensors": [Sensor(variance=0.2, range=9.0), Sensor(variance=0.05, period=7)], "missed": 0.1},
+    ],
+)  # fmt: skip
+def test_truth_and_measurements_do_not_depend_on_the_actions(options):
+    first, second = (HybridTrackEnv(render_mode="rgb_array", **options) for _ in range(2))
     traces = []
     for env, policy in ((first, lambda info: 0), (second, lambda info: 3 if info["tick"] == 9 else 0)):
         env.reset(seed=11)
@@ -315,7 +321,9 @@ def test_modes_of_a_random_scheme_are_equally_likely():
 
 def test_outliers_have_the_given_frequency_and_standard_deviation():
     worlds = [
-        HybridTrackVectorEnv(4000, outliers=fraction, measurement_variance=0.25, process_variance=0.0)
+        HybridTrackVectorEnv(
+            4000, noise=f"outliers {fraction}", measurement_variance=0.25, process_variance=0.0
+        )
         for fraction in (0.0, 0.1)
     ]
     errors = []

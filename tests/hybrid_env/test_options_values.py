@@ -19,11 +19,13 @@ from hybrid_env import (
     Layout,
     RandomScheme,
     Segment,
+    Sensor,
     WorldOptions,
     parse_scheme,
 )
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, MAX_PIECES, MAX_RADII, RANGES
+from hybrid_env.noises import GaussianNoise
 
 
 def plain(value):
@@ -32,7 +34,7 @@ def plain(value):
         return all(map(plain, value))
     if isinstance(value, (FixedScheme, RandomScheme, Segment)):
         return plain(tuple(vars(value).values()))
-    return type(value) in (float, int, str, bool, type(None))
+    return type(value) in (float, int, str, bool, type(None), GaussianNoise)
 
 
 ACCEPTED = [
@@ -91,10 +93,10 @@ NASTY = [
     np.recarray(2, "f8,f8"),
 ]  # fmt: skip
 NUMBERS = [
-    "radii", "speed", "heading", "tau", "process_variance", "measurement_variance", "outliers",
+    "radii", "speed", "heading", "tau", "process_variance", "measurement_variance", "missed",
     "initial_error", "delay_cost",
 ]  # fmt: skip
-WORDS = ["scheme", "bank", "reset_covariance", "follow", "correctness", "actions", "undecided"]
+WORDS = ["scheme", "noise", "bank", "reset_covariance", "follow", "correctness", "actions", "undecided"]
 
 
 def refused(function, *arguments, **keywords):
@@ -116,6 +118,18 @@ def test_values_of_other_types_are_refused_in_one_line(name):
             continue
         message = refused(WorldOptions, **{name: value})
         assert message.startswith(name), message
+
+
+def test_values_of_other_types_are_refused_as_sensors_in_one_line():
+    for value in NASTY:
+        if not (isinstance(value, (list, tuple)) and len(value) == 0):
+            assert refused(WorldOptions, sensors=value).startswith("sensors")
+    for name in ("variance", "position", "period", "range"):
+        for value in NASTY:
+            if not (name == "range" and value is math.inf):
+                assert refused(Sensor, **({"variance": 1.0} | {name: value})).startswith(name)
+                message = refused(WorldOptions, sensors=[{"variance": 1.0} | {name: value}])
+                assert message.startswith("sensors")
 
 
 @pytest.mark.parametrize("name", ["mode", "length", "radius"])

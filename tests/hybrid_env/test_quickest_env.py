@@ -152,7 +152,7 @@ def test_actions_outside_the_space_raise(action):
 BAD_OPTIONS = [
     {"ticks": 0}, {"ticks": 2.5}, {"start": "late"}, {"change_cost": -1.0}, {"hazard": 0.7},
     {"hazard": -0.1}, {"hazard": "low"}, {"durations": "sometimes"}, {"radii": ()},
-    {"measurement_variance": 0.0}, {"outliers": 1.0}, {"speed": 1e9, "radii": (1e-6,)},
+    {"measurement_variance": 0.0}, {"noise": "outliers 1"}, {"speed": 1e9, "radii": (1e-6,)},
 ]  # fmt: skip
 
 

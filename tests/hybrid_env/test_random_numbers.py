@@ -12,20 +12,20 @@ from numba import njit
 from scipy import special, stats
 
 from hybrid_env import HybridTrackVectorEnv
-from hybrid_env.core.noise import draw_noise
+from hybrid_env.core.noise import NOISE_ROWS, draw_normals
 from hybrid_env.core.records import LANES
 from hybrid_env.simulation import simulate
 
 FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
-draw = njit(draw_noise)
+draw = njit(draw_normals)
 
 
 @njit
 def normals(state, ticks):
     """Return the draws of a block of lanes, (ticks, 4, LANES)."""
-    noise, drawn = np.empty((5, LANES)), np.empty((ticks, 4, LANES))
+    noise, drawn = np.empty((NOISE_ROWS, LANES)), np.empty((ticks, 4, LANES))
     for tick in range(ticks):
-        draw(state, noise, 0, LANES, 0.0)
+        draw(state, noise, 0, LANES)
         drawn[tick] = noise[:4]
     return drawn
 

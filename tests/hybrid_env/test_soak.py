@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from random_worlds import BANKS, random_options, soak
 
+from hybrid_env import Sensor
 from hybrid_env.limits import LARGEST_TURN
 
 
@@ -45,7 +46,12 @@ EDGES = {
     "exact": {"process_variance": 0.0, "initial_error": 0, "measurement_variance": 1e-18, "radii": 10.0},
     "process noise": {"process_variance": 1e18},
     "first estimate": {"initial_error": (1e12, 1e14)},
-    "outliers": {"outliers": 0.999999, "measurement_variance": 100.0},
+    "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},
+    "heavy tails": {"noise": "student_t 1", "missed": 0.5},
+    "no measurements": {"missed": 0.999999, "scheme": "random 1000x50-3000"},
+    "far sensors": {
+        "sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]
+    },
     "huge tick": {"tau": 1e9, "speed": 1e-7},
     "keeps covariance": {"reset_covariance": False, "process_variance": 0.0, "scheme": "random 1000x5-50"},
 }

@@ -17,7 +17,7 @@ SLOW = 0.01
 """What is tracked moves less than so many degrees in a second, and most often more metres in a second."""
 
 OFFSET = 2.0
-"""Degrees are this far from 0, compared with their extent."""
+"""Degrees are this far from 0, compared with their extent, and at least one degree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,4 +116,5 @@ def look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float6
     ):
         return False
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(seconds)
-    return bool(np.median(speeds) < SLOW and (np.abs(np.median(positions, axis=0)) > OFFSET * extent).any())
+    offset = np.abs(np.median(positions, axis=0)).max()
+    return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))

@@ -120,12 +120,14 @@ def _is_comment(lines: list[str], number: int) -> bool:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """Return the delimiter by which the rows have the same number of cells, if possible the header too."""
-    best, found = (0.0, False), ","
+    """Return the delimiter by which the header has known names and all rows have equally many cells."""
+    best, found = (-1, 0.0, False), ","
     for delimiter in DELIMITERS:
-        counts = [len(_cells(line, delimiter)) for line in lines]
-        usual, times = Counter(counts[1:] or counts).most_common(1)[0]
-        rank = (times / len(counts[1:] or counts), abs(usual - counts[0]) <= 1)
+        rows = [_cells(line, delimiter) for line in lines]
+        counts = list(map(len, rows[1:] or rows))
+        usual, times = Counter(counts).most_common(1)[0]
+        known = sum(map(is_known_name, rows[0]))
+        rank = (known, times / len(counts), abs(usual - len(rows[0])) <= 1)
         if usual > 1 and rank > best:
             best, found = rank, delimiter
     return found

@@ -13,8 +13,11 @@ from hybrid_env.checks import ArgumentError, reject
 
 MAX_TIME = 1e12  # [s]
 EPOCH = (6.3e8, 4.2e9)  # [s] since 1970: the years 1990 to 2103
+SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")
+"""Time scales that stand where a unit may stand."""
+
 EPOCH_UNITS = ("s", "ms", "us", "ns")
-GERMAN = r"\d{1,2}\.\d{1,2}\.\d{4}.*"
+GERMAN = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
 ALLOWED = "a number, an ISO date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
 
 
@@ -68,8 +71,8 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
     if len(numbers.wrong) < len(cells) / 2:  # a broken number among numbers
         return _checked(table, column, cells, numbers.values, None, "")
     if texts.iloc[0].count(".") >= 2 and texts.str.fullmatch(GERMAN).all():
-        points = texts.str.replace(",", ".")
-        dates = pd.to_datetime(points, dayfirst=True, format="mixed", utc=True, errors="coerce")
+        ordered = texts.str.replace(",", ".").str.replace(GERMAN, r"\3-\2-\1\4", regex=True)
+        dates = pd.to_datetime(ordered, format="ISO8601", utc=True, errors="coerce")
         return _dates(table, column, cells, dates, "dates (day.month.year)")
     if texts.iloc[0].count(":") == 2 and texts.iloc[0].find(":") <= 2:
         clock = pd.to_timedelta(texts.str.replace(",", "."), errors="coerce").dt.total_seconds()
@@ -81,7 +84,9 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
 def _numbers(
     table: Table, column: int, cells: "pd.Series[object]", values: NDArray[np.float64], unit: str | None
 ) -> Times:
-    unit = unit or split_unit(table.names[column])[1]
+    if unit is None:
+        unit = split_unit(table.names[column])[1]
+        unit = None if unit is not None and unit.lower() in SCALES else unit
     if unit is not None and unit.lower() not in SECONDS:
         raise reject(
             f"{table.file}: unit of {table.label(column)}",

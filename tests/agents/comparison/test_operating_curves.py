@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from agents.comparison.figure import draw_operating_curves, operating_curves
+from agents.comparison.plan import Plan
 from agents.comparison.report import summary_lines, unreached_accuracy_lines
-from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry, Plan
+from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.evaluate import Decisions
 from agents.evaluation.operating_curve import (

@@ -4,11 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from agents.comparison.episode_figure import record_episode
 from agents.evaluation import evaluate as evaluation
 from agents.evaluation.deciders import FIXED_TIME, DeciderFamily, load_decider
-from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
+from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate, share_interval
 from agents.evaluation.operating_curve import (
     ACCURACY,
     NOT_REACHED,
@@ -72,6 +73,38 @@ def test_the_confidence_interval_has_its_nominal_coverage():
 
 def test_an_interval_of_equal_episodes_is_a_point():
     assert confidence_interval(np.full(20, 3.0)) == (3.0, 3.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_interval_of_equal_shares_is_wilsons(share):
+    episodes, z = 40, stats.norm.ppf(0.975)
+    width = z**2 / (episodes + z**2)  # Wilson's interval of 0 of n is (0, z^2 / (n + z^2))
+    expected = (0.0, width) if share == 0.0 else (1.0 - width, 1.0)
+    assert share_interval(np.full(episodes, share)) == pytest.approx(expected)
+    decisions = Decisions(
+        np.full((episodes, 6), bool(share)), *(np.ones((episodes, 6), int) for _ in range(6)),
+        np.ones((episodes, 6)), 0.02,
+    )  # fmt: skip
+    assert decisions.summary()["accuracy"]["interval"] == pytest.approx(expected)
+    assert decisions.summary()["ticks"]["interval"] == (1.0, 1.0)
+
+
+def test_the_interval_of_unequal_shares_is_that_of_the_bootstrap():
+    shares = np.linspace(0.0, 1.0, 30)
+    assert share_interval(shares) == confidence_interval(shares)
+    assert share_interval(np.full(30, 0.5)) == (0.5, 0.5)
+
+
+def test_accuracy_and_error_of_a_curve_without_errors_have_intervals():
+    line = curve([0.5, 1.0], [10, 20])
+    accuracy, error = (
+        line.estimate_share(at_threshold(ACCURACY, 1)),
+        line.estimate_share(error_at_ticks(30.0)),
+    )
+    assert accuracy.value == accuracy.high == 1.0
+    assert accuracy.low == pytest.approx(1.0 - error.high)
+    assert 0.0 < error.high < 0.1
+    assert line.estimate_share(at_threshold(ACCURACY, 0)) == line.estimate(at_threshold(ACCURACY, 0))
 
 
 def curve(accuracy, ticks, episodes=50):

@@ -95,7 +95,12 @@ def in_other_units(world, length, time):
     [
         {"reset_covariance": False},
         {"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"},
-        {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "outliers": 0.05},
+        {
+            "bank": "anchor_aware",
+            "follow": "bank",
+            "measurement_variance": (0.05, 0.2),
+            "noise": "outliers 0.05",
+        },
     ],
 )
 def test_a_change_of_units_changes_no_decision(options, length, time):

@@ -5,7 +5,6 @@ import csv
 import gymnasium as gym
 import numpy as np
 import pytest
-from agents.interface.recording_files import read_recording
 from PIL import Image, ImageSequence
 
 import agents.playing.command
@@ -15,6 +14,7 @@ from agents.evaluation.deciders import load_decider
 from agents.playing.animation import PALETTE_SIZE, palette_colours
 from agents.playing.command import Play
 from agents.playing.evidence import decider_evidence
+from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.figure import FRAME_SIZE, Renderer
@@ -100,17 +100,17 @@ def test_the_recording_contains_every_measurement_with_its_time(tmp_path):
     while not terminated:  # truth and noise do not depend on the decisions
         measured.append(info["measurement"])
         _, _, terminated, _, info = env.step(0)
-    recording = read_recording(tmp_path / "episode.csv")
-    np.testing.assert_array_equal(recording.measurements, measured)
+    [recording] = read_recordings(tmp_path / "episode.csv").recordings
+    np.testing.assert_array_equal(recording.positions, measured)
     np.testing.assert_allclose(recording.times, 0.1 * np.arange(1, 17))
-    assert recording.tau == pytest.approx(0.1)
+    assert recording.tick == pytest.approx(0.1)
 
 
 def test_options_are_passed_to_the_environment(tmp_path):
     play(out=tmp_path / "a.png", record=tmp_path / "quiet.csv", measurement_variance=1e-12, tau=0.5)
-    recording = read_recording(tmp_path / "quiet.csv")
-    assert recording.tau == pytest.approx(0.5)
-    steps = np.linalg.norm(np.diff(recording.measurements[:8], axis=0), axis=1)
+    [recording] = read_recordings(tmp_path / "quiet.csv").recordings
+    assert recording.tick == pytest.approx(0.5)
+    steps = np.linalg.norm(np.diff(recording.positions[:8], axis=0), axis=1)
     np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
 
 
@@ -203,7 +203,7 @@ def test_an_episode_in_the_window_is_recorded(tmp_path, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(agents.playing.command, "FINAL_FRAMES", 1)
     play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
-    assert len(read_recording(tmp_path / "episode.csv").measurements) == 3
+    assert len(read_recordings(tmp_path / "episode.csv").recordings[0].positions) == 3
 
 
 @pytest.mark.parametrize("count", [1, 3, 10, 60, 200])

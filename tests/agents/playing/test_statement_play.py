@@ -6,7 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from agents.interface.recording_files import read_recording
 from PIL import Image
 from rich.console import Console
 
@@ -18,6 +17,7 @@ from agents.playing.command import Play
 from agents.playing.episodes import StatementEpisodes
 from agents.playing.statement_evidence import statement_evidence
 from baselines import BeamDecider, ThresholdDecider
+from baselines.recordings.reading.read import read_recordings
 from hybrid_env import QuickestLayout
 from hybrid_env.checks import ArgumentError
 from hybrid_env.rendering.figure import FRAME_SIZE
@@ -136,12 +136,12 @@ def test_the_table_has_a_row_for_each_segment():
 
 def test_the_recording_contains_every_measurement(tmp_path):
     play(record=tmp_path / "episode.csv", out=tmp_path / "episode.png", tau=0.2)
-    recording = read_recording(tmp_path / "episode.csv")
+    [recording] = read_recordings(tmp_path / "episode.csv").recordings
     env = environment(tau=0.2)
     measured = [env.reset(seed=3)[1]["measurement"]]
     measured += [env.step(0)[4]["measurement"] for _ in range(39)]
-    np.testing.assert_array_equal(recording.measurements, measured)
-    assert recording.tau == pytest.approx(0.2)
+    np.testing.assert_array_equal(recording.positions, measured)
+    assert recording.tick == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
 """A training that is killed or fails at any moment is resumed, and then equals an uninterrupted one."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -160,6 +162,22 @@ def test_a_full_disk_is_one_line_and_loses_nothing(file, tmp_path):
         assert (folder / METRICS).read_text().endswith("}\n")
     resume_run(folder).train()
     assert outcome(folder) == outcome(tmp_path / "whole")
+
+
+def test_a_disk_that_is_full_from_the_start_is_one_line(tmp_path, monkeypatch, capsys):
+    """TensorBoard writes in a thread, whose error must not be printed."""
+
+    def refuse(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    failed = threading.Event()
+    hook = threading.excepthook
+    monkeypatch.setattr(threading, "excepthook", lambda error: (failed.set(), hook(error)))
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", refuse)
+    with pytest.raises((ArgumentError, OSError), match="No space left on device"):
+        small_run("ppo", tmp_path / "run", STEPS).train()
+    assert not failed.is_set()
+    assert capsys.readouterr().err == ""
 
 
 def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):

@@ -14,7 +14,7 @@ from baselines.deciders.component_filters import (
     anchor_rows,
     stated_covariance,
 )
-from hybrid_env import HybridTrackVectorEnv, Layout
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, Sensor, WorldOptions
 
 TRACKS, TICKS = 9, 30
 SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
@@ -48,6 +48,12 @@ def reference(world, layout, rows, R, robust):
     for row in rows:
         names = "displacement_along", "displacement_across"
         z = deviation * np.array([float(layout.read(row[None], name)[0]) for name in names])
+        innovations = [layout.read(row, f"innovation_{one}") for one in ("along", "across")]
+        if not np.any(innovations):  # the tick has no measurement
+            for one in filters:
+                one.step(None)
+            found.append([one.log_likelihood + penalty for one in filters])
+            continue
         tried = copy.deepcopy(filters)
         distances = []
         for one in tried:
@@ -67,8 +73,9 @@ def reference(world, layout, rows, R, robust):
 
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize("variance", [0.1, (0.02, 0.4)])
-def test_filters_equal_matrix_filters(variance, robust):
-    world, layout, rows = recorded({"measurement_variance": variance})
+@pytest.mark.parametrize("missed", [0.0, 0.3])
+def test_filters_equal_matrix_filters(variance, robust, missed):
+    world, layout, rows = recorded({"measurement_variance": variance, "missed": missed})
     filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust)
     anchors = anchor_rows(layout, rows[0], 0.0, stated_covariance(layout, rows[0]))[None]
     found = []
@@ -90,3 +97,9 @@ def test_filters_equal_matrix_filters(variance, robust):
         )
         total += min(counts)
     assert (total > 0) == robust
+
+
+def test_several_sensors_are_refused():
+    world = WorldOptions(sensors=[Sensor(variance=0.1)])
+    with pytest.raises(ArgumentError, match=r"sensors.*filters of its own"):
+        ComponentFilters("published", 1, TRACKS, world)

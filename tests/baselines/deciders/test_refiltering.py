@@ -83,7 +83,7 @@ def test_units_change_no_decision(length, time):
     np.testing.assert_allclose(decisions[1], decisions[0], atol=2e-3)
 
 
-@pytest.mark.parametrize("options", [{"outliers": 0.05}, {"measurement_variance": (0.025, 0.4)}])
+@pytest.mark.parametrize("options", [{"noise": "outliers 0.05"}, {"measurement_variance": (0.025, 0.4)}])
 def test_robust_filters_earn_more_under_outliers_and_with_unequal_axes(options):
     world = WorldOptions(**options)
     rewards = []

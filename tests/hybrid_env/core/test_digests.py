@@ -18,7 +18,7 @@ DIGESTS = [
         id="default",
     ),
     pytest.param(
-        {"measurement_variance": (0.05, 0.2), "outliers": 0.1, "radii": (3.0, 8.0)},
+        {"measurement_variance": (0.05, 0.2), "noise": "outliers 0.1", "radii": (3.0, 8.0)},
         "7dfc38ec40d304a3b3b0f689c143b3204d914f5c3c723dbac68766ffb4fb14bc",
         id="two noises, outliers",
     ),
@@ -90,7 +90,7 @@ QUICKEST_DIGESTS = [
             "durations": "uniform 20-40",
             "start": "random",
             "ticks": 300,
-            "outliers": 0.1,
+            "noise": "outliers 0.1",
             "hazard": 0.05,
         },
         "557f846bc4361152a1231915def61bbf0badc153b4365910f6b6c22a84eb6ff1",

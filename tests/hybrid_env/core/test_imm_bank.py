@@ -150,8 +150,8 @@ EXTREME = [
     {"speed": 300.0, "radii": (1.0,), "measurement_variance": 1e-9},
     {"process_variance": 1e18, "measurement_variance": 1e18, "tau": 1e-9},
     {"process_variance": 0.0, "initial_error": 0, "measurement_variance": (1e-6, 1e3)},
-    {"outliers": 0.9, "measurement_variance": (1e3, 1e-3)},
-    {"hazard": 0.0, "outliers": 0.3},
+    {"noise": "outliers 0.9", "measurement_variance": (1e3, 1e-3)},
+    {"hazard": 0.0, "noise": "outliers 0.3"},
     {"hazard": 2 / 3},
 ]
 

@@ -15,7 +15,7 @@ from hybrid_env.core.motion import (
     propagate,
     turn_centre,
 )
-from hybrid_env.core.noise import draw_noise, draw_noise_ahead, integer_below, next_uint64, uniform
+from hybrid_env.core.noise import draw_normals, integer_below, next_uint64, uniform
 from hybrid_env.core.records import LANES
 
 
@@ -72,13 +72,10 @@ def integers(state, count, bound):
 
 @njit
 def normals(state, count):
-    drawn = np.empty((count, 5, state.shape[1]))
+    drawn = np.empty((count, 4, state.shape[1]))
     for k in range(count):
-        draw_noise(state, drawn[k], 0, state.shape[1], 0.0)
-    return drawn[:, :4]
-
-
-draw, draw_ahead = njit(draw_noise), njit(draw_noise_ahead)
+        draw_normals(state, drawn[k], 0, state.shape[1])
+    return drawn
 
 
 def seeded(seed):
@@ -122,25 +119,6 @@ def test_normals_pass_tests_of_distribution_moments_tails_and_correlation():
     )
     off = np.corrcoef(variables.T)[np.triu_indices(variables.shape[1], 1)]
     assert np.abs(off).max() < stats.norm.isf(5e-4 / off.size) / math.sqrt(len(drawn))
-
-
-@pytest.mark.parametrize("outliers", [0.0, 0.3])
-def test_the_draws_of_a_lane_do_not_depend_on_other_lanes_or_the_number_of_ticks_drawn_at_once(outliers):
-    together, alone, ahead = seeded(9), seeded(9), seeded(9)
-    wide, narrow, long = np.zeros((5, LANES)), np.zeros((5, LANES)), np.zeros((5, LANES))
-
-    largest = 0.0
-    for _ in range(200):
-        for ticks in range(1, LANES + 1):
-            draw_ahead(ahead, 3, long, ticks, outliers)
-            for tick in range(ticks):
-                draw(together, wide, 0, LANES, outliers)
-                for lane in range(LANES):
-                    draw(alone, narrow, lane, lane + 1, outliers)
-                np.testing.assert_array_equal(wide[:4], narrow[:4])
-                np.testing.assert_array_equal(wide[:4, 3], long[:4, tick])
-                largest = max(largest, np.abs(wide[:4]).max())
-    assert (largest > 8.5) == (outliers > 0.0)
 
 
 def test_uniforms_and_integers_are_uniform():

@@ -73,7 +73,7 @@ def test_without_header(tmp_path):
     FRAME[["x", "y"]].to_csv(path, header=False, index=False)
     assert "no header: columns taken as x, y" in check(path, times=None)
     FRAME.to_csv(path, header=False)
-    with pytest.raises(ArgumentError, match="4 columns without names.*--columns time=1 x=2 y=3"):
+    with pytest.raises(ArgumentError, match=r"4 columns without names.*--columns time=1 x=2 y=3"):
         read_recordings(path)
     check(path, columns={"t": "2", "x": "3", "y": "4"})
 

@@ -1,0 +1,168 @@
+"""What is known of a recording after tracking, row by row."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.consistency import Consistency
+from baselines.recordings.decisions import TickDecisions
+from baselines.recordings.model_fit import TrackModel
+from baselines.recordings.recording import Recording
+from baselines.recordings.ticks import TickGrid
+
+FloatArray = NDArray[np.float64]
+STATE = ("x", "vx", "y", "vy")
+NO_ROW = -1
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedRecording:
+    """A recording of n rows with its M modes, in its own units.
+
+    Rows before the first and after the last measurement, and rows inside of gaps, have mode -1 and NaN.
+
+    Attributes:
+        recording: as it was read.
+        model: noise, radii and durations that the filters assume, and which of them were estimated.
+        decider: its name.
+        modes: (n,) 0 straight, 1 .. left turns and then right turns, in the order of `model.radii`.
+        decided: (n,) False before a mode was decided: at the start, and with known switches in each piece.
+        probabilities: (n, M) of the modes at each row, from the measurements up to it.
+        estimates: (n, 4) [x, vx, y, vy] from the measurements up to the row.
+        covariances: (n, 4, 4) of the estimates.
+        residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
+        pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0; -1 for a
+            piece without a decision.
+        consistency: agreement of model and measurements.
+        tau: tick of the filters.
+        shared: number of rows whose tick is that of another row, with which they are averaged.
+        moved: root mean square of the times by which rows were moved to their ticks, over the tick.
+        outliers: number of measurements that were not used, because they are far from their neighbours.
+    """
+
+    recording: Recording
+    model: TrackModel
+    decider: str
+    modes: NDArray[np.int64]
+    decided: NDArray[np.bool_]
+    probabilities: FloatArray
+    estimates: FloatArray
+    covariances: FloatArray
+    residuals: FloatArray
+    pieces: NDArray[np.int64]
+    consistency: Consistency
+    tau: float
+    shared: int
+    moved: float
+    outliers: int
+
+    @property
+    def warnings(self) -> list[str]:
+        """Plain sentences about what does not fit."""
+        return self.consistency.warnings(self.model)
+
+    def mode_names(self) -> list[str]:
+        """Names of the modes: S, L, R, with the radius if there are several."""
+        radii = self.model.radii
+        shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
+        return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
+
+
+def row_results(
+    recording: Recording,
+    grid: TickGrid,
+    model: TrackModel,
+    decider: str,
+    decisions: Sequence[TickDecisions],
+    consistency: Consistency,
+    outliers: int,
+) -> TrackedRecording:
+    """Return the results of ticks at the rows of a recording.
+
+    Args:
+        recording: the recording.
+        grid: its ticks.
+        model: its model.
+        decider: name of the decider.
+        decisions: of each stretch of the grid.
+        consistency: of the model.
+        outliers: number of measurements that were not used.
+    """
+    rows, M = len(recording.times), 2 * len(model.radii) + 1
+    arrays: dict[str, Any] = {
+        "modes": np.full(rows, NO_ROW),
+        "decided": np.zeros(rows, np.bool_),
+        "probabilities": np.full((rows, M), np.nan),
+        "estimates": np.full((rows, 4), np.nan),
+        "covariances": np.full((rows, 4, 4), np.nan),
+        "residuals": np.full((rows, 2), np.nan),
+    }
+    pieces = []
+    for stretch, found, innovations in zip(grid.stretches, decisions, consistency.innovations, strict=True):
+        part = slice(stretch.first, stretch.end)
+        for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
+            arrays[name][part] = getattr(found, name)[stretch.ticks]
+        arrays["estimates"][part, 0::2] += stretch.late[:, None] * arrays["estimates"][part, 1::2]
+        arrays["residuals"][part] = innovations[stretch.ticks]
+        table = found.pieces.copy()
+        for column in (0, 1, 3):
+            at = np.searchsorted(stretch.ticks, found.pieces[:, column])
+            table[:, column] = np.minimum(stretch.first + at, stretch.end)
+        table[found.pieces[:, 3] < 0, 3] = -1
+        pieces.append(table[table[:, 1] > table[:, 0]])  # a piece between two rows has none
+    arrays["residuals"][~recording.measured] = np.nan
+    return TrackedRecording(
+        recording=recording, model=model, decider=decider, pieces=np.concatenate(pieces),
+        consistency=consistency, tau=grid.tau, shared=grid.shared, moved=grid.moved,
+        outliers=outliers, **arrays,
+    )  # fmt: skip
+
+
+def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
+    """Columns of modes.csv. Rows are counted from 1. Cells that do not apply are empty."""
+    times, radii = tracked.recording.times, tracked.model.radii
+    first, end, modes, when = tracked.pieces.T
+    decided = when >= 0
+    return {
+        "piece": list(range(1, len(first) + 1)),
+        "first_row": (first + 1).tolist(),
+        "last_row": end.tolist(),
+        "begin": times[first].tolist(),
+        "end": times[end - 1].tolist(),
+        "mode": ["SLR"[_kind(mode, len(radii))] for mode in modes.tolist()],
+        "radius": [radii[(mode - 1) % len(radii)] if mode > 0 else "" for mode in modes.tolist()],
+        "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
+        "undecided": (~decided).tolist(),
+    }  # fmt: skip
+
+
+def row_table(tracked: TrackedRecording) -> dict[str, Any]:
+    """Columns of estimates.csv. The first three are in the format of a recording; NaN is an empty cell."""
+    recording, radii = tracked.recording, tracked.model.radii
+    triangle = [(i, j) for i in range(4) for j in range(i, 4)]
+    letters = np.array(["SLR"[_kind(mode, len(radii))] for mode in range(2 * len(radii) + 1)] + [""])
+    of_mode = np.array([np.nan, *radii, *radii, np.nan])
+    return {
+        "t": recording.times,
+        "x": recording.positions[:, 0],
+        "y": recording.positions[:, 1],
+        "mode": letters[tracked.modes],
+        "radius": of_mode[tracked.modes],
+        "decided": tracked.decided,
+        **{
+            f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k]
+            for k, n in enumerate(tracked.mode_names())
+        },
+        **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
+        **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
+        "residual_x": tracked.residuals[:, 0],
+        "residual_y": tracked.residuals[:, 1],
+    }
+
+
+def _kind(mode: int, radii: int) -> int:
+    """Return 0, 1 or 2: straight, left or right."""
+    return 0 if mode == 0 else 1 + (mode > radii)

@@ -1,0 +1,186 @@
+"""Tracking of one recording: model, bank and decider by name; the options of the command and of the
+function.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from agents.evaluation.deciders import CLASSICAL_NAMES, load_decider, world_changes
+from agents.evaluation.statement_deciders import RULES, statement_decider
+from agents.recordings.tracked import TrackedRecording, row_results
+from baselines.online.tracker import OnlineTracker
+from baselines.recordings.consistency import check_consistency
+from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
+from baselines.recordings.model_fit import TrackModel, fit_model
+from baselines.recordings.recording import Recording, make_recording
+from baselines.recordings.scatter import without_outliers
+from baselines.recordings.ticks import TickGrid, tick_grid
+from hybrid_env.checks import (
+    ArgumentError,
+    check_array,
+    check_choice,
+    check_integer,
+    check_positive,
+    reject,
+)
+from hybrid_env.durations import GeometricDurations, parse_durations
+from hybrid_env.limits import MAX_LENGTH, distinct_radii
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+
+DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
+"""Default deciders: without and with segment lengths."""
+
+SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulation
+
+
+@dataclass(kw_only=True)
+class TrackingArguments:
+    """How a recording is tracked. What is not given is found from the recording, in whatever units it is."""
+
+    lengths: tuple[int, ...] = ()
+    """Ticks of each piece between known switches, with the number of ticks as their sum; a single number is
+    the length of every piece. By default the switches are not known."""
+    decider: str | None = None
+    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM), and with
+    --lengths msprt-aware."""
+    radii: tuple[float, ...] = ()
+    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default proposed by
+    the recording."""
+    measurement_variance: float | None = None
+    """Measurement noise variance R of each coordinate. By default of the largest likelihood."""
+    process_variance: float | None = None
+    """Process noise variance Q of each velocity in a tick. By default of the largest likelihood."""
+    durations: str | None = None
+    """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By default
+    geometric with the mean that the recording shows."""
+    bank: Literal["published", "anchor_aware"] | None = None
+    """Filters for known switches; by default those of the decider."""
+    undecided: Literal["keep", "likeliest"] = "likeliest"
+    """Mode of a piece without a decision: that of the previous piece (keep), or the most likely one."""
+    start: tuple[float, float, float, float] | None = None
+    """Exact state x, vx, y, vy one tick before the first measurement; by default from the measurements."""
+
+    def check_tracking(self) -> None:
+        """Check the arguments before any work.
+
+        Raises:
+            ArgumentError: one is not allowed.
+        """
+        for length in self.lengths:
+            check_integer("lengths", length, maximum=MAX_LENGTH)
+        if self.radii:
+            distinct_radii("radii", self.radii)
+        for name in ("measurement_variance", "process_variance"):
+            if getattr(self, name) is not None:
+                check_positive(name, getattr(self, name), allow_zero=name == "process_variance")
+        if self.durations is not None:
+            parse_durations(self.durations)
+        check_choice("undecided", self.undecided, ("keep", "likeliest"))
+        if self.bank is not None:
+            check_choice("bank", self.bank, ("published", "anchor_aware"))
+            if not self.lengths:
+                raise reject("bank", self.bank, "none without lengths: the bank is the IMM")
+        if self.start is not None:
+            check_array("start", self.start, (4,))
+        name = (self.decider or DECIDER).partition(":")[0]
+        if not self.lengths and name in CLASSICAL_NAMES:
+            raise reject("decider", self.decider, f"{', '.join(RULES)} or an agent, or give --lengths")
+        if self.lengths and self.decider is not None and name in RULES:
+            raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
+
+    def track(
+        self, recording: Recording, on_progress: Callable[[float], None] | None = None
+    ) -> TrackedRecording:
+        """Track a recording.
+
+        Args:
+            recording: measured positions.
+            on_progress: called now and then with the fraction that is done.
+
+        Raises:
+            ArgumentError: an argument does not fit the recording.
+        """
+        self.check_tracking()
+        grid, outliers = without_outliers(tick_grid(recording))
+        lengths = self._lengths(grid)
+        law = None if self.durations is None else parse_durations(self.durations)
+        model = fit_model(
+            grid, self.radii or None, self.measurement_variance, self.process_variance,
+            None if law is None else law.mean_duration, lengths,
+        )  # fmt: skip
+        options: dict[str, Any] = ModelUnits.of(model).options(model)
+        name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
+        try:
+            tracker = (
+                self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
+            )
+        except ArgumentError as error:
+            raise _in_units(error, model) from None
+        start = None if self.start is None else np.array(self.start)
+        decisions = decide_recording(
+            grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
+        )
+        return row_results(
+            recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers
+        )
+
+    def _lengths(self, grid: TickGrid) -> list[int]:
+        lengths, total = list(self.lengths), grid.total
+        if len(lengths) == 1:
+            lengths = [min(lengths[0], total - first) for first in range(0, total, lengths[0])]
+        check_lengths(grid, lengths)
+        return lengths
+
+    def _known(self, name: str, options: dict[str, Any], lengths: Sequence[int]) -> OnlineTracker:
+        segments = min(len(lengths), SIMULATED_SEGMENTS)
+        options |= {"scheme": f"random {segments}x{min(lengths)}-{max(lengths)}", "undecided": self.undecided}
+        world = WorldOptions(**options)
+        options |= world_changes(name, world)
+        if self.bank is not None:
+            options["bank"] = self.bank
+        world = WorldOptions(**options)
+        return OnlineTracker(world, load_decider(name, world))
+
+    def _unknown(
+        self, name: str, options: dict[str, Any], grid: TickGrid, model: TrackModel
+    ) -> OnlineTracker:
+        law = GeometricDurations(model.duration) if self.durations is None else self.durations
+        ticks = min(max(map(len, (s.measurements for s in grid.stretches))), MAX_LENGTH)
+        world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+        return OnlineTracker(world, statement_decider(name, world)[2])
+
+
+def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: Any) -> TrackedRecording:
+    """Decide between straight motion, left and right turns on positions, as `hybridtrack track` does.
+
+    Args:
+        times: (n,) increasing times of the rows; None for rows at uniform ticks.
+        positions: (n, 2) measured x and y in any unit, NaN without a measurement.
+        options: see `TrackingArguments`; the defaults are those of the command.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+    return TrackingArguments(**options).track(make_recording(times, positions))
+
+
+def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
+    """Return the error of a model that the filters refuse, which speak of other units, with those given."""
+    if not str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau")):
+        return error
+    radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
+    return (
+        ArgumentError(
+            f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
+            f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a "
+            f"tick of {model.tau:.4g}: check units"
+        )
+        if all(map(math.isfinite, model.radii))
+        else error
+    )

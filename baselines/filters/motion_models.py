@@ -1,0 +1,118 @@
+"""Constant velocity, acceleration and jerk (CV, CA, CJ) in d dimensions, for real time steps.
+
+The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with
+m = 2, 3, 4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise
+drives the highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking
+and Navigation", section 6.2 (continuous noise) and 6.3 (discrete noise).
+"""
+
+from dataclasses import dataclass
+from math import factorial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    check_array,
+    check_choice,
+    check_integer,
+    check_number,
+    dimensions,
+    reject,
+)
+
+FloatArray = NDArray[np.float64]
+ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
+"""Number of values per axis, m, of each model."""
+
+
+def check_scalar(name: str, value: Any) -> float:
+    """Return a finite float of a size whose square does not overflow. Raises `ArgumentError` otherwise."""
+    number = check_number(name, value)
+    if abs(number) > LARGEST_NUMBER:
+        raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
+    return number
+
+
+def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
+    """Return checked values, (count,), of one number for all or of an array with one for each.
+
+    Raises:
+        ArgumentError: a value is below `smallest` or not finite, or their number is wrong.
+    """
+    if dimensions(value) == 0:
+        values = np.full(count, check_scalar(name, value))
+    else:
+        values = check_array(name, value, (count,))
+    if (values < smallest).any():
+        raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
+    return values
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """A kinematic model and its process noise.
+
+    Attributes:
+        name: "CV", "CA" or "CJ".
+        axes: number of dimensions d.
+        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral
+            density of the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA,
+            [m^2/s^7] for CJ. With discrete noise it is the variance of the acceleration that is constant in
+            a time step for CV [m^2/s^4], and of the increment of the highest derivative in a time step for
+            CA [m^2/s^4] and CJ [m^2/s^6].
+        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete"
+            noise does.
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
+    """
+
+    name: Literal["CV", "CA", "CJ"]
+    axes: int
+    noise: float | ArrayLike
+    discretization: Literal["continuous", "discrete"] = "continuous"
+
+    def __post_init__(self) -> None:
+        check_choice("name", self.name, ORDERS)
+        check_integer("axes", self.axes)
+        check_choice("discretization", self.discretization, ("continuous", "discrete"))
+        object.__setattr__(self, "noise", check_per_item("noise", self.noise, self.axes))
+
+    @property
+    def order(self) -> int:
+        """Number of values per axis, m."""
+        return ORDERS[self.name]
+
+    @property
+    def size(self) -> int:
+        """Number of values of the state, n = d m."""
+        return self.axes * self.order
+
+    def transition(self, dt: float | FloatArray) -> FloatArray:
+        """Transition matrix of one axis, (m, m) or (B, m, m), for a time step [s] or (B,) of them."""
+        steps = np.asarray(dt, np.float64)
+        matrix = np.zeros((*steps.shape, self.order, self.order))
+        for row in range(self.order):
+            for column in range(row, self.order):
+                matrix[..., row, column] = steps ** (column - row) / factorial(column - row)
+        return matrix
+
+    def step_noise(self, dt: float | FloatArray) -> FloatArray:
+        """Covariance of the process noise of one axis for unit intensity, (m, m) or (B, m, m)."""
+        steps, m = np.asarray(dt, np.float64), self.order
+        if self.discretization == "discrete":
+            # CV: an acceleration for the whole step; CA and CJ: a jump of the last value at its beginning
+            powers = [2, 1] if self.name == "CV" else list(range(m - 1, -1, -1))
+            effect = np.stack([steps**power / factorial(power) for power in powers], axis=-1)
+            moved = (steps > 0.0)[..., None, None]  # no time, no noise
+            return np.asarray(effect[..., :, None] * effect[..., None, :] * moved)
+        matrix = np.zeros((*steps.shape, m, m))
+        for row in range(m):
+            for column in range(m):
+                power = 2 * m - 1 - row - column
+                scale = power * factorial(m - 1 - row) * factorial(m - 1 - column)
+                matrix[..., row, column] = steps**power / scale
+        return matrix

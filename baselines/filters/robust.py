@@ -1,0 +1,224 @@
+"""Corrections by one component of a measurement: Gaussian, and robust against outliers.
+
+A component with the error variance r is predicted with the variance m; y is the innovation. With the column c
+of the covariance P of the state that belongs to it, every method corrects the state by c y a and P by -c c'
+b, with factors a and b of its own. The Gaussian filter has a = b = 1 / (m + r). Outliers of a sensor are
+taken for independent along the principal axes of the covariance of a measurement.
+
+The log-likelihood is that of the innovation. For Student-t it is exact, for Huber that of its density with
+the scale of the innovation. Correntropy and gate have a bounded loss, which has no density: theirs compare
+motion models, not parameters of the loss.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, ndtr
+
+from hybrid_env.checks import check_between, check_integer, check_positive
+
+FloatArray = NDArray[np.float64]
+LOG_TWO_PI = float(np.log(2.0 * np.pi))
+
+
+class Factors(NamedTuple):
+    """Correction by one component of a measurement, (B,) each.
+
+    Attributes:
+        state: a, of the state [1/m^2].
+        covariance: b, of its covariance [1/m^2].
+        log_likelihood: of the innovation.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    log_likelihood: FloatArray
+
+
+def gaussian_factors(innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+    """Factors of the Kalman filter. Arguments as in `Robust.factors`."""
+    total = predicted + variance
+    precision = 1.0 / total
+    log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
+    return Factors(precision, precision, log_likelihood)
+
+
+class Robust(ABC):
+    """A robust correction."""
+
+    @abstractmethod
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """Return the factors for one component of a measurement.
+
+        Args:
+            innovation: (B,) y [m].
+            predicted: (B,) variance m of the prediction [m^2].
+            variance: (B,) variance r of the measurement [m^2].
+        """
+
+
+@dataclass(frozen=True)
+class Huber(Robust):
+    """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
+
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual.
+    The residual grows by the innovation where it exceeds the threshold; the weight of the measurement, by
+    which the covariance is corrected, is threshold / residual.
+
+    Attributes:
+        threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
+            efficiency with Gaussian noise.
+
+    Raises:
+        ArgumentError: the threshold is not positive.
+    """
+
+    threshold: float = 1.345
+
+    def __post_init__(self) -> None:
+        check_positive("threshold", self.threshold)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total, size, deviation = predicted + variance, np.abs(innovation), np.sqrt(variance)
+        k = self.threshold
+        linear = size * deviation > k * total  # the residual y r / (m + r) exceeds the threshold
+        residual = np.where(linear, size - k * predicted / deviation, k * deviation)
+        weighted = np.where(linear, deviation * residual / k, variance)
+        precision = 1.0 / (predicted + weighted)
+        white = size / np.sqrt(total)
+        loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
+        log_likelihood = -loss - 0.5 * np.log(total) - self.log_integral
+        return Factors(precision, precision, log_likelihood)
+
+    @property
+    def log_integral(self) -> float:
+        """Logarithm of the integral of exp(-loss) over all numbers."""
+        k = self.threshold
+        inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
+        return float(np.log(inside + 2.0 / k * np.exp(-0.5 * k * k)))
+
+
+@dataclass(frozen=True)
+class StudentT(Robust):
+    """Measurement noise with a Student-t distribution.
+
+    Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution. The posterior is a
+    mixture over w; mean, covariance and likelihood of it are computed by quadrature and are exact for a
+    Gaussian prediction (assumed density filtering; Masreliez 1975). Sums over w are at equal steps of ln w.
+
+    Attributes:
+        degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
+        of a
+            measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
+
+    Raises:
+        ArgumentError: nu is out of range.
+    """
+
+    degrees_of_freedom: float = 4.0
+
+    def __post_init__(self) -> None:
+        check_between("degrees_of_freedom", self.degrees_of_freedom, 0.0999, 1000.1)
+        nu = self.degrees_of_freedom
+        step = min(0.5, np.sqrt(2.0 / nu))  # the integrand is analytic: errors of about 1e-8
+        farthest = 1e6  # standard deviations; the weights of farther measurements do not fall any more
+        lowest = min(np.log((nu + 1.0) / (nu + farthest**2)), -40.0 / nu)
+        logs = np.arange(max(lowest, np.log(1e-16)), np.log(2.0 + 80.0 / nu), step)
+        density = 0.5 * nu * (logs - np.exp(logs)) + 0.5 * nu * np.log(0.5 * nu) - gammaln(0.5 * nu)
+        object.__setattr__(self, "_inverse_weights", np.exp(-logs))
+        object.__setattr__(self, "_log_shares", density + np.log(step) - 0.5 * LOG_TWO_PI)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        inverse_weights: FloatArray = self._inverse_weights  # type: ignore[attr-defined]
+        total = variance[:, None] * inverse_weights + predicted[:, None]
+        precision = 1.0 / total
+        squares = innovation**2
+        logs = 0.5 * (np.log(precision) - squares[:, None] * precision) + self._log_shares  # type: ignore[attr-defined]
+        largest = logs.max(-1)
+        share = np.exp(logs - largest[:, None])
+        norm = share.sum(-1)
+        mean = (share * precision).sum(-1) / norm
+        spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
+        return Factors(mean, mean - squares * spread, largest + np.log(norm))
+
+
+@dataclass(frozen=True)
+class MaximumCorrentropy(Robust):
+    """Gaussian kernel of the residual as weight, exp(-residual^2 / (2 bandwidth^2)). Izanloo et al. 2016.
+
+    The weight of the measurement and the residual of the estimate are a fixed point, found by iteration. It
+    starts from the innovation in units of its own deviation, so that a far measurement is used where the
+    prediction is uncertain. The prediction keeps its covariance (Chen et al. 2017 weight it too).
+
+    Attributes:
+        bandwidth: of the kernel in standard deviations of a measurement, > 0.
+        iterations: largest number of iterations.
+
+    Raises:
+        ArgumentError: an attribute is out of range.
+    """
+
+    bandwidth: float = 3.0
+    iterations: int = 50
+
+    def __post_init__(self) -> None:
+        check_positive("bandwidth", self.bandwidth)
+        check_integer("iterations", self.iterations)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total, width = predicted + variance, self.bandwidth**2
+        squares = innovation**2 / total
+        exponent = np.minimum(squares / width, 500.0)
+        weighted = variance * np.exp(0.5 * exponent)
+        for _ in range(self.iterations):
+            residual = innovation * weighted / (predicted + weighted)
+            last = weighted
+            weighted = variance * np.exp(0.5 * np.minimum(residual**2 / variance / width, 500.0))
+            if (np.abs(weighted - last) <= 1e-9 * last).all():
+                break
+        precision = 1.0 / (predicted + weighted)
+        loss = -width * np.expm1(-0.5 * exponent)
+        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))
+
+
+@dataclass(frozen=True)
+class Gate(Robust):
+    """Innovations outside a gate are not used. Bar-Shalom, Li & Kirubarajan 2001.
+
+    After some measurements outside the gate in a row a track counts as lost; then they are used until one is
+    inside again.
+
+    Attributes:
+        threshold: largest innovation that is used, in its standard deviations, > 0.
+        patience: number of measurements in a row that are not used.
+
+    Raises:
+        ArgumentError: an attribute is out of range.
+    """
+
+    threshold: float = 4.0
+    patience: int = 5
+
+    def __post_init__(self) -> None:
+        check_positive("threshold", self.threshold)
+        check_integer("patience", self.patience)
+
+    def outside(
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
+    ) -> NDArray[np.bool_]:
+        """Whether innovations are outside the gate, (B,)."""
+        return np.asarray(innovation**2 > self.threshold**2 * (predicted + variance))
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        total = predicted + variance
+        squares = innovation**2 / total
+        precision = np.where(squares <= self.threshold**2, 1.0 / total, 0.0)
+        loss = 0.5 * np.minimum(squares, self.threshold**2)
+        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))

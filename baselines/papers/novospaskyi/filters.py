@@ -1,0 +1,206 @@
+"""The compared filters: those of the thesis, sound settings of the same filters, and robust ones.
+
+Each has a function of its parameters and the space in which these are tuned. Novospaskyi 2025, section 2.2.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
+
+from baselines.filters.g_h import GHFilter
+from baselines.filters.imm import IMMFilter
+from baselines.filters.kalman import KalmanFilter
+from baselines.filters.motion_models import MotionModel
+from baselines.filters.moving_average import moving_average
+from baselines.filters.robust import Huber, Robust, StudentT
+from baselines.filters.run_filter import run_filter
+from baselines.filters.track_filter import TrackFilter
+from baselines.papers.novospaskyi.radars import SIGMA, Tracks
+from baselines.papers.novospaskyi.vehicle import SPEED
+
+FloatArray = NDArray[np.float64]
+Parameters = Mapping[str, Any]
+
+LONGEST_GAP = 4.0
+"""Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use then."""
+
+VERTICAL = "vertical q"
+"""Parameter: intensity of the process noise on the vertical axis; without it, that of the others."""
+
+START_VARIANCE = 1e4
+"""P0 = 10000 I of the thesis, for every component of the state."""
+
+START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
+"""Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A filter with the parameters that are tuned.
+
+    Attributes:
+        build: makes the filter from its parameters.
+        space: distribution of each tuned parameter.
+        start: parameters of the first trial.
+        averages: whether the measurements are averaged before the filter (parameters `window`, `ratio`).
+    """
+
+    build: Callable[[Parameters], TrackFilter]
+    space: Mapping[str, BaseDistribution]
+    start: Parameters
+    averages: bool = False
+
+
+def run_contender(
+    contender: Contender, parameters: Parameters, tracks: Tracks
+) -> tuple[FloatArray, FloatArray]:
+    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3).
+
+    Args:
+        contender: the filter.
+        parameters: of the filter.
+        tracks: measurements of N flights.
+    """
+    measurements = np.swapaxes(tracks.measurements, 0, 1)
+    if contender.averages:
+        measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
+    filtered = run_filter(contender.build(parameters), measurements, tracks.times.T, keep_covariances=False)
+    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+
+
+class ThesisKalmanFilter(KalmanFilter):
+    """A Kalman filter that starts with P0 = 10000 I, the position included."""
+
+    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
+        super()._start(chosen, measurement, noise)
+        self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
+
+
+def _thesis_filter(name: Any) -> Callable[[Parameters], TrackFilter]:
+    """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
+
+    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian
+    noise, except with the published parameters. Its "sigma_q" is taken for the variance that the function
+    of Labbe 2020 wants; as a variance it gives the velocity errors of the published order for KF CV.
+    """
+
+    def build(parameters: Parameters) -> TrackFilter:
+        model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
+        deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
+        return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
+
+    return build
+
+
+def _gh_filter(parameters: Parameters) -> TrackFilter:
+    return GHFilter(axes=3, g=parameters["g"], h=parameters["h"], longest_gap=LONGEST_GAP)
+
+
+def _kalman(
+    name: Any, parameters: Parameters, variance: float = SIGMA**2, robust: Robust | None = None
+) -> KalmanFilter:
+    """Continuous white noise with the intensity "q CV" or so on all axes, known R, a prior of the start."""
+    intensity = parameters[f"q {name}"]
+    model = MotionModel(name, axes=3, noise=(intensity, intensity, parameters.get(VERTICAL, intensity)))
+    return KalmanFilter(model, variance, START_DEVIATIONS[: model.order - 1], robust)
+
+
+def _imm(parameters: Parameters, variance: float = SIGMA**2, robust: Robust | None = None) -> TrackFilter:
+    filters = [_kalman(name, parameters, variance, robust) for name in ("CV", "CA")]
+    return IMMFilter(filters, [parameters["sojourn CV"], parameters["sojourn CA"]])
+
+
+def _huber(parameters: Parameters) -> Robust:
+    return Huber(threshold=parameters["threshold"])
+
+
+def _student(parameters: Parameters) -> Robust:
+    return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
+
+
+def _scaled(parameters: Parameters) -> float:
+    return parameters["scale"] * SIGMA**2
+
+
+def _log(low: float, high: float) -> FloatDistribution:
+    return FloatDistribution(low, high, log=True)
+
+
+_AVERAGE: dict[str, BaseDistribution] = {"window": IntDistribution(1, 13), "ratio": _log(1e-3, 0.5)}
+_GAINS: dict[str, BaseDistribution] = {"g": FloatDistribution(0.05, 1.0), "h": FloatDistribution(0.005, 0.6)}
+_THESIS: dict[str, BaseDistribution] = {"q": _log(1e-4, 1e4), **_AVERAGE}
+_START = {"window": 2, "ratio": 0.05}
+_THESIS_START = {"q": 1.0, **_START}
+_INTENSITIES: dict[str, dict[str, BaseDistribution]] = {
+    "CV": {"q CV": _log(0.1, 1e3)},
+    "CA": {"q CA": _log(1e-3, 1e2)},
+    "CJ": {"q CJ": _log(1e-5, 1e1)},
+}
+
+
+def _middle(space: Mapping[str, BaseDistribution]) -> dict[str, Any]:
+    """The logarithmic middle of every parameter's range."""
+    return {
+        key: math.sqrt(values.low * values.high)
+        for key, values in space.items()
+        if isinstance(values, FloatDistribution)
+    }
+
+
+def _sound(name: str, further: Mapping[str, BaseDistribution] | None = None) -> Contender:
+    space = _INTENSITIES[name] | dict(further or {})
+    return Contender(lambda parameters: _kalman(name, parameters), space, _middle(space))
+
+
+def _robust_cv(robust: Callable[[Parameters], Robust], space: dict[str, BaseDistribution]) -> Contender:
+    def build(parameters: Parameters) -> TrackFilter:
+        variance = _scaled(parameters) if "scale" in parameters else SIGMA**2
+        return _kalman("CV", parameters, variance, robust(parameters))
+
+    return Contender(build, space, _middle(space))
+
+
+THESIS: dict[str, Contender] = {
+    "g-h": Contender(_gh_filter, _GAINS | _AVERAGE, {"g": 0.6, "h": 0.2, **_START}, averages=True),
+    **{
+        f"KF {name}": Contender(_thesis_filter(name), _THESIS, _THESIS_START, averages=True)
+        for name in ("CV", "CA", "CJ")
+    },
+}
+"""As in the thesis, with the moving average."""
+
+_SOJOURNS: dict[str, BaseDistribution] = {"sojourn CV": _log(1.0, 300.0), "sojourn CA": _log(1.0, 300.0)}
+_IMM_SPACE = _INTENSITIES["CV"] | _INTENSITIES["CA"] | _SOJOURNS
+SOUND: dict[str, Contender] = {
+    "IMM (CV, CA)": Contender(_imm, _IMM_SPACE, _middle(_IMM_SPACE)),
+    "CV": _sound("CV"),
+    "g-h, plain": Contender(_gh_filter, _GAINS, {"g": 0.6, "h": 0.2}),
+    "CA": _sound("CA"),
+    "CJ": _sound("CJ"),
+    "CV, own q of the height": _sound("CV", {VERTICAL: _log(1e-3, 1e3)}),
+}
+"""Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
+are treated alike, as by the g-h filter, except in the last one."""
+
+ROBUST: dict[str, Contender] = {
+    "CV, Huber": _robust_cv(_huber, {"threshold": FloatDistribution(1.0, 5.0, log=True)}),
+    "CV, Student-t": _robust_cv(_student, {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}),
+}
+"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
+
+COMBINED = "IMM, Student-t"
+"""The IMM with the robust update of the Student-t CV; nothing of it is tuned again."""
+
+
+def _combined(parameters: Parameters) -> TrackFilter:
+    return _imm(parameters, _scaled(parameters), _student(parameters))
+
+
+CONTENDERS: dict[str, Contender] = {
+    **THESIS, **SOUND, **ROBUST, COMBINED: Contender(_combined, {}, {}),
+}  # fmt: skip

@@ -1,0 +1,168 @@
+"""Radars near a flight, and their measurements merged in time.
+
+Novospaskyi 2025, sections 2.1.3 and 3.1. A radar is placed at a random distance and azimuth from a random
+point of the flight; two radars keep a smallest distance; each measures the position once per second while the
+object is within 1 km. The thesis does not state the limits of the distances and heights, nor whether the
+radars scan at the same moments. Here they scan in turn, half a period apart, so that the time between merged
+measurements is half a period, a whole one, or a gap. Independent phases are excluded by the published row of
+the g-h filter: its velocity gain h / t has no bound if two measurements may follow each other at once.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import levy_stable
+
+from baselines.papers.novospaskyi.flights import Flight
+
+FloatArray = NDArray[np.float64]
+Noise = Literal["gaussian", "levy"]
+NOISES: tuple[Noise, ...] = ("gaussian", "levy")
+
+RADARS = 2
+RANGE = 1000.0
+"""Largest distance of a measured object [m]."""
+
+PERIOD = 1.0
+"""Time between the scans of a radar [s]."""
+
+OFFSETS = (100.0, 800.0)
+"""Smallest and largest horizontal distance between a radar and its point of the flight [m]."""
+
+HEIGHTS = (0.0, 50.0)
+"""Lowest and highest radar [m]."""
+
+SEPARATION = 500.0
+"""Smallest distance between two radars [m]."""
+
+FEWEST = 10
+"""Measurements of a flight; with fewer, its radars are placed again."""
+
+SIGMA = 12.5
+"""Standard deviation of the Gaussian noise on each axis, and scale of the Levy noise [m]."""
+
+STABILITY = 1.5
+"""Index alpha of the symmetric alpha-stable (Levy) noise."""
+
+CLIP = 1600.0
+"""Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite.
+
+The thesis does not state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it the
+unfiltered RMSE comes out as well.
+"""
+
+PHASES = 1024
+"""Possible phases of a pair of radars in a period."""
+
+_PLACEMENTS = 100  # attempts to keep the smallest distance
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What the radars of one flight see, without noise; K measurements in the order of time.
+
+    Attributes:
+        radars: (`RADARS`, 3) positions of the radars [m].
+        times: (K,) [s].
+        radar: (K,) index of the radar of each measurement.
+        positions: (K, 3) true positions [m].
+        velocities: (K, 3) true velocities [m/s].
+    """
+
+    radars: FloatArray
+    times: FloatArray
+    radar: NDArray[np.int64]
+    positions: FloatArray
+    velocities: FloatArray
+
+
+def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
+    """Positions of the radars of a flight, (`RADARS`, 3) [m]."""
+    placed: list[FloatArray] = []
+    for _ in range(_PLACEMENTS * RADARS):
+        point = flight.positions[generator.integers(len(flight.positions))]
+        distance, azimuth = generator.uniform(*OFFSETS), generator.uniform(0.0, 2.0 * math.pi)
+        height = generator.uniform(*HEIGHTS)
+        radar = np.array(
+            [point[0] + distance * math.cos(azimuth), point[1] + distance * math.sin(azimuth), height]
+        )
+        if all(np.linalg.norm(radar - other) >= SEPARATION for other in placed):
+            placed.append(radar)
+        if len(placed) == RADARS:
+            break
+    return np.stack(placed)
+
+
+def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
+    """Place radars around a flight and find the moments and states that they measure.
+
+    Args:
+        flight: a flight of at least some seconds.
+        generator: source of random numbers.
+    """
+    while True:
+        radars = place_radars(flight, generator)
+        seen: list[tuple[FloatArray, NDArray[np.int64]]] = []
+        # a binary fraction of the period: equal steps are then equal numbers, whose matrices are shared
+        phase = generator.integers(PHASES) / PHASES * PERIOD
+        for index, radar in enumerate(radars):
+            first = (phase + index * PERIOD / RADARS) % PERIOD
+            times = np.arange(first, flight.times[-1], PERIOD)
+            near = np.linalg.norm(flight.states_at(times)[0] - radar, axis=1) <= RANGE
+            seen.append((times[near], np.full(near.sum(), index)))
+        times = np.concatenate([times for times, _ in seen])
+        if len(times) >= FEWEST:
+            break
+    order = np.argsort(times, kind="stable")
+    times = times[order]
+    return Scan(radars, times, np.concatenate([index for _, index in seen])[order], *flight.states_at(times))
+
+
+def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> FloatArray:
+    """Errors of measurements, (count, 3) [m]: Gaussian, or symmetric alpha-stable and clipped."""
+    if noise == "gaussian":
+        return generator.normal(0.0, SIGMA, (count, 3))
+    errors = levy_stable.rvs(STABILITY, 0.0, scale=SIGMA, size=(count, 3), random_state=generator)
+    return np.clip(errors, -CLIP, CLIP)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Measurements of N flights, padded to the longest with NaN.
+
+    Attributes:
+        times: (N, K) [s]; behind the last measurement, the last time is repeated.
+        measurements: (N, K, 3) [m], NaN behind the last one.
+        positions: (N, K, 3) true positions [m], NaN behind the last measurement.
+        velocities: (N, K, 3) true velocities [m/s], NaN behind the last measurement.
+    """
+
+    times: FloatArray
+    measurements: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+
+
+def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Tracks:
+    """Add noise to the true positions of every scan.
+
+    Args:
+        scans: of N flights.
+        noise: "gaussian" or "levy".
+        seed: seed of the noise; flight i has its own stream, whatever the other flights are.
+    """
+    longest = max(len(scan.times) for scan in scans)
+    shape = (len(scans), longest, 3)
+    times = np.stack([np.pad(scan.times, (0, longest - len(scan.times)), mode="edge") for scan in scans])
+    measurements, positions, velocities = (np.full(shape, np.nan) for _ in range(3))
+    for index, scan in enumerate(scans):
+        count = len(scan.times)
+        errors = draw_noise(noise, count, np.random.default_rng((*seed, index)))
+        measurements[index, :count] = scan.positions + errors
+        positions[index, :count] = scan.positions
+        velocities[index, :count] = scan.velocities
+    return Tracks(times, measurements, positions, velocities)

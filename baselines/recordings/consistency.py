@@ -1,0 +1,145 @@
+"""Whether the model fits a recording: normalised innovations of the interacting multiple model bank.
+
+If the model holds, innovations divided by their standard deviations are white, with a variance of 1;
+Bar-Shalom, Li and Kirubarajan 2001, "Estimation with applications to tracking and navigation", section 5.4.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.imm_pass import PassOutput, imm_pass
+from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
+from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
+from baselines.recordings.scatter import noise_estimate
+from baselines.recordings.ticks import TickGrid
+from hybrid_env.core.compilation import prepare
+from hybrid_env.core.imm_bank import imm_arrays
+from hybrid_env.core.records import LANES
+
+FloatArray = NDArray[np.float64]
+
+CHUNK = 2048
+"""Longest part that is filtered in one go [ticks]; the filters start anew at its begin."""
+
+CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
+"""Median of the squared length of a normalised innovation in two dimensions."""
+
+FAR = 13.8
+"""Squared length that a normalised innovation exceeds with probability 0.001."""
+
+LARGEST_RATIO = 1.5
+LARGEST_SCATTER = 3.0
+LARGEST_CORRELATION = 0.25
+MOST_FAR = 0.02
+FEWEST = 30  # innovations
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """Agreement of model and measurements.
+
+    Attributes:
+        innovations: of each stretch of the grid, (T, 2), of the most probable mode, in standard deviations;
+            NaN without a measurement and where the filters start.
+        ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
+        correlation: of successive normalised innovations, 0 if the model holds.
+        far: share of normalised innovations that the model exceeds with probability 0.001.
+        scatter: standard deviation of the measurements by their third differences, over that of the model;
+        NaN
+            if there are too few.
+        count: number of innovations.
+    """
+
+    innovations: tuple[FloatArray, ...]
+    ratio: float
+    correlation: float
+    far: float
+    scatter: float
+    count: int
+
+    def warnings(self, model: TrackModel) -> list[str]:
+        """Return a plain sentence for everything that does not fit."""
+        found = []
+        scatter = 1.0 if math.isnan(self.scatter) else self.scatter
+        if self.count < FEWEST:
+            return [f"only {self.count} innovations: whether the model fits cannot be checked"]
+        if not 1.0 / LARGEST_SCATTER <= scatter <= LARGEST_SCATTER:
+            found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
+        elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
+            found.append(
+                f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii"
+            )
+        given = ", ".join(f"{radius:.4g}" for radius in model.radii)
+        if not found and model.better_radii:
+            radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
+            found.append(
+                f"turns of radius {given} do not explain the recording, {radii} does: check units and radii"
+            )
+        elif not found and not model.turns and "radii" not in model.estimated:
+            found.append(
+                f"turns of radius {given} explain the recording no better than straight motion: check units "
+                "and radii, if there are turns"
+            )
+        elif abs(self.correlation) > max(LARGEST_CORRELATION, 4.0 / math.sqrt(2.0 * self.count)):
+            found.append(
+                f"successive residuals are correlated by {self.correlation:.2f}: the model does not fit "
+                "(motion other than lines and arcs, smoothed positions, or wrong radii)"
+            )
+        if self.far > MOST_FAR:
+            found.append(
+                f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off"
+            )
+        return found
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times" if ratio < 10.0 else f"{ratio:.0f} times"
+
+
+def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()) -> Consistency:
+    """Return the normalised innovations of a recording and what they say about a model.
+
+    Args:
+        grid: the recording on ticks.
+        model: of the recording.
+        lengths: ticks between known switches.
+    """
+    scale = math.sqrt(model.measurement_variance)
+    longest = max(min(CHUNK, -(-grid.total // LANES)), SHORTEST_PART)
+    places = cut(grid, longest)
+    chunks = chunks_at(grid, places, scale, lengths)
+    radii = np.array(model.radii) / scale
+    blocks, ticks = chunks.measurements.shape[:2]
+    output = PassOutput(
+        np.full((blocks, ticks, 2, LANES), np.nan), np.zeros((blocks, ticks, 2 * len(radii) + 1, LANES))
+    )
+    process = model.process_variance * model.tau**2 / model.measurement_variance
+    assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(radii))
+    arguments = chunks, imm_arrays(len(radii)), radii, assumed, output
+    prepare(imm_pass, *arguments)
+    imm_pass(*arguments)
+    innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]
+    for k, (index, first, end) in enumerate(places):
+        innovations[index][first:end] = output.white[k // LANES, : end - first, :, k % LANES]
+    return _summary(innovations, grid, model)
+
+
+def _summary(innovations: list[FloatArray], grid: TickGrid, model: TrackModel) -> Consistency:
+    joined = np.concatenate([np.vstack([one, np.full((1, 2), np.nan)]) for one in innovations])
+    squared = (joined**2).sum(1)
+    count = int((~np.isnan(squared)).sum())
+    noise = noise_estimate(grid)
+    scatter = math.nan if noise is None else math.sqrt(noise / model.measurement_variance)
+    if not count:
+        return Consistency(tuple(innovations), math.nan, 0.0, 0.0, scatter, 0)
+    near = np.clip(joined, -5.0, 5.0)  # a single outlier must not decide
+    products = near[1:] * near[:-1]
+    total = float(np.nanmean(near**2))
+    correlation = float(np.nanmean(products)) / total if total and (~np.isnan(products)).any() else 0.0
+    ratio = math.sqrt(float(np.nanmedian(squared)) / CHI_SQUARE_MEDIAN)
+    far = float((squared > FAR * max(ratio, 1.0) ** 2).sum()) / count
+    return Consistency(tuple(innovations), ratio, correlation, far, scatter, count)

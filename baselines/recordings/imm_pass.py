@@ -1,0 +1,196 @@
+"""The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
+
+The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over
+the ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. Chunks of a
+recording run side by side in the lanes of a block, as the tracks of an environment do.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import compiled, internal
+from hybrid_env.core.imm_bank import ImmBank, ImmModel, begin_imm, step_imm
+from hybrid_env.core.irregular_ticks import predict_imm
+from hybrid_env.core.memory import aligned_zeros
+from hybrid_env.core.records import LANES, lanes_of
+
+FloatArray = NDArray[np.float64]
+
+PASS_BLOCK = lanes_of(
+    ("measurement", np.float64, (2,)), ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,))
+)
+"""What `step_imm` reads and writes of a track."""
+
+BURN_IN = 3
+"""Measurements after the start that do not count: they depend on how the velocity was found."""
+
+
+class Chunks(NamedTuple):
+    """Parts of a recording, each in a lane of a block.
+
+    Attributes:
+        measurements: (B, T, 2, LANES), NaN without a measurement and after the end of a chunk.
+        switches: (B, T, LANES) True at the first tick after a known switch, in which all modes are equally
+            probable.
+        lanes: (B,) number of lanes with a chunk, the first ones.
+        block: (1,) record `PASS_BLOCK`, temporary memory.
+    """
+
+    measurements: FloatArray
+    switches: NDArray[np.bool_]
+    lanes: NDArray[np.int64]
+    block: NDArray[Any]
+
+
+class PassOutput(NamedTuple):
+    """What a pass records at every tick, or arrays of length 0 to record nothing.
+
+    Attributes:
+        white: (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y; NaN
+            where there is none.
+        probabilities: (B, T, M, LANES) of the modes.
+    """
+
+    white: FloatArray
+    probabilities: FloatArray
+
+
+def no_output() -> PassOutput:
+    """Return an output that records nothing."""
+    return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
+
+
+def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | None = None) -> Chunks:
+    """Put parts of a recording into lanes. Parts of equal length waste no time.
+
+    Args:
+        parts: measurements of each, (T_i, 2).
+        switches: whether a known switch precedes each tick, (T_i,); None if switches are not known.
+    """
+    blocks = -(-len(parts) // LANES)
+    longest = max(map(len, parts))
+    measurements = np.full((blocks, longest, 2, LANES), np.nan)
+    begins = np.zeros((blocks, longest, LANES), np.bool_)
+    for k, part in enumerate(parts):
+        measurements[k // LANES, : len(part), :, k % LANES] = part
+        if switches is not None:
+            begins[k // LANES, : len(part), k % LANES] = switches[k]
+    lanes = np.minimum(len(parts) - LANES * np.arange(blocks), LANES)
+    return Chunks(measurements, begins, lanes, aligned_zeros((1,), PASS_BLOCK))
+
+
+@internal
+def _begin(
+    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: ImmModel
+) -> None:
+    """Start the filters of a lane from two measurements that are some ticks apart.
+
+    The velocity is that of the chord. Its variance has the noise of both measurements, the process noise, and
+    the change of direction in a turn, of which half has passed since the middle of the chord.
+    """
+    time = ticks * model.tau
+    for axis in range(2):
+        now = block.measurement[axis, lane]
+        velocity = (now - last[axis]) / time
+        block.estimate[2 * axis, lane], block.estimate[2 * axis + 1, lane] = now, velocity
+    speed = math.hypot(block.estimate[1, lane], block.estimate[3, lane])
+    bend = speed * min(0.5 * ticks * turn * speed * model.tau, 1.0)
+    for k in range(10):
+        block.covariance[k, lane] = 0.0
+    for axis in range(2):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        block.covariance[0 if axis == 0 else 7, lane] = variance
+        block.covariance[1 if axis == 0 else 8, lane] = variance / time
+        block.covariance[4 if axis == 0 else 9, lane] = (
+            2.0 * variance / (time * time) + ticks * model.process_variance + bend * bend
+        )
+    begin_imm(bank, block, lane, -1)
+
+
+@internal
+def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabilities: FloatArray) -> None:
+    """Write innovation, (2, LANES), and probabilities, (M, LANES), of a lane."""
+    best = 0
+    for h in range(bank.hypotheses.size):
+        value = bank.hypotheses[h].log_probability[lane]
+        probabilities[h, lane] = math.exp(value)
+        if value > bank.hypotheses[best].log_probability[lane]:
+            best = h
+    if measured:
+        white[0, lane] = bank.innovations[best].white_x[lane]
+        white[1, lane] = bank.innovations[best].white_y[lane]
+
+
+@compiled
+def imm_pass(
+    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, output: PassOutput
+) -> tuple[float, int]:
+    """Run the bank over all chunks.
+
+    A chunk starts with its first two measurements, which do not count, nor do `BURN_IN` more. All modes are
+    equally probable at first.
+
+    Args:
+        chunks: measurements.
+        bank: of one block, overwritten.
+        radii: (n,) turn radii; none is a bank of straight motion.
+        model: tick, variances and transition probabilities.
+        output: arrays that are filled, see `PassOutput`.
+
+    Returns:
+        Logarithm of the likelihood, and the number of measurements in it.
+    """
+    total, count = 0.0, 0
+    block = chunks.block[0]
+    turn = 0.0
+    for radius in radii:
+        turn = max(turn, 1.0 / radius)
+    seen = np.zeros(LANES, np.int64)
+    when = np.zeros(LANES, np.int64)
+    last = np.zeros((LANES, 2))
+    records = output.white.shape[0] > 0
+    same = 1.0 / (2 * radii.size + 1)
+    renewed = ImmModel(
+        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
+    )
+    for b in range(chunks.measurements.shape[0]):
+        seen[:] = 0
+        lanes = chunks.lanes[b]
+        for k in range(chunks.measurements.shape[1]):
+            measurement = chunks.measurements[b, k]
+            together = True
+            for lane in range(lanes):
+                if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
+                    together = False
+            block.measurement[:] = measurement
+            if together:
+                step_imm(bank, block, 0, lanes, radii, model)
+            for lane in range(lanes):
+                measured = not math.isnan(measurement[0, lane])
+                if measured and seen[lane] < 2:
+                    if seen[lane] == 1:
+                        _begin(bank, block, lane, last[lane], k - when[lane], turn, model)
+                    last[lane, 0], last[lane, 1] = measurement[0, lane], measurement[1, lane]
+                    when[lane] = k
+                    seen[lane] += 1
+                    continue
+                if seen[lane] < 2:
+                    continue
+                if not together:
+                    of_tick = renewed if chunks.switches[b, k, lane] else model
+                    if measured:
+                        step_imm(bank, block, lane, lane + 1, radii, of_tick)
+                    else:
+                        predict_imm(bank, block, lane, radii, of_tick)
+                if measured:
+                    seen[lane] += 1
+                    if seen[lane] > 2 + BURN_IN:
+                        sums = bank.sums[0]
+                        total += sums.largest[lane] + math.log(sums.total[lane])
+                        count += 1
+                if records:
+                    _record(bank, lane, measured, output.white[b, k], output.probabilities[b, k])
+    return total, count

@@ -1,0 +1,304 @@
+"""Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
+
+What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths
+are in standard deviations of the measurement and all times in ticks, so that the units of the recording do
+not matter. The model is that of the interacting multiple model bank (`imm_pass`).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output
+from baselines.recordings.parts import fit_chunks
+from baselines.recordings.scatter import median_speed, median_step, noise_estimate
+from baselines.recordings.ticks import TickGrid
+from hybrid_env.checks import ArgumentError
+from hybrid_env.core.compilation import prepare
+from hybrid_env.core.imm_bank import ImmModel, imm_arrays
+from hybrid_env.core.records import LANES
+
+FloatArray = NDArray[np.float64]
+
+SMALLEST_NOISE = 1e-4
+"""Smallest standard deviation of a measurement, over the median motion of a tick."""
+
+ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
+"""Turns of a tick that are tried [rad]: 0.004 to 1.02."""
+
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
+"""Q tau^2 / R that are tried."""
+
+FIRST_DURATION = 75.0  # ticks
+NEVER = 0.0
+"""The duration of modes that only change at known switches."""
+
+DURATIONS = (10.0, 1e5)  # ticks
+SURE = 0.6  # probability of a mode that counts
+SHORTEST = 5  # ticks of a change that counts
+SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
+MAX_RADII = 3
+EVALUATIONS = 60  # of the simplex method
+DISTINCT = 0.25
+"""Smallest difference of the logarithms of two radii that are proposed together."""
+
+CLEARLY = 5.0
+"""Difference of log-likelihoods beyond the criterion: the filters are only an approximation."""
+
+
+@dataclass(frozen=True)
+class TrackModel:
+    """What the filters assume of a recording, in its units.
+
+    Attributes:
+        radii: turn radii, each to the left and to the right.
+        measurement_variance: R of each coordinate.
+        process_variance: Q of each velocity in a tick.
+        duration: mean duration of a segment [ticks].
+        speed: median speed.
+        tau: tick.
+        estimated: names of the attributes above that were not given.
+        turns: whether turns of these radii explain the recording better than straight motion alone.
+        better_radii: radii proposed by the recording that explain it better than the given ones; empty if
+            there are none.
+    """
+
+    radii: tuple[float, ...]
+    measurement_variance: float
+    process_variance: float
+    duration: float
+    speed: float
+    tau: float
+    estimated: tuple[str, ...] = ()
+    turns: bool = True
+    better_radii: tuple[float, ...] = ()
+
+    @property
+    def turn_rates(self) -> tuple[float, ...]:
+        """Turn rates of the radii at the median speed [rad / time unit]."""
+        return tuple(self.speed / radius for radius in self.radii)
+
+
+@dataclass(frozen=True)
+class _Parameters:
+    """Parameters in standard deviations of the measurement before the fit, and ticks."""
+
+    variance: float
+    process: float
+    duration: float
+    radii: tuple[float, ...]
+
+
+class _Likelihood:
+    """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
+
+    def __init__(self, chunks: Chunks):
+        self.chunks, self.output = chunks, no_output()
+        self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
+
+        self.prepared = False
+
+    def __call__(self, at: _Parameters) -> float:
+        arguments = self.arguments(at, self.output)
+        if not self.prepared:
+            prepare(imm_pass, *arguments)
+            self.prepared = True
+        total: float = imm_pass(*arguments)[0]
+        return total if math.isfinite(total) else -math.inf
+
+    def arguments(self, at: _Parameters, output: PassOutput) -> Any:
+        """Return the arguments of `imm_pass`."""
+        n = len(at.radii)
+        if n not in self.banks:
+            self.banks[n] = imm_arrays(n)
+        model = imm_model(at.variance, at.process, at.duration, n)
+        return self.chunks, self.banks[n], np.array(at.radii, float), model, output
+
+
+def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
+    """Return the model of a bank with a tick of 1 and geometric durations; a duration of 0 never ends."""
+    modes = 2 * radii + 1
+    hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii and duration > 0.0 else 0.0
+    return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
+
+
+def fit_model(
+    grid: TickGrid,
+    radii: Sequence[float] | None = None,
+    measurement_variance: float | None = None,
+    process_variance: float | None = None,
+    duration: float | None = None,
+    lengths: Sequence[int] = (),
+) -> TrackModel:
+    """Find what is not given of a model by maximum likelihood.
+
+    Args:
+        grid: the recording on ticks.
+        radii: turn radii [unit of length]; None proposes one to three, as many as the Bayesian information
+            criterion allows.
+        measurement_variance: R.
+        process_variance: Q.
+        duration: mean duration of a segment [ticks].
+        lengths: ticks between known switches; then `duration` has no effect.
+
+    Raises:
+        ArgumentError: the recording does not move.
+    """
+    tau = grid.tau
+    rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
+    speed = median_speed(grid, rough)
+    step = max(speed, median_step(grid))
+    if step == 0.0 and rough == 0.0:
+        raise ArgumentError("the recording does not move: all measured positions are equal")
+    rough = max(rough, (SMALLEST_NOISE * step) ** 2)
+    scale = math.sqrt(rough)
+    likelihood = _Likelihood(fit_chunks(grid, scale, lengths))
+    used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
+    speed = max(speed, SMALLEST_NOISE * scale)
+    given = _Parameters(
+        1.0,
+        -1.0 if process_variance is None else process_variance * tau**2 / rough,
+        NEVER if lengths else FIRST_DURATION if duration is None else max(duration, DURATIONS[0]),
+        tuple(radius / scale for radius in radii or ()),
+    )
+    processes = PROCESS_NOISES if process_variance is None else (given.process,)
+    free = [
+        name
+        for name, value in (
+            ("variance", measurement_variance), ("process", process_variance), ("radii", radii),
+        )
+        if value is None
+    ]  # fmt: skip
+    penalty = math.log(used)
+    proposed = _proposed(likelihood, given, processes, speed / scale)
+    if radii is None:
+        best = _more_radii(likelihood, _refine(likelihood, proposed, free), free, speed / scale, penalty)
+    else:
+        own = [replace(given, process=q) for q in processes]
+        best = _refine(likelihood, _best(likelihood, own)[0], free)
+    noises = [name for name in free if name in ("variance", "process")]
+    straight = _refine(likelihood, replace(best, radii=()), noises)
+    value = likelihood(best)
+    margin = 0.5 * penalty * len(best.radii) if radii is None else 0.0
+    better: tuple[float, ...] = ()
+    if radii is not None and likelihood(proposed) > value + CLEARLY:
+        better = tuple(sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii))
+    if lengths:
+        duration = float(np.mean(lengths))
+    if duration is None:
+        best = replace(best, duration=_counted_duration(likelihood, best))
+        free.append("duration")
+    names = {"variance": "measurement_variance", "process": "process_variance"}
+    return TrackModel(
+        radii=tuple(radii) if radii is not None else tuple(sorted(radius * scale for radius in best.radii)),
+        measurement_variance=best.variance * rough if measurement_variance is None else measurement_variance,
+        process_variance=best.process * rough / tau**2 if process_variance is None else process_variance,
+        duration=best.duration if duration is None else duration,
+        speed=speed / tau,
+        tau=tau,
+        estimated=tuple(names.get(name, name) for name in free),
+        turns=value > likelihood(straight) + margin,
+        better_radii=better,
+    )
+
+
+def _proposed(
+    likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float
+) -> _Parameters:
+    """Return the best point of a grid of one radius and Q. speed: [standard deviations / tick]."""
+    points = [replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]]
+    best = _best(likelihood, points)[0]
+    near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
+    return _best(likelihood, near)[0]
+
+
+def _more_radii(
+    likelihood: _Likelihood, best: _Parameters, free: list[str], speed: float, penalty: float
+) -> _Parameters:
+    """Add radii while the criterion allows it. penalty: logarithm of the number of measurements."""
+    value = likelihood(best)
+    while len(best.radii) < MAX_RADII:
+        more = [
+            replace(best, radii=(*best.radii, speed / angle))
+            for angle in ANGLES
+            if min(abs(math.log(speed / angle / other)) for other in best.radii) > DISTINCT
+        ]
+        candidate, found = _best(likelihood, more)
+        if found < value + 0.5 * penalty:
+            break
+        candidate = _refine(likelihood, candidate, free)
+        found = likelihood(candidate)
+        if found < value + penalty + CLEARLY or _closest(candidate.radii) < DISTINCT:
+            break
+        best, value = candidate, found
+    return best
+
+
+def _closest(radii: Sequence[float]) -> float:
+    """Return the smallest difference of the logarithms of radii."""
+    return float(np.diff(np.sort(np.log(radii))).min())
+
+
+def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters]) -> tuple[_Parameters, float]:
+    values = [likelihood(point) for point in points]
+    k = int(np.argmax(values))
+    return points[k], values[k]
+
+
+def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Parameters:
+    """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
+
+    def parameters(vector: FloatArray) -> _Parameters:
+        values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))
+        if "process" in values:
+            values["process"] = max(values["process"], SMALLEST_PROCESS_NOISE)
+        changes: dict[str, object] = dict(values)
+        if "radii" in free:
+            changes["radii"] = tuple(np.exp(np.clip(vector[len(names) :], -60.0, 60.0)).tolist())
+        return replace(start, **changes)  # type: ignore[arg-type]
+
+    names = [name for name in free if name != "radii"]
+    first = [math.log(getattr(start, name)) for name in names]
+    if "radii" in free:
+        first += [math.log(radius) for radius in start.radii]
+    if not first:
+        return start
+    origin = np.array(first)
+    simplex = np.vstack([origin, origin + np.diag([_STEPS.get(name, 0.2) for name in names]
+        + [0.2] * (len(first) - len(names)))])  # fmt: skip
+    result = minimize(
+        lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.05, "xatol": 0.05},
+    )  # fmt: skip
+    return parameters(result.x)
+
+
+_STEPS = {"variance": 0.3, "process": 1.0}
+
+
+def _counted_duration(likelihood: _Likelihood, model: _Parameters) -> float:
+    """Return the mean duration of a mode [ticks], from the changes of the most probable one.
+
+    The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a
+    change the duration is that of the recording.
+    """
+    blocks, ticks = likelihood.chunks.measurements.shape[:2]
+    modes = 2 * len(model.radii) + 1
+    output = PassOutput(
+        np.full((blocks, ticks, 2, LANES), np.nan), np.full((blocks, ticks, modes, LANES), np.nan)
+    )
+    imm_pass(*likelihood.arguments(model, output))
+    changes, total = 0, 0
+    for lane in np.moveaxis(output.probabilities, 3, 1).reshape(-1, ticks, modes):
+        sure = lane[lane.max(1) > SURE].argmax(1)  # NaN is not
+        total += int((~np.isnan(lane[:, 0])).sum())
+        if sure.size:
+            runs = np.flatnonzero(np.diff(sure, prepend=-1))
+            kept = sure[runs[np.diff(np.append(runs, sure.size)) >= SHORTEST]]
+            changes += int((np.diff(kept) != 0).sum())
+    return min(max(total / (changes + 1.0), DURATIONS[0]), DURATIONS[1])

@@ -1,0 +1,128 @@
+"""What measurements show without a model of the motion: noise, outliers and speed."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.ticks import Stretch, TickGrid
+
+FloatArray = NDArray[np.float64]
+
+NORMAL_MEDIAN = 0.6744897501960817
+"""Median of |z| for a standard normal z."""
+
+FEWEST = 5  # differences
+LONGEST = 2.0  # span of four or five measurements, over the median span
+FAR = 7.0
+"""An outlier is so many standard deviations from its neighbours."""
+
+MOST_OUTLIERS = 0.1
+"""With a larger share far from their neighbours, the noise is not what its estimate says."""
+
+
+def noise_estimate(grid: TickGrid) -> float | None:
+    """Estimate the measurement variance R from the third differences of each coordinate.
+
+    The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic
+    in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise
+    has the variance R. The median is robust against outliers and switches:
+
+        R = (median |d_k| / 0.6745)^2, averaged over x and y.
+
+    A turn adds about r (omega tau)^3 / 4.5 to |d|, and process noise adds Q tau^2 / 10 to R. The relative
+    standard error is about 2.4 / sqrt(T).
+
+    Returns:
+        R [unit of length squared]; None with too few measurements.
+    """
+    found = [_differences(stretch, 4)[1] for stretch in grid.stretches]
+    differences = np.concatenate(found)
+    if len(differences) < FEWEST:
+        return None
+    median = np.median(np.abs(differences), axis=0)
+    return float(np.mean((median / NORMAL_MEDIAN) ** 2))
+
+
+def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
+    """Return the grid without measurements that are far from their neighbours, and their number.
+
+    A measurement is compared with the cubic through the two before and the two after it. It is an outlier if
+    it is farther from it than `FAR` standard deviations in either coordinate, and farther than the
+    measurements next to it are from theirs, whose cubic the outlier has spoilt.
+    """
+    noise = noise_estimate(grid)
+    measured = sum(int((~np.isnan(s.measurements[:, 0])).sum()) for s in grid.stretches)
+    if not noise:
+        return grid, 0
+    stretches, count = [], 0
+    for stretch in grid.stretches:
+        ticks, differences = _differences(stretch, 5)
+        if not len(ticks):
+            stretches.append(stretch)
+            continue
+        # in standard deviations; the measurement in the middle has the largest weight
+        size = np.abs(differences).max(1) / np.sqrt(noise)
+        around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
+        far = (size > FAR) & (size >= around)
+        values = stretch.measurements.copy()
+        values[ticks[far, 2]] = np.nan
+        count += int(far.sum())
+        stretches.append(stretch._replace(measurements=values))
+    if count > MOST_OUTLIERS * measured:
+        return grid, 0
+    return grid._replace(stretches=tuple(stretches)), count
+
+
+def median_speed(grid: TickGrid, noise: float) -> float:
+    """Return the median speed [unit of length / tick].
+
+    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
+    """
+    speed = 0.0
+    for ticks in (1, 2, 4, 8, 16, 32):
+        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
+        lengths = np.hypot(*np.concatenate(steps).T)
+        lengths = lengths[~np.isnan(lengths)]
+        if not lengths.size:
+            break
+        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
+        speed = math.sqrt(squared) / ticks
+        if squared > 10.0 * noise:
+            break
+    return speed
+
+
+def median_step(grid: TickGrid) -> float:
+    """Return the median distance of measurements in successive ticks [unit of length]."""
+    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
+    lengths = np.hypot(*steps.T)
+    lengths = lengths[~np.isnan(lengths)]
+    return float(np.median(lengths)) if lengths.size else 0.0
+
+
+def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the divided differences of successive measurements, of unit noise.
+
+    Args:
+        stretch: with T measurements.
+        points: number of measurements in each difference, m; it cancels polynomials of degree m - 2.
+
+    Returns:
+        Ticks of the measurements, (n, m), and differences of both coordinates, (n, 2).
+    """
+    rows = np.flatnonzero(~np.isnan(stretch.measurements[:, 0]))
+    number = max(len(rows) - points + 1, 0)
+    ticks = (
+        rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
+    )
+    if not number:
+        return ticks, np.zeros((0, 2))
+    span = ticks[:, -1] - ticks[:, 0]
+    ticks = ticks[span <= LONGEST * np.median(span)]
+    times = (ticks - ticks[:, :1]).astype(np.float64)
+    apart = times[:, :, None] - times[:, None, :] + np.eye(points)
+    weights = 1.0 / apart.prod(2)
+    weights /= np.sqrt((weights**2).sum(1, keepdims=True))
+    values = stretch.measurements[ticks]
+    return ticks, np.einsum("nm,nmd->nd", weights, values - values[:, :1])

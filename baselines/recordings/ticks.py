@@ -1,0 +1,174 @@
+"""The rows of a recording on a grid of uniform ticks, as the filters of the banks need them.
+
+A clock that jitters keeps one tick per row: a measurement that was made by e after its tick is moved back by
+e times the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this
+leaves an error of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick
+without a row, or with a row without a measurement, is one without a measurement: filters predict. If the
+steps are irregular, the grid is finer than the median step, so that few rows fall on the same tick; those
+that do are replaced by their mean.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.recording import Recording
+from hybrid_env.checks import reject
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DIVISORS = (1, 2, 3, 4, 5, 8, 10)
+"""The tick of an irregular recording is its median step divided by one of these."""
+
+SHARED = 0.05
+"""Largest share of rows that fall on the tick of another one, if a divisor allows it."""
+
+NEIGHBOURS = 5
+"""Measurements that give the local velocity."""
+
+MAX_TICKS = 5_000_000
+LATEST = 0.6
+"""Largest error of a row of a clock that jitters, over the tick."""
+
+CORRECTION = 0.2  # of the clock, over its error
+EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
+
+
+class Stretch(NamedTuple):
+    """The ticks of a piece between two gaps.
+
+    Attributes:
+        first, end: its rows in the recording.
+        ticks: (end - first,) tick of every row, from 0, not decreasing.
+        late: (end - first,) time of every row after that of its tick [time unit].
+        measurements: (T, 2) at the ticks [unit of length]; NaN without a measurement.
+    """
+
+    first: int
+    end: int
+    ticks: IntArray
+    late: FloatArray
+    measurements: FloatArray
+
+
+class TickGrid(NamedTuple):
+    """A recording on uniform ticks.
+
+    Attributes:
+        tau: length of a tick [time unit].
+        stretches: one for each piece.
+        shared: number of rows with a measurement whose tick is that of another one.
+        moved: root mean square of the times by which rows were moved to their ticks, over tau.
+    """
+
+    tau: float
+    stretches: tuple[Stretch, ...]
+    shared: int
+    moved: float
+
+    @property
+    def total(self) -> int:
+        """Number of ticks of all stretches."""
+        return sum(len(stretch.measurements) for stretch in self.stretches)
+
+
+def tick_grid(recording: Recording) -> TickGrid:
+    """Put the rows of a recording on uniform ticks.
+
+    Raises:
+        ArgumentError: the gap is so long that there would be more than 5 million ticks.
+    """
+    pieces = [recording.times[first:end] for first, end in recording.pieces]
+    tau, ticks = _regular(pieces, recording.tick) or _irregular(recording, pieces)
+    stretches, shared, squares = [], 0, 0.0
+    for (first, end), times, numbers in zip(recording.pieces, pieces, ticks, strict=True):
+        origin = float(np.mean(times - tau * numbers))
+        late = times - (origin + tau * numbers)
+        late[np.abs(late) < EXACT * tau] = 0.0
+        measured = recording.measured[first:end]
+        values = _moved(recording.positions[first:end][measured], times[measured], late[measured])
+        total = int(numbers[-1]) + 1
+        counts = np.bincount(numbers[measured], minlength=total)
+        sums = [np.bincount(numbers[measured], column, total) for column in values.T]
+        with np.errstate(invalid="ignore"):
+            measurements = np.stack(sums, axis=1) / counts[:, None]
+        single = counts[numbers[measured]] == 1
+        measurements[numbers[measured][single]] = values[single]  # exactly, without 0 + x
+        shared += int((counts[counts > 1] - 1).sum())
+        squares += float((late**2).sum())
+        stretches.append(Stretch(first, end, numbers, late, measurements))
+    rows = sum(map(len, pieces))
+    return TickGrid(tau, tuple(stretches), shared, float(np.sqrt(squares / rows)) / tau)
+
+
+def _regular(pieces: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
+    """Return the tick and the tick numbers of a clock whose errors do not add up, or None.
+
+    The tick is the slope of the times over their numbers.
+    """
+    numbers = [_follow(times, tick) for times in pieces]
+    centred = [one - one.mean() for one in numbers]
+    weight = sum(float(one @ one) for one in centred)
+    if weight == 0.0:
+        return tick, [one.astype(np.int64) for one in numbers]
+    tau = sum(float(one @ (t - t[0])) for one, t in zip(centred, pieces, strict=True)) / weight
+    for one, times in zip(numbers, pieces, strict=True):
+        late = times - tau * one
+        if not np.abs(late - late.mean()).max() <= LATEST * tau:
+            return None
+    _check_total(sum(float(one[-1]) + 1.0 for one in numbers), tau)
+    return tau, [one.astype(np.int64) for one in numbers]
+
+
+def _follow(times: FloatArray, tick: float) -> FloatArray:
+    """Return the number of ticks of every time since the first: the next one of a clock that is corrected.
+
+    After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick
+    that is not exactly known adds up.
+    """
+    numbers = np.zeros(len(times))
+    clock, number = float(times[0]), 0.0
+    for k, time in enumerate(times.tolist()):
+        if k:
+            passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
+            clock += passed * tick
+            number += passed
+            clock += CORRECTION * (time - clock)
+        numbers[k] = number
+    return numbers
+
+
+def _irregular(recording: Recording, pieces: list[FloatArray]) -> tuple[float, list[IntArray]]:
+    """Return the tick and the next ticks of irregular times, on a grid that is fine enough."""
+    numbers: list[IntArray] = []
+    tau = recording.tick
+    for divisor in DIVISORS:
+        tau = recording.tick / divisor
+        _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in pieces), tau)
+        numbers = [np.rint((times - times[0]) / tau).astype(np.int64) for times in pieces]
+        shared = sum(int((np.diff(one) == 0).sum()) for one in numbers)
+        if shared <= SHARED * sum(map(len, numbers)):
+            break
+    return tau, numbers
+
+
+def _check_total(ticks: float, tau: float) -> None:
+    if ticks > MAX_TICKS:
+        raise reject("gap", f"{ticks:.3g} ticks of {tau:.3g}", f"a shorter gap: at most {MAX_TICKS:,} ticks")
+
+
+def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArray:
+    """Return measurements, (n, 2), moved back by `late` along the local velocity."""
+    rows = np.flatnonzero(late)
+    count = min(NEIGHBOURS, len(points))
+    if not rows.size or count < 2:
+        return points
+    first = np.clip(rows - count // 2, 0, len(points) - count)
+    window = first[:, None] + np.arange(count)
+    t = times[window] - times[window].mean(1, keepdims=True)
+    velocity = np.einsum("nk,nkd->nd", t, points[window]) / (t**2).sum(1, keepdims=True)
+    moved = points.copy()
+    moved[rows] -= velocity * late[rows, None]
+    return moved

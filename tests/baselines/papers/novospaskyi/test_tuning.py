@@ -1,0 +1,108 @@
+"""Tuning that is killed and resumed, and the gains of KF CV in the thesis."""
+
+import math
+
+import numpy as np
+import pytest
+from optuna.distributions import FloatDistribution, IntDistribution
+
+from baselines.filters.g_h import GHFilter
+from baselines.papers.novospaskyi.anomaly import memory, steady_gains
+from baselines.papers.novospaskyi.filters import CONTENDERS
+from baselines.papers.novospaskyi.tuning import finished_trials, tune
+from hybrid_env.checks import ArgumentError
+
+SPACE = {"q": FloatDistribution(1e-3, 1e3, log=True), "window": IntDistribution(1, 9)}
+START = {"q": 1.0, "window": 5}
+
+
+def cost(parameters):
+    return (math.log(parameters["q"]) - 2.0) ** 2 + (parameters["window"] - 3) ** 2
+
+
+class KilledError(Exception):
+    pass
+
+
+def killed_after(evaluations):
+    """The cost, which fails like a killed process after some evaluations."""
+    left = [evaluations]
+
+    def limited(parameters):
+        left[0] -= 1
+        if left[0] < 0:
+            raise KilledError
+        return cost(parameters)
+
+    return limited
+
+
+def test_a_tuning_killed_anywhere_ends_with_the_same_bytes(tmp_path):
+    whole, parts = tmp_path / "whole.jsonl", tmp_path / "parts.jsonl"
+    best = tune(SPACE, START, cost, 25, 7, whole, "x")
+    assert cost(best) < cost(START)
+    for evaluations in (0, 1, 12):
+        with pytest.raises(KilledError):
+            tune(SPACE, START, killed_after(evaluations), 25, 7, parts, "x")
+    assert tune(SPACE, START, cost, 25, 7, parts, "x") == best
+    assert parts.read_bytes() == whole.read_bytes()
+    assert tune(SPACE, START, killed_after(0), 25, 7, parts, "x") == best  # nothing is evaluated again
+
+
+def test_torn_repeated_and_foreign_lines_do_no_harm(tmp_path):
+    file = tmp_path / "trials.jsonl"
+    best = tune(SPACE, START, cost, 12, 7, file, "x")
+    lines = file.read_bytes()
+    file.write_bytes(lines[: len(lines) // 2] + b"\xc3")  # cut off within a line and a character
+    assert tune(SPACE, START, cost, 12, 7, file, "x") == best
+    file.write_bytes(lines + lines)  # two processes did the same work
+    assert tune(SPACE, START, killed_after(0), 12, 7, file, "x") == best
+    assert finished_trials(file, "y") == []
+    with pytest.raises(KilledError):
+        tune(SPACE, START, killed_after(0), 12, 7, file, "y")
+    file.write_bytes(lines + b'7\n{"fingerprint": "x"}\n[]\n')
+    assert len(finished_trials(file, "x")) == 12
+
+
+def test_a_file_that_cannot_be_read_or_written_is_one_line(tmp_path):
+    with pytest.raises(ArgumentError, match="cannot be read"):
+        tune(SPACE, START, cost, 2, 0, tmp_path, "x")
+    with pytest.raises(ArgumentError, match="cannot be written"):
+        tune(SPACE, START, cost, 2, 0, tmp_path / "missing" / "trials.jsonl", "x")
+
+
+@pytest.mark.parametrize("name", [name for name, contender in CONTENDERS.items() if contender.space])
+def test_the_first_trial_of_every_filter_is_in_its_space(name):
+    contender = CONTENDERS[name]
+    assert set(contender.start) == set(contender.space)
+    for key, distribution in contender.space.items():
+        assert distribution.low <= contender.start[key] <= distribution.high
+    contender.build({"q CV": 1.0, **contender.start})  # a robust filter takes the process noise of another
+
+
+@pytest.mark.parametrize(
+    ("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)]
+)
+def test_steady_gains_are_those_of_kalata(variance, process, step):
+    """Kalata 1984, "The tracking index", for white noise acceleration that is constant in a step."""
+    index = math.sqrt(process / variance) * step**2
+    root = (4.0 + index - math.sqrt(8.0 * index + index**2)) / 4.0
+    g = 1.0 - root**2
+    h = 2.0 * (2.0 - g) - 4.0 * math.sqrt(1.0 - g)
+    assert steady_gains(variance, process, step) == pytest.approx((g, h), rel=1e-6)
+
+
+def test_without_measurement_noise_the_gains_are_at_the_limit_of_stability():
+    g, h = steady_gains(1e-18, 0.003, 0.5)
+    assert (g, h) == pytest.approx((1.0, 2.0), abs=1e-4)
+    assert memory(g, h) == pytest.approx(1.0, abs=1e-3)
+    # seen from outside: the velocity error of the g-h filter with these gains changes sign and stays
+    gh = GHFilter(axes=1, g=1.0, h=2.0 - 1e-9)
+    gh.begin(1)
+    errors = []
+    for k in range(12):
+        gh.predict(0.5)
+        gh.update([[1.0 if k == 3 else 0.0]])
+        errors.append(float(gh.velocity[0, 0]))
+    np.testing.assert_allclose(np.abs(errors[4:]), 8.0, atol=1e-6)
+    assert (np.diff(np.sign(errors[4:])) != 0.0).all()

@@ -1,0 +1,57 @@
+"""The reproduction of Zimchuk & Kankin: the pattern of their table, and the corrected filter."""
+
+import numpy as np
+import pytest
+
+from baselines.papers import zimchuk
+from hybrid_env.checks import ArgumentError
+
+RUNS = 100  # 300 coordinates: standard errors of an RMSE are about 1 to 2 % of it
+
+
+@pytest.fixture(scope="module")
+def result():
+    return zimchuk.reproduce(runs=RUNS, seed=0)
+
+
+def row(result, name):
+    return np.array([cell.ours for cell in result.cells if cell.row == name])
+
+
+def test_the_adaptive_filter_follows_manoeuvres_better_than_a_slow_kalman_filter(result):
+    adaptive, slow = row(result, "adaptive, as published"), row(result, "Kalman, sigma_w = 4.64")
+    assert (adaptive[[1, 3]] <= 0.4 * slow[[1, 3]]).all()
+    assert (adaptive[[0, 2]] <= 4.2).all()
+    assert adaptive.shape == slow.shape == (4,)
+    inside = [cell.verdict for cell in result.cells if cell.row == "adaptive, as published"]
+    assert inside == ["inside"] * 4
+
+
+def test_the_corrected_filter_is_better_on_every_leg(result):
+    corrected = row(result, "adaptive, corrected")
+    assert (corrected[[0, 2]] <= 2.6).all()
+    assert (corrected[[1, 3]] <= 3.6).all()
+    assert (corrected < row(result, "adaptive, as published")).all()
+
+
+def test_without_limits_it_is_worse_than_the_measurements_and_fast_kalman_filters_are_listed(result):
+    measurements = row(result, "measurements")
+    np.testing.assert_allclose(measurements, 5.0, rtol=0.05)
+    assert (row(result, "adaptive, without limits") > measurements).all()
+    for deviation in (20, 60):
+        fast = row(result, f"Kalman, sigma_w = {deviation}")
+        assert (fast < 1.1 * row(result, "adaptive, as published")).all()
+
+
+def test_the_true_motion_has_the_published_accelerations():
+    times = np.arange(0.0, 70.0, 0.01)
+    acceleration = np.gradient(np.gradient(zimchuk.true_position(times), times), times)
+    at = {10.0: 0.0, 25.0: 20.0, 40.0: 0.0, 55.0: 10.0, 65.0: 30.0}
+    for time, expected in at.items():
+        assert acceleration[round(100 * time)] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("runs", [0, 1, 2.5, "many"])
+def test_invalid_runs_raise(runs):
+    with pytest.raises(ArgumentError, match=r"runs=.*expected an integer >= 2"):
+        zimchuk.reproduce(runs=runs)

@@ -1,0 +1,176 @@
+"""Files that are damaged, very large, or no recordings: one line each."""
+
+import gzip
+import os
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+from hostile_input import accepted, damaged, profile
+from hypothesis import given
+
+from baselines.recordings.reading import files, text
+from baselines.recordings.reading.files import MAX_BYTES
+from baselines.recordings.reading.read import read_recordings
+from baselines.recordings.reading.text import MAX_LINE
+from hybrid_env.checks import ArgumentError
+
+STUDY = pytest.param(10_000, marks=pytest.mark.study)
+ROWS = "".join(f"{k / 10},{k * 0.2:.3f},{(k % 7) * 0.1:.3f}\n" for k in range(30))
+FRAME = pd.DataFrame({"t": np.arange(30.0), "x": np.arange(30.0), "y": np.sqrt(np.arange(30.0))})
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(content):
+        path = tmp_path / "flight.csv"
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return read_recordings(path)
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        ("", ["not an empty file"]),
+        ("\n \n,,\n", ["not an empty file"]),
+        ("# only a comment\n", ["not an empty file"]),
+        ("x,y\n", ["line 1", "'x,y'", "rows of numbers"]),
+        ("x,y\n1,2\n1\n", ["line 3", "'1'", "2 cells between ',', not 1"]),
+        ("x\ty\n1\t2\n1\t2\t3\n", ["line 3", "2 cells between tab, not 3"]),
+        ("1,2\n1,2,3\n", ["line 2", "'1,2,3'", "2 cells between ',', not 3"]),
+        ("x,y\n1,2\n\n1,2\n", ["line 3", "blank"]),
+        ("x,y\n1,2\n1,two\n", ["line 3: y='two'", "finite number"]),
+        ("1,two\n1,2\n", ["line 1: column 2='two'", "finite number"]),
+        ("x,y\n1,2\n3,-inf\n", ["line 3: y=-inf", "finite number"]),
+        ("x,y\n1,1e300\n2,3\n", ["line 2: y=1e+300", "1e+12"]),
+        ("x,y\n1_0,1\n2,3\n", ["line 2: x='1_0'", "finite number"]),
+        ("x,y\ntrue,1\nfalse,3\n", ["line 2: x='True'", "finite number"]),
+        ("x;y\n1,5;2\n1.5;2\n", ["line 2: x='1,5'"]),
+        ("x,y\n1.500,2\n2,500,3\n", ["line 3", "2 cells between"]),
+        ("x;y\n1.234,5;2\n", ["line 2: x='1.234,5'"]),
+        ("t,x,z\n1,2,3\n", ["its columns are t, x, z", "--columns"]),
+        ("1,2,3,4\n2,3,4,5\n", ["4 columns without names", "--columns"]),
+        ("5\n6\n", ["1 columns without names", "--columns"]),
+        ("t,x,y\n3,1,2\n", ["1 measured position: expected at least two"]),
+        ("t,x,y\n3,1,2\n4,,2\n", ["1 measured position: expected at least two"]),
+        ('x,y\n1,2\n"1,2\n', ["line 3", "2 cells"]),
+        ('t,x,y,note\n1,2,3,"a\n2,3,4,b"\n3,4,5,c\n', ["a quoted cell goes over several lines"]),
+        (b"x,y\n1,2\n1,\xff\n", ["line 3: y='\xff'"]),
+        (b"x,y\n1,2\n1,\x81\n", ["line 3", "0x81", "UTF-8"]),
+        (b"\xff\xfex,y\n1", ["UTF-16"]),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", ["0x1a", "text file"]),
+        (b"x,y\n1,\x002\n", ["line 2", "0x00", "text file"]),
+        (b"PK\x03\x04" + bytes(100), ["workbook", "CSV"]),
+        ("<html><body/></html>", ["GPX"]),
+        ("<gpx><trk>", ["begins as XML but is not GPX"]),
+        (gzip.compress(ROWS.encode())[:-9], ["gzip", "cut off"]),
+        (gzip.compress(ROWS.encode())[:40], ["gzip", "cut off"]),
+        (gzip.compress(b""), ["not an empty file"]),
+        (b"PAR1" + bytes(200) + b"PAR1", ["Parquet file is damaged"]),
+        (FRAME.to_parquet()[:-100], ["Parquet file is damaged"]),
+    ],
+)
+def test_a_broken_file_is_refused_in_one_line(read, content, parts):
+    with pytest.raises(ArgumentError, match=r"flight\.csv") as caught:
+        read(content)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in parts:
+        assert part in message
+
+
+PARQUET = FRAME.to_parquet()
+KINDS = {
+    "csv": ("t,x,y\n" + ROWS).encode(),
+    "semicolons": ROWS.replace(",", ";").encode(),
+    "objects": b'"id";"T";x;y\r\n' + b"".join(b"%d;%d;1,5;2,25\r\n" % (k % 2, k) for k in range(30)),
+    "dates": b"".join(
+        [b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]
+    ),
+    "parquet": PARQUET,
+    "gzip": gzip.compress(ROWS.encode()),
+    "gpx": b'<gpx version="1.1"><trk><trkseg>'
+    + b"".join(
+        b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k) for k in range(9)
+    )
+    + b"</trkseg></trk></gpx>",
+}
+
+
+@pytest.mark.parametrize("examples", [30, STUDY])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_file_is_read_or_refused(read, kind, examples):
+    assert read(KINDS[kind]).summary
+
+    @profile(examples)
+    @given(damaged(KINDS[kind]))
+    def check(changed):
+        file = accepted(lambda: read(changed))
+        for recording in file.recordings if file else ():
+            assert (np.diff(recording.times) > 0.0).all()
+            assert np.isfinite(recording.positions[recording.measured]).all()
+            assert recording.tick > 0.0
+            assert "\n" not in file.summary
+
+    check()
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("x" * (MAX_LINE + 5), "line 1: a line of more than"),
+        ("x,y\n" + "," * (MAX_LINE + 5), "line 2: a line of more than"),
+        ("x,y\n" + "1" * 9000 + ",2\n", "line 2: x="),
+        ("x,y," + "n" * 9000 + "\n1,2\n", "3 cells"),
+        (",".join(["x"] * 4000) + "\n" + ",".join(["1"] * 4000) + "\n", "4,000 columns"),
+        ("\n".join(["x,y", *(["1,2"] * 20), "1,2,3" * 1000]), "line 22"),
+    ],
+)
+def test_long_lines_are_refused_in_one_short_line(read, content, reason):
+    with pytest.raises(ArgumentError, match=reason):
+        read(content)
+    assert accepted(lambda: read(content)) is None
+
+
+def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
+    path = tmp_path / "large.csv"
+    path.write_text("x,y\n")
+    os.truncate(path, MAX_BYTES + 1)  # sparse, of zeros
+    with pytest.raises(ArgumentError, match="at most 250 MB"):
+        read_recordings(path)
+    monkeypatch.setattr(files, "MAX_BYTES", 1_000_000)
+    bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 10_000_000)
+    assert len(bomb) < 1_000_000
+    tracemalloc.start()
+    try:
+        with pytest.raises(ArgumentError, match="at most 1 MB when decompressed"):
+            read(bomb)
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
+    monkeypatch.setattr(text, "MAX_ROWS", 30)
+    monkeypatch.setattr(files, "MAX_ROWS", 29)
+    assert len(read("t,x,y\n" + ROWS).recordings[0].times) == 30
+    with pytest.raises(ArgumentError, match="more than 30 rows"):
+        read("t,x,y\n" + ROWS + "3.0,1,2\n")
+    with pytest.raises(ArgumentError, match="more than 29"):
+        read(PARQUET)
+
+
+def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in (
+        tmp_path / "pipe.csv",
+        "/dev/zero",
+        "a" * 5000,
+        "a\0b",
+        tmp_path / "a\nb",
+        tmp_path,
+        "no.csv",
+    ):
+        with pytest.raises(ArgumentError, match="file="):
+            read_recordings(path)
+        assert accepted(lambda path=path: read_recordings(path)) is None

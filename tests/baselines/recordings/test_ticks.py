@@ -1,0 +1,93 @@
+"""Rows of a recording on uniform ticks."""
+
+import numpy as np
+import pytest
+
+from baselines.recordings.recording import make_recording
+from baselines.recordings.scatter import noise_estimate, without_outliers
+from baselines.recordings.ticks import tick_grid
+
+
+def circle(times, radius=200.0, speed=20.0):
+    angle = speed * times / radius
+    return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+
+
+def test_uniform_rows_are_their_ticks():
+    times = 5.0 + 0.1 * np.arange(50)
+    points = np.random.default_rng(0).normal(size=(50, 2))
+    grid = tick_grid(make_recording(times, points))
+    [stretch] = grid.stretches
+    assert grid.tau == pytest.approx(0.1)
+    np.testing.assert_array_equal(stretch.ticks, np.arange(50))
+    np.testing.assert_array_equal(stretch.measurements, points)
+    assert (stretch.late == 0.0).all()
+    assert grid.moved == 0.0
+
+
+def test_left_out_rows_are_ticks_without_a_measurement():
+    rows = np.array([0, 1, 2, 5, 6, 9, 10, 11, 12])
+    grid = tick_grid(make_recording(0.5 * rows, circle(0.5 * rows)))
+    [stretch] = grid.stretches
+    np.testing.assert_array_equal(stretch.ticks, rows)
+    missing = np.isnan(stretch.measurements[:, 0])
+    np.testing.assert_array_equal(np.flatnonzero(missing), [3, 4, 7, 8])
+
+
+def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along_the_velocity():
+    rng = np.random.default_rng(1)
+    times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)
+    grid = tick_grid(make_recording(times, circle(times)))
+    [stretch] = grid.stretches
+    np.testing.assert_array_equal(stretch.ticks, np.arange(400))
+    assert grid.tau == pytest.approx(1.0, abs=1e-3)
+    at_ticks = circle(times - stretch.late)
+    errors = np.hypot(*(stretch.measurements - at_ticks).T)
+    # the arc leaves the line by speed^2 late^2 / (2 radius), and five points bend its slope a little
+    assert errors[3:-3].max() < 20.0**2 * 0.33**2 / (2.0 * 200.0) + 0.6
+    assert errors.mean() < 0.1 * 20.0 * np.abs(stretch.late).mean()
+
+
+def test_a_tick_that_is_not_the_median_step_does_not_drift():
+    times = np.round(0.1003 * np.arange(20_000), 3)  # the median step is 0.1
+    grid = tick_grid(make_recording(times, circle(times)))
+    assert grid.tau == pytest.approx(0.1003, rel=1e-6)
+    np.testing.assert_array_equal(grid.stretches[0].ticks, np.arange(20_000))
+
+
+def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
+    rng = np.random.default_rng(2)
+    times = np.cumsum(rng.exponential(1.0, 500))
+    grid = tick_grid(make_recording(times, circle(times)))
+    assert grid.tau < 0.3
+    assert grid.shared <= 0.06 * 500
+    [stretch] = grid.stretches
+    assert np.abs(stretch.late).max() <= grid.tau
+    measured = (~np.isnan(stretch.measurements[:, 0])).sum()
+    assert measured == 500 - grid.shared
+
+
+def test_noise_is_estimated_also_between_missing_ticks_and_without_units():
+    rng = np.random.default_rng(3)
+    times = np.arange(2000.0)
+    points = circle(times) + rng.normal(0.0, 2.0, (2000, 2))
+    points[rng.random(2000) < 0.3] = np.nan
+    points[[0, -1]] = 0.0
+    grid = tick_grid(make_recording(times, points))
+    # relative standard error 2.4 / sqrt(1400) = 6 %; the turn adds less than 1 %
+    assert noise_estimate(grid) == pytest.approx(4.0, rel=0.2)
+    millimetres = tick_grid(make_recording(60.0 * times, 1000.0 * points))
+    assert noise_estimate(millimetres) == pytest.approx(1e6 * noise_estimate(grid), rel=1e-9)
+
+
+def test_outliers_are_left_out_and_turns_are_not():
+    rng = np.random.default_rng(4)
+    times = np.arange(1000.0)
+    points = circle(times) + rng.normal(0.0, 2.0, (1000, 2))
+    plain = tick_grid(make_recording(times, points))
+    assert without_outliers(plain)[1] == 0
+    wrong = np.arange(20, 1000, 50)
+    points[wrong] += 60.0
+    grid, count = without_outliers(tick_grid(make_recording(times, points)))
+    assert count == len(wrong)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(grid.stretches[0].measurements[:, 0])), wrong)

@@ -1,0 +1,64 @@
+"""Simulated recordings of objects of very different speed and size, for the tests of tracking."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybrid_env.simulation import simulate
+
+MODES = "RLSLSRLRSLSRLS"
+LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
+TRUE_MODES = np.array(["SLR".index(mode) for mode in MODES])
+
+
+@dataclass(frozen=True)
+class Object:
+    """An object and its sensor.
+
+    Attributes:
+        speed: [m/s].
+        radius: of its turns [m].
+        tau: tick [s].
+        deviation: of a measured coordinate [m].
+        noise: Q tau^2 / R.
+    """
+
+    speed: float
+    radius: float
+    tau: float
+    deviation: float
+    noise: float = 1e-3
+
+    @property
+    def measurement_variance(self):
+        return self.deviation**2
+
+    @property
+    def process_variance(self):
+        return self.noise * self.measurement_variance / self.tau**2
+
+    @property
+    def start(self):
+        return (0.0, 0.0, 0.0, self.speed)
+
+    def times(self, ticks):
+        return self.tau * np.arange(1, ticks + 1)
+
+    def simulate(self, runs=1, seed=1, modes=MODES, lengths=LENGTHS):
+        """Simulation of the modes, (runs, T, 2) measurements."""
+        words = [
+            f"{m}{n}" + ("" if m == "S" else f"r{self.radius}") for m, n in zip(modes, lengths, strict=True)
+        ]
+        return simulate(
+            " ".join(words), runs, seed, start=self.start, tau=self.tau,
+            process_variance=self.process_variance, measurement_variance=self.measurement_variance,
+        )  # fmt: skip
+
+
+OBJECTS = {
+    "readme": Object(2.0, 5.0, 0.1, np.sqrt(0.1), 1e-4),
+    "walker": Object(1.4, 10.0, 1.0, 1.0),
+    "car": Object(20.0, 200.0, 1.0, 2.0),
+    "aircraft": Object(250.0, 5000.0, 1.0, 10.0),
+    "ship": Object(8.0, 500.0, 10.0, 8.0),
+}
