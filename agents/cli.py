@@ -65,7 +65,7 @@ EXAMPLES = {
     "compare": (
         "hybridtrack compare                                # trains PPO, draws the operating curves",
         "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
-        "hybridtrack compare --agents ppo --training-seeds 5 --out results/seeds",
+        "hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds",
         "hybridtrack compare --no-curves --episodes 300     # a first look",
         "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes --accuracy 0.9",
     ),

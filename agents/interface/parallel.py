@@ -49,6 +49,11 @@ class Workers:
         if self.engine == "ray":
             _import_ray()
 
+    @property
+    def parallel(self) -> bool:
+        """Whether calls run outside this process."""
+        return self.jobs > 1 or self.engine == "ray"
+
     def results(
         self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] | None = None
     ) -> Iterator[tuple[Name, Any]]:

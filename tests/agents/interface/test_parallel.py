@@ -5,11 +5,18 @@ import os
 import signal
 
 import pytest
+import yaml
 
 from agents.cli import main
 from agents.interface import parallel
 from agents.interface.parallel import Workers
 from hybrid_env.checks import ArgumentError
+
+SMALL_RECIPE = {
+    "algo": "ppo", "n_timesteps": 2560, "n_envs": 20, "n_steps": 32, "batch_size": 320, "n_epochs": 2,
+    "learning_rate": "lin_6e-3", "gae_lambda": 0.9, "ent_coef": 0.0, "policy": "MlpPolicy",
+    "policy_kwargs": {"net_arch": [16]},
+}  # fmt: skip
 
 
 def square(number):
@@ -73,3 +80,14 @@ def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, c
         assert main([*command, "--out", str(files[-1])]) == 0
     assert files[0].read_bytes() == files[1].read_bytes()
     assert "HybridTrack-v0 under distribution shift" in capsys.readouterr().out
+
+
+def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
+    recipe = tmp_path / "small.yml"
+    recipe.write_text(yaml.safe_dump({"default": SMALL_RECIPE}))
+    command = ["compare", "--deciders", "ate", "msprt", "--agents", str(recipe), "--training-seeds", "2"]
+    command += ["--episodes", "20", "--selection-episodes", "20", "--scheme", "random 2x20-30"]
+    for jobs in ("1", "2"):
+        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("compare.json", "compare.png", "episode.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
