@@ -23,10 +23,12 @@ from agents.playing.command import Play
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.training.command import Train
+from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
 
 COMMANDS = {
     "train": Train,
+    "tune": Tune,
     "evaluate": Evaluate,
     "compare": Compare,
     "play": Play,
@@ -50,6 +52,10 @@ EXAMPLES = {
         "hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]",
         "hybridtrack train --env HybridTrackQuickest-v0 --recipe statements",
     ),
+    "tune": (
+        "hybridtrack tune --trials 20 --jobs 2              # writes runs/tune-HybridTrack-v0-ppo/best.yml",
+        "hybridtrack tune --search learning_rate=0.001..0.03 'batch_size=512|2048' --steps 500000",
+    ),
     "evaluate": (
         "hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped",
         "hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json",
@@ -59,7 +65,7 @@ EXAMPLES = {
     "compare": (
         "hybridtrack compare                                # trains PPO, draws the operating curves",
         "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
-        "hybridtrack compare --agents ppo --training-seeds 5 --out results/seeds",
+        "hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds",
         "hybridtrack compare --no-curves --episodes 300     # a first look",
         "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes --accuracy 0.9",
     ),
@@ -79,6 +85,7 @@ EXAMPLES = {
     ),
     "limits": (
         "hybridtrack limits --episodes 100                  # a first look",
+        "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
     ),
     "bench": (

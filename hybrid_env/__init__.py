@@ -4,6 +4,7 @@ Importing this package registers the environments. `gym.make("hybrid_env:HybridT
 """
 
 from hybrid_env.checks import ArgumentError
+from hybrid_env.easy_env import HybridTrackEasyEnv, HybridTrackEasyVectorEnv
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.online_bank import KalmanBank
@@ -21,6 +22,8 @@ __all__ = [
     "SCHEMES",
     "ArgumentError",
     "FixedScheme",
+    "HybridTrackEasyEnv",
+    "HybridTrackEasyVectorEnv",
     "HybridTrackEnv",
     "HybridTrackQuickestEnv",
     "HybridTrackQuickestVectorEnv",

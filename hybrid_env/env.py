@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.figure import Renderer
@@ -108,6 +110,7 @@ class HybridTrackEnv(TrackEnv):
     |---|---|---|
     | HybridTrack-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 6 segments of 50 to 100 ticks, cost 0.02 |
     | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
+    | HybridTrackEasy-v0 | S, L5, R5 | as HybridTrack-v0; early declarations wait, see `HybridTrackEasyEnv` |
 
     Results depend on these options. Report all options that differ from the defaults.
 
@@ -134,9 +137,13 @@ class HybridTrackEnv(TrackEnv):
     def _step_info(self, events: int) -> dict[str, Any]:
         if not events & DECIDED:
             return {}
-        values = {key: values.item() for key, values in self.world.read_decisions().items()}
-        del values["has_decision"]
-        return values
+        decisions = self.world.read_decisions()
+        del decisions["has_decision"]
+        # flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool scalars
+        return {
+            key: values.reshape(()) if values.dtype == np.bool_ else values[0]
+            for key, values in decisions.items()
+        }
 
     def _record(self, info: dict[str, Any], begins: bool) -> None:
         assert self.history is not None

@@ -81,14 +81,15 @@ class ModelOptions:
 
     @classmethod
     def of(cls, **options: Any) -> Self:
-        """Create options from keywords. An unknown name raises a `TypeError` with the closest known name."""
+        """Create options from keywords. An unknown name raises a `TypeError` in the words of Python."""
         names = [field.name for field in dataclasses.fields(cls)]
         for name in options:
             if name not in names:
                 close = difflib.get_close_matches(name[:40], names, 1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
                 expected = f"expected one of {', '.join(names)}"
-                raise TypeError(f"option {repr(name)[:40]} is unknown: {hint}{expected}")
+                # libraries that try keywords, such as TorchRL, read these words of Python
+                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}{expected}")
         return cls(**options)
 
     @property

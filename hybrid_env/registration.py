@@ -17,12 +17,17 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
         "correctness": "type",
         "delay_cost": 0.01,
     },
+    "HybridTrackEasy-v0": {},
     "HybridTrackQuickest-v0": {},
 }
 """Registered ids and their options that differ from the defaults."""
 
 _ENTRY_POINTS = ("hybrid_env.env:HybridTrackEnv", "hybrid_env.vector_env:HybridTrackVectorEnv")
 _OTHER_ENTRY_POINTS = {
+    "HybridTrackEasy-v0": (
+        "hybrid_env.easy_env:HybridTrackEasyEnv",
+        "hybrid_env.easy_env:HybridTrackEasyVectorEnv",
+    ),
     "HybridTrackQuickest-v0": (
         "hybrid_env.quickest_env:HybridTrackQuickestEnv",
         "hybrid_env.quickest_vector_env:HybridTrackQuickestVectorEnv",
@@ -78,15 +83,16 @@ def environment_options(env_id: str) -> type[ModelOptions]:
 
 def check_env_id(env_id: str) -> None:
     """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
-    _check_env_id(env_id, _ENTRY_POINTS[1])
+    _check_env_id(env_id, _ENTRY_POINTS[1], _OTHER_ENTRY_POINTS["HybridTrackEasy-v0"][1])
 
 
-def _check_env_id(env_id: str, vector_entry_point: str) -> None:
-    """Raise `ArgumentError` for an id whose vector entry point does not begin with the given text."""
+def _check_env_id(env_id: str, *vector_entry_points: str) -> None:
+    """Raise `ArgumentError` for an id whose vector entry point begins with none of the given texts."""
     known = [
         name
         for name, spec in gym.registry.items()
-        if isinstance(spec.vector_entry_point, str) and spec.vector_entry_point.startswith(vector_entry_point)
+        if isinstance(spec.vector_entry_point, str)
+        and spec.vector_entry_point.startswith(vector_entry_points)
     ]
     if env_id.removeprefix("hybrid_env:") not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))

@@ -1,5 +1,6 @@
 """The environment of one track, common to all environments."""
 
+import functools
 import operator
 from typing import Any, ClassVar
 
@@ -77,11 +78,15 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         block, field = self.world.blocks[0], self.world.hypothesis_field
         views = {name: block[name][..., 0] for name in self.world.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
-        self._info_readers = [(name, view.copy if view.ndim else view.item) for name, view in views.items()]
+        # NumPy scalars, because libraries read the dtype of every value
+        self._info_readers = [
+            (name, view.copy if view.ndim else functools.partial(view.__getitem__, ()))
+            for name, view in views.items()
+        ]
         self._info_names: dict[str, Any] = dict.fromkeys(views)
 
     def _info(self) -> dict[str, Any]:
-        """Return the info of the current tick: numbers, and copies of arrays."""
+        """Return the info of the current tick: NumPy scalars, and copies of arrays."""
         info = self._info_names.copy()  # a dictionary of the final size is filled faster
         for name, read in self._info_readers:
             info[name] = read()

@@ -54,10 +54,11 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         threads: int = 1,
         **options: Any,
     ):
-        if options.pop("render_mode", None) is not None:
-            raise ValueError(
-                "render_mode is not supported by the vector environment: render the single environment"
-            )
+        for name in ("render_mode", "max_episode_steps"):
+            value = options.pop(name, None)
+            if value is not None:
+                allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"
+                raise reject(name, value, allowed)
         self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)

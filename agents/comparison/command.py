@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.quickest_options import QuickestOptions
@@ -19,7 +20,7 @@ AGENTS = ("ppo", "shipped")
 EPISODES = 1500
 TRACKS = 500  # episodes with unknown switch moments, each of about eight segments
 SELECTION_TRACKS = 300
-DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
+DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds", "jobs", "engine")
 """Flags that do not apply to unknown switch moments."""
 FLIGHT_FLAGS = ("deciders", "flights", "source", "tier", "out")
 """Flags that apply to recorded flights."""
@@ -31,7 +32,7 @@ def _default(decisions: str, statements: str, *aliases: str) -> object:
 
 
 @dataclass(kw_only=True)
-class Compare(WorldArguments):
+class Compare(WorldArguments, ParallelArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
     The defaults train PPO for about half a minute and take about four minutes in total. With
@@ -162,7 +163,7 @@ class Compare(WorldArguments):
             summary_lines,
             unreached_accuracy_lines,
         )
-        from agents.comparison.study import compare
+        from agents.comparison.study import compare, evaluate_ahead
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
 
@@ -180,10 +181,13 @@ class Compare(WorldArguments):
             seeds.SELECTION_EPISODES if self.selection_episodes is None else self.selection_episodes,
         )
         plan.families()  # reject invalid deciders before any file is written
+        workers = self.workers()
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
         with progress_display(console) as progress:
             try:
+                if workers.parallel:
+                    evaluate_ahead(plan, folder, workers, progress)
                 result = compare(
                     plan, progress, folder, lambda now: write_json(folder / "compare.json", now.as_json())
                 )

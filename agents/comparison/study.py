@@ -1,5 +1,6 @@
 """Comparison of deciders: training where requested, threshold sweeps, and evaluation on common episodes."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from agents.evaluation.operating_curve import (
     ticks_at_accuracy,
 )
 from agents.interface.decider_colours import name_without_seed
+from agents.interface.parallel import Call, Workers
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe
 from agents.training.run import TrainingProgress
@@ -233,6 +235,42 @@ def compare(
     paths = simulate_posterior_paths(plan.episodes, plan.seed, max(CALIBRATION_TICKS), **vars(world))
     continuation.finish()
     return Comparison(plan, world, reference_ticks, tuple(entries), paths)
+
+
+def evaluate_ahead(plan: Plan, folder: Path, workers: Workers, progress: Progress) -> None:
+    """Train and evaluate the deciders of a plan in parallel; `compare` then goes on from their files.
+
+    Args:
+        plan: settings.
+        folder: of `compare`; on a cluster, one that all machines share.
+        workers: where the work runs.
+        progress: display.
+    """
+    calls: dict[tuple[int, int], Call] = {}
+    for position, found in enumerate(plan.families()):
+        for number in range(plan.training_seeds if isinstance(found, Recipe) else 1):
+            calls[position, number] = functools.partial(_evaluate_one, plan, folder, position, number)
+    names = (*plan.deciders, *plan.agents)
+    task = progress.add_task("In parallel", total=len(calls), note="")
+    longest_first = dict(reversed(calls.items()))  # agents, which are trained or slow
+    for _ in workers.results(
+        longest_first, lambda call: progress.update(task, advance=1, note=names[call[0]])
+    ):
+        pass
+    progress.update(task, note="")
+
+
+def _evaluate_one(plan: Plan, folder: Path, position: int, number: int) -> None:
+    """Train if needed and evaluate the decider at a position of a plan, unless its file exists."""
+    continuation = Continuation(plan, folder)
+    name, found = (*plan.deciders, *plan.agents)[position], plan.families()[position]
+    if isinstance(found, Recipe):
+        family, weights = _train(found, plan, number, Progress(disable=True), continuation)
+    else:
+        family, weights = found, weights_digest(name)
+    if continuation.load(family, weights) is None:
+        swept = _sweep(family, plan, full=plan.curves or position == 0, on_progress=lambda: None)
+        continuation.save(family, weights, *swept)
 
 
 def _sweep(

@@ -9,6 +9,7 @@ import tyro
 
 from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.noises import parse_noise
@@ -23,7 +24,7 @@ LARGEST_FACTOR = 10.0
 
 
 @dataclass(kw_only=True)
-class Evaluate(WorldArguments):
+class Evaluate(WorldArguments, ParallelArguments):
     """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
 
     With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
@@ -121,6 +122,7 @@ class Evaluate(WorldArguments):
         from agents.interface.progress import progress_display
         from hybrid_env.registration import make_vector_env
 
+        workers = self.workers()
         env_id, options = self.world_of(deciders[0])
         world = make_vector_env(env_id, 1, **options).options
         for name in deciders:
@@ -136,12 +138,12 @@ class Evaluate(WorldArguments):
         console = Console(emoji=False)
         with progress_display(console) as progress:
             total = len(deciders) * len(worlds)
-            task = progress.add_task("Evaluating", total=total, completed=-1, note="")
+            task = progress.add_task("Evaluating", total=total, note="")
             results = evaluate_shifts(
-                deciders, env_id, worlds, options, self.episodes, self.seed,
+                deciders, env_id, worlds, options, self.episodes, self.seed, workers,
                 lambda note: progress.update(task, advance=1, note=note),
             )  # fmt: skip
-            progress.update(task, completed=total, note="")
+            progress.update(task, note="")
         segments = self.episodes * world.segments
         name = env_id.rpartition(":")[2]
         console.print(shift_table(results, f"{name} under distribution shift: {segments:,} segments each"))

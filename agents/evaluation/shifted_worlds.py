@@ -1,5 +1,7 @@
 """Deciders under distribution shift: evaluation in environments other than the nominal one."""
 
+import functools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +16,7 @@ from agents.evaluation import seeds
 from agents.evaluation.deciders import ALPHAS, FEW_ALPHAS, DeciderFamily, decider_family
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
+from agents.interface.parallel import Workers
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.scheme import RandomScheme
@@ -135,6 +138,7 @@ def evaluate_shifts(
     options: dict[str, Any],
     episodes: int,
     seed: int,
+    workers: Workers,
     on_progress: Callable[[str], None],
 ) -> list[ShiftResult]:
     """Evaluate every decider in every environment.
@@ -150,27 +154,46 @@ def evaluate_shifts(
         options: of the nominal environment that differ from those of the id.
         episodes: number of evaluation episodes.
         seed: of the first episode.
-        on_progress: called with the name of the next decider and environment.
+        workers: where the evaluations run.
+        on_progress: called with the name of the decider and environment that were evaluated.
     """
-    results = []
-    for name in names:
-        nominal_threshold = float("nan")
-        for shift, change in worlds.items():
-            changed = options | change
-            family = decider_family(name, make_vector_env(env_id, 1, **changed).options)
-            on_progress(f"{family.name}: {shift}")
-            threshold = _best_threshold(family, env_id, changed)
-            if shift == NOMINAL:
-                nominal_threshold = threshold
-            decisions = {
-                value: evaluate(family.make(value), env_id, episodes, seed, **changed | family.options)
-                for value in {threshold, nominal_threshold}
-            }
-            results.append(
-                _result(shift, family.name, (threshold, decisions[threshold]),
-                        (nominal_threshold, decisions[nominal_threshold]))
-            )  # fmt: skip
-    return results
+    alone = functools.partial(_evaluate_shift, env_id=env_id, episodes=episodes, seed=seed)
+    nominal = options | worlds.get(NOMINAL, {})
+    calls = {
+        f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, nominal, float("nan")) for name in names
+    }
+    found = dict(workers.results(calls, on_progress))  # their thresholds are those of the other environments
+    thresholds = {name: found[f"{name}: {NOMINAL}"].threshold for name in names}
+    others = {
+        f"{name}: {shift}": functools.partial(alone, name, shift, options | change, thresholds[name])
+        for name in names
+        for shift, change in worlds.items()
+        if shift != NOMINAL
+    }
+    found |= workers.results(others, on_progress)
+    return [found[f"{name}: {shift}"] for name in names for shift in worlds]
+
+
+def _evaluate_shift(
+    name: str,
+    shift: str,
+    options: dict[str, Any],
+    nominal_threshold: float,
+    env_id: str,
+    episodes: int,
+    seed: int,
+) -> ShiftResult:
+    """Evaluate a decider in one environment; a nominal threshold of NaN is that of this environment."""
+    family = decider_family(name, make_vector_env(env_id, 1, **options).options)
+    threshold = _best_threshold(family, env_id, options)
+    if math.isnan(nominal_threshold):
+        nominal_threshold = threshold
+    decisions = {
+        value: evaluate(family.make(value), env_id, episodes, seed, **options | family.options)
+        for value in {threshold, nominal_threshold}
+    }
+    own, nominal = ((value, decisions[value]) for value in (threshold, nominal_threshold))
+    return _result(shift, family.name, own, nominal)
 
 
 def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any]) -> float:

@@ -1,18 +1,23 @@
 """The command `hybridtrack limits`: attainable decision times of the classical rules on each filter bank."""
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
 from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from agents.interface.parallel import Call, Workers
 
 QUICKEST = "HybridTrackQuickest-v0"
 
 
 @dataclass(kw_only=True)
-class Limits:
+class Limits(ParallelArguments):
     """Evaluate every classical rule on every filter bank and noise level.
 
     The default takes about two hours on one core, 1,500 episodes one hour. With
@@ -36,8 +41,9 @@ class Limits:
         """
         check_integer("episodes", self.episodes, minimum=10)
         check_integer("seed", self.seed, minimum=0)
+        workers = self.workers()
         if self.env is not None:
-            self._run_statements(self.env)
+            self._run_statements(self.env, workers)
             return
         from agents.limits.study import CALIBRATION_EPISODES
 
@@ -54,43 +60,32 @@ class Limits:
         from agents.interface.progress import progress_display
         from agents.limits.figure import draw_decision_times
         from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
-        from agents.limits.steps import STEPS, evaluate_steps, steps_markdown
+        from agents.limits.steps import step_calls, steps_markdown, with_gains
         from agents.limits.study import (
             BANK_ENV,
-            BANKS,
-            CALIBRATION_BANKS,
-            NOISE_LEVELS,
-            RULES,
             THREE_MODE_ENV,
-            bank_calibration,
-            evaluate_rules,
-            type_accuracy_golubkov2018,
+            calibration_calls,
+            rule_calls,
+            type_accuracy_calls,
         )
 
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
-        rules = sum(map(len, RULES.values()))
+        ids = (THREE_MODE_ENV, BANK_ENV)
+        parts: dict[str, dict[str, Call]] = {
+            "steps": _joined(step_calls(env_id, self.episodes, self.seed) for env_id in ids),
+            "rules": _joined(rule_calls(env_id, self.episodes, self.seed) for env_id in ids),
+            "calibration": calibration_calls(self.seed),
+            "accuracy": type_accuracy_calls(self.episodes, self.seed),
+        }
         with progress_display(console) as progress:
-            per_noise = len(BANKS) * rules + 2 * len(STEPS) + len(CALIBRATION_BANKS) + 2
-            total = len(NOISE_LEVELS) * per_noise
-            task = progress.add_task("Evaluating", total=total, note="")
-
-            def advance(note: str) -> None:
-                progress.update(task, advance=1, note=note)
-
-            steps = [
-                one
-                for env_id in (THREE_MODE_ENV, BANK_ENV)
-                for one in evaluate_steps(env_id, self.episodes, self.seed, advance)
-            ]
-            found = [
-                one
-                for env_id in (THREE_MODE_ENV, BANK_ENV)
-                for one in evaluate_rules(env_id, self.episodes, self.seed, advance)
-            ]
-            calibration = bank_calibration(self.seed, advance)
-            accuracies = type_accuracy_golubkov2018(self.episodes, self.seed, advance)
+            calls = _joined(parts.values())
+            task = progress.add_task("Evaluating", total=len(calls), note="")
+            results = dict(workers.results(calls, lambda note: progress.update(task, advance=1, note=note)))
             progress.update(task, note="")
+        by_part = {part: [results[name] for name in calls] for part, calls in parts.items()}
+        steps, found, accuracies = with_gains(by_part["steps"]), by_part["rules"], by_part["accuracy"]
+        calibration = [one for results in by_part["calibration"] for one in results]
         text = "\n".join(
             [
                 steps_markdown(steps),
@@ -118,11 +113,16 @@ class Limits:
         draw_decision_times(found, folder / "limits.png")
         console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)
 
-    def _run_statements(self, env_id: str) -> None:
+    def _run_statements(self, env_id: str, workers: "Workers") -> None:
         if env_id.removeprefix("hybrid_env:") != QUICKEST:
             raise reject("env", env_id, f"{QUICKEST}, or no --env for the others")
         if self.seed + self.episodes > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes")
         from agents.limits.statement_command import run_statement_limits
 
-        run_statement_limits(self.episodes, self.seed, self.out)
+        run_statement_limits(self.episodes, self.seed, self.out, workers)
+
+
+def _joined(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Join dictionaries with different keys."""
+    return {name: value for part in parts for name, value in part.items()}

@@ -6,14 +6,14 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 from agents.interface.output_files import atomic_file, output_folder, write_json
+from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
 from agents.limits.statement_figure import draw_statement_limits
 from agents.limits.statement_report import statement_steps_markdown
-from agents.limits.statement_study import LAWS, PARTS, evaluate_statement_steps
-from agents.limits.study import NOISE_LEVELS
+from agents.limits.statement_study import statement_calls
 
 
-def run_statement_limits(tracks: int, seed: int, out: Path) -> None:
+def run_statement_limits(tracks: int, seed: int, out: Path, workers: Workers) -> None:
     """Evaluate the steps, print the tables and write the files.
 
     Raises:
@@ -22,11 +22,10 @@ def run_statement_limits(tracks: int, seed: int, out: Path) -> None:
     folder = output_folder("out", out)
     console = Console(emoji=False)
     with progress_display(console) as progress:
-        total = len(LAWS) * len(NOISE_LEVELS) * PARTS
-        task = progress.add_task("Evaluating", total=total, note="")
-        found = evaluate_statement_steps(
-            tracks, seed, lambda note: progress.update(task, advance=1, note=note)
-        )
+        calls = statement_calls(tracks, seed)
+        task = progress.add_task("Evaluating", total=len(calls), note="")
+        results = workers.results(calls, lambda note: progress.update(task, advance=1, note=note))
+        found = [step for _, steps in results for step in steps]
         progress.update(task, note="")
     text = statement_steps_markdown(found)
     console.print(Markdown(text))

@@ -1,6 +1,7 @@
 """What limits a statement of the present mode: rules with more and more information on the same tracks."""
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from agents.evaluation.statement_curve import (
     track_metrics,
 )
 from agents.evaluation.statement_deciders import beam_family, geometric_beam_family, threshold_family
+from agents.interface.parallel import Call
 from agents.limits.study import NOISE_LEVELS
 from baselines.quickest.beam_smoother import BeamSmoother
 from baselines.quickest.statements import Statements, record_statements
@@ -73,60 +75,50 @@ class StatementStep:
         return {name: one.as_json() if isinstance(one, Estimate) else one for name, one in values}
 
 
-def evaluate_statement_steps(
-    tracks: int, seed: int, on_progress: Callable[[str], None]
-) -> list[StatementStep]:
-    """Evaluate every step for every law and noise level on the same tracks.
+def statement_calls(tracks: int, seed: int) -> dict[str, Call]:
+    """Return the calls of `evaluate_statement_steps` for every law and noise level, by what they evaluate.
 
     Args:
         tracks: number of tracks. A third as many others (at least 50) serve to select thresholds.
         seed: of the first track.
-        on_progress: called with a note after each rule, see `PARTS`.
     """
+    return {
+        f"{law}, R = {noise:g}": functools.partial(evaluate_statement_steps, law, noise, tracks, seed)
+        for law in LAWS
+        for noise in NOISE_LEVELS
+    }
+
+
+def evaluate_statement_steps(law: str, noise: float, tracks: int, seed: int) -> list[StatementStep]:
+    """Evaluate every step for a law and a noise level on the same tracks; see `statement_calls`."""
+    options = QuickestOptions(durations=law, measurement_variance=noise)
+    selection = _curves(options, max(tracks // 3, 50), seeds.SELECTION)
     found = []
-    for law in LAWS:
-        for noise in NOISE_LEVELS:
-            options = QuickestOptions(durations=law, measurement_variance=noise)
-
-            def note(part: str, name: str = f"{law}, R = {noise:g}") -> None:
-                on_progress(f"{name}, {part}")
-
-            selection = _curves(options, max(tracks // 3, 50), seeds.SELECTION, note)
-            curves = _curves(options, tracks, seed, note)
-            before: StatementCurve | None = None
-            for step, curve in curves.items():
-                index = selection[step].best_index()
-                chosen = curve.at(index)
-                found.append(
-                    StatementStep(
-                        law, noise, step,
-                        threshold=curve.family.thresholds[index],
-                        reward=chosen.estimate(mean_of(REWARD)),
-                        gain=None if before is None else chosen.difference(before, mean_of(REWARD)),
-                        delay=chosen.estimate(FULL_DELAY),
-                        wrong_changes=chosen.estimate(mean_of(WRONG_CHANGES)),
-                        most_probable_right=curve.at(0).estimate(mean_of(RIGHT)),  # at threshold 0
-                    )
-                )  # fmt: skip
-                before = chosen
+    before: StatementCurve | None = None
+    for step, curve in _curves(options, tracks, seed).items():
+        index = selection[step].best_index()
+        chosen = curve.at(index)
+        found.append(
+            StatementStep(
+                law, noise, step,
+                threshold=curve.family.thresholds[index],
+                reward=chosen.estimate(mean_of(REWARD)),
+                gain=None if before is None else chosen.difference(before, mean_of(REWARD)),
+                delay=chosen.estimate(FULL_DELAY),
+                wrong_changes=chosen.estimate(mean_of(WRONG_CHANGES)),
+                most_probable_right=curve.at(0).estimate(mean_of(RIGHT)),  # at threshold 0
+            )
+        )  # fmt: skip
+        before = chosen
     return found
 
 
-PARTS = 2 * 3
-"""Number of notes for each law and noise level: three rules, on tracks for selection and for the report."""
-
-
-def _curves(
-    options: QuickestOptions, tracks: int, seed: int, on_progress: Callable[[str], None]
-) -> dict[str, StatementCurve]:
+def _curves(options: QuickestOptions, tracks: int, seed: int) -> dict[str, StatementCurve]:
     """Return the curves of all steps; the first threshold of each is 0."""
     imm = sweep_statements(threshold_family(options), options, tracks, seed)
-    on_progress(imm.family.name)
     geometric = sweep_statements(geometric_beam_family(options), options, tracks, seed)
-    on_progress(geometric.family.name)
     family = beam_family(options)
     smoothed = smoothed_curves(family, options, tracks, seed, (0, *LAGS))
-    on_progress(family.name)
     curves = {IMM: imm.at(0), THRESHOLD: imm, GEOMETRIC: geometric, BEAM: smoothed[0]}
     return curves | {LATER[lag]: smoothed[lag] for lag in LAGS}
 

@@ -1,13 +1,15 @@
 """What each step from ATE to the bound is worth: mean reward and paired differences on the same episodes."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import functools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from agents.evaluation import seeds
 from agents.evaluation.deciders import decider_family
 from agents.evaluation.evaluate import FloatArray, confidence_interval, evaluate
 from agents.evaluation.operating_curve import Estimate, sweep
+from agents.interface.parallel import Call
 from agents.limits.study import BANK_ENV, NOISE_LEVELS, THREE_MODE_ENV
 from hybrid_env.registration import make_vector_env
 
@@ -45,30 +47,49 @@ class StepResult:
     gain: Estimate | None
 
 
-def evaluate_steps(
-    env_id: str, episodes: int, seed: int, on_progress: Callable[[str], None]
-) -> list[StepResult]:
-    """Evaluate every step at every noise level on the same episodes; see `study.evaluate_rules`."""
-    found = []
-    for noise in NOISE_LEVELS:
-        before: FloatArray | None = None
-        for step, (name, changes) in STEPS.items():
-            options: dict[str, Any] = {"measurement_variance": noise, **changes}
-            world = make_vector_env(env_id, 1, **options).options
-            by_type = name == "msprt" and world.correctness == "type"
-            family = decider_family("msprt-type" if by_type else name, world)
-            selection = sweep(family, env_id, max(episodes // 3, 50), seeds.SELECTION, **options)
-            threshold = family.thresholds[selection.best_index()]
-            rewards = evaluate(family.make(threshold), env_id, episodes, seed, **options).reward.mean(1)
-            gain = None
-            if before is not None:
-                difference = rewards - before
-                gain = Estimate(float(difference.mean()), *confidence_interval(difference))
-            reward = Estimate(float(rewards.mean()), *confidence_interval(rewards))
-            found.append(StepResult(env_id, noise, step, threshold, reward, gain))
-            before = rewards
-            on_progress(f"{family.name}, R = {noise:g}")
-    return found
+def step_calls(env_id: str, episodes: int, seed: int) -> dict[str, Call]:
+    """Return the calls of `evaluate_step` for every noise level and step; see `study.rule_calls`."""
+    return {
+        f"{env_id.rpartition(':')[2]}, {step}, R = {noise:g}": functools.partial(
+            evaluate_step, env_id, noise, step, episodes, seed
+        )
+        for noise in NOISE_LEVELS
+        for step in STEPS
+    }
+
+
+def evaluate_step(
+    env_id: str, noise: float, step: str, episodes: int, seed: int
+) -> tuple[StepResult, FloatArray]:
+    """Evaluate a step at a noise level.
+
+    Returns:
+        The result, without its gain, and the mean reward of each episode, (episodes,).
+    """
+    name, changes = STEPS[step]
+    options: dict[str, Any] = {"measurement_variance": noise, **changes}
+    world = make_vector_env(env_id, 1, **options).options
+    by_type = name == "msprt" and world.correctness == "type"
+    family = decider_family("msprt-type" if by_type else name, world)
+    selection = sweep(family, env_id, max(episodes // 3, 50), seeds.SELECTION, **options)
+    threshold = family.thresholds[selection.best_index()]
+    rewards = evaluate(family.make(threshold), env_id, episodes, seed, **options).reward.mean(1)
+    reward = Estimate(float(rewards.mean()), *confidence_interval(rewards))
+    return StepResult(env_id, noise, step, threshold, reward, None), rewards
+
+
+def with_gains(found: Iterable[tuple[StepResult, FloatArray]]) -> list[StepResult]:
+    """Return the results of `step_calls`, in their order, with the gain over the step before."""
+    results: list[StepResult] = []
+    before: FloatArray | None = None
+    for result, rewards in found:
+        gain = None
+        if before is not None and result.step != next(iter(STEPS)):
+            difference = rewards - before
+            gain = Estimate(float(difference.mean()), *confidence_interval(difference))
+        results.append(replace(result, gain=gain))
+        before = rewards
+    return results
 
 
 def steps_markdown(found: Sequence[StepResult]) -> str:

@@ -1,7 +1,7 @@
 """Evaluation of the classical decision rules on every filter bank and noise level."""
 
+import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from agents.evaluation import seeds
 from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_family
 from agents.evaluation.evaluate import evaluate, share_interval
 from agents.evaluation.operating_curve import REWARD, Estimate, at_threshold, sweep, ticks_at_accuracy
+from agents.interface.parallel import Call
 from baselines.deciders.msprt import GapDecider
 from baselines.deciders.posterior_paths import (
     CalibrationSummary,
@@ -97,35 +98,36 @@ class TypeAccuracy:
     ticks: float
 
 
-def evaluate_rules(
-    env_id: str, episodes: int, seed: int, on_progress: Callable[[str], None]
-) -> list[RuleResult]:
-    """Evaluate every rule on every bank and noise level on the same episodes.
+def rule_calls(env_id: str, episodes: int, seed: int) -> dict[str, Call]:
+    """Return the calls of `evaluate_rule` for every noise level, bank and rule, by what they evaluate.
 
     Args:
         env_id: registered id of the environment.
         episodes: number of episodes. A third as many others (at least 50) serve to select thresholds.
         seed: seed of the first episode.
-        on_progress: called with a note after each rule.
     """
-    found = []
-    for noise in NOISE_LEVELS:
-        for bank in BANKS:
-            options: dict[str, Any] = {"measurement_variance": noise, "bank": bank}
-            for rule in RULES[env_id]:
-                family = _family(rule, env_id, options)
-                selection = sweep(family, env_id, max(episodes // 3, 50), seeds.SELECTION, **options)
-                best = selection.best_index()
-                curve = sweep(family, env_id, episodes, seed, **options)
-                found.append(
-                    RuleResult(
-                        env_id, noise, bank, family.name,
-                        curve.estimate(ticks_at_accuracy(0.95)), curve.estimate(ticks_at_accuracy(0.98)),
-                        curve.estimate(at_threshold(REWARD, best)), family.thresholds[best],
-                    )
-                )  # fmt: skip
-                on_progress(f"{bank}, {family.name}, R = {noise:g}")
-    return found
+    return {
+        f"{env_id.rpartition(':')[2]}, {bank}, {rule}, R = {noise:g}": functools.partial(
+            evaluate_rule, env_id, noise, bank, rule, episodes, seed
+        )
+        for noise in NOISE_LEVELS
+        for bank in BANKS
+        for rule in RULES[env_id]
+    }
+
+
+def evaluate_rule(env_id: str, noise: float, bank: str, rule: str, episodes: int, seed: int) -> RuleResult:
+    """Evaluate a rule on a bank at a noise level; see `rule_calls`."""
+    options: dict[str, Any] = {"measurement_variance": noise, "bank": bank}
+    family = _family(rule, env_id, options)
+    selection = sweep(family, env_id, max(episodes // 3, 50), seeds.SELECTION, **options)
+    best = selection.best_index()
+    curve = sweep(family, env_id, episodes, seed, **options)
+    return RuleResult(
+        env_id, noise, bank, family.name,
+        curve.estimate(ticks_at_accuracy(0.95)), curve.estimate(ticks_at_accuracy(0.98)),
+        curve.estimate(at_threshold(REWARD, best)), family.thresholds[best],
+    )  # fmt: skip
 
 
 def _family(rule: str, env_id: str, options: dict[str, Any]) -> DeciderFamily:
@@ -134,46 +136,51 @@ def _family(rule: str, env_id: str, options: dict[str, Any]) -> DeciderFamily:
     return ATE if rule == "ate" else CLASSICAL[rule]
 
 
-def bank_calibration(seed: int, on_progress: Callable[[str], None]) -> list[BankCalibration]:
-    """Calibration of the most probable hypothesis for every bank and noise level.
+def calibration_calls(seed: int) -> dict[str, Call]:
+    """Return the calls of `bank_calibration` for every bank and noise level, by what they simulate.
 
     Args:
         seed: seed of the first of `CALIBRATION_EPISODES` episodes.
-        on_progress: called with a note after each bank and noise level.
     """
-    found = []
-    for bank, options in CALIBRATION_BANKS.items():
-        for noise in NOISE_LEVELS:
-            paths = simulate_posterior_paths(
-                CALIBRATION_EPISODES, seed, measurement_variance=noise, **options
-            )
-            found += [
-                BankCalibration(bank, noise, tick, summarise_calibration(paths, tick))
-                for tick in CALIBRATION_TICKS
-            ]
-            on_progress(f"calibration, {bank}, R = {noise:g}")
-    return found
+    return {
+        f"calibration, {bank}, R = {noise:g}": functools.partial(bank_calibration, bank, noise, seed)
+        for bank in CALIBRATION_BANKS
+        for noise in NOISE_LEVELS
+    }
 
 
-def type_accuracy_golubkov2018(
-    episodes: int, seed: int, on_progress: Callable[[str], None]
-) -> list[TypeAccuracy]:
-    """Type accuracy of the gap rule on the scheme of Golubkov 2018, where ATE reaches 72 to 80 %.
+def bank_calibration(bank: str, noise: float, seed: int) -> list[BankCalibration]:
+    """Calibration of the most probable hypothesis of a bank at a noise level; see `calibration_calls`."""
+    paths = simulate_posterior_paths(
+        CALIBRATION_EPISODES, seed, measurement_variance=noise, **CALIBRATION_BANKS[bank]
+    )
+    return [
+        BankCalibration(bank, noise, tick, summarise_calibration(paths, tick)) for tick in CALIBRATION_TICKS
+    ]
+
+
+def type_accuracy_calls(episodes: int, seed: int) -> dict[str, Call]:
+    """Return the calls of `type_accuracy_golubkov2018` for every bank and noise level.
 
     Args:
         episodes: number of episodes.
         seed: seed of the first episode.
-        on_progress: called with a note after each bank and noise level.
     """
-    found = []
-    for bank in BANKS[:2]:
-        for noise in NOISE_LEVELS:
-            decisions = evaluate(
-                GapDecider(GAP_THRESHOLD), BANK_ENV, episodes, seed, scheme=golubkov2018.SCHEME,
-                heading=math.pi / 2, initial_error=0, measurement_variance=noise, bank=bank,
-            )  # fmt: skip
-            shares = decisions.type_correct.mean(1)
-            accuracy = Estimate(float(shares.mean()), *share_interval(shares))
-            found.append(TypeAccuracy(bank, noise, accuracy, float(np.mean(decisions.ticks))))
-            on_progress(f"scheme of 2018, {bank}, R = {noise:g}")
-    return found
+    return {
+        f"scheme of 2018, {bank}, R = {noise:g}": functools.partial(
+            type_accuracy_golubkov2018, bank, noise, episodes, seed
+        )
+        for bank in BANKS[:2]
+        for noise in NOISE_LEVELS
+    }
+
+
+def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int) -> TypeAccuracy:
+    """Type accuracy of the gap rule on the scheme of Golubkov 2018, where ATE reaches 72 to 80 %."""
+    decisions = evaluate(
+        GapDecider(GAP_THRESHOLD), BANK_ENV, episodes, seed, scheme=golubkov2018.SCHEME,
+        heading=math.pi / 2, initial_error=0, measurement_variance=noise, bank=bank,
+    )  # fmt: skip
+    shares = decisions.type_correct.mean(1)
+    accuracy = Estimate(float(shares.mean()), *share_interval(shares))
+    return TypeAccuracy(bank, noise, accuracy, float(np.mean(decisions.ticks)))

@@ -1,7 +1,8 @@
 """Work on many files: in parallel, with a progress display; a bad file does not stop the others."""
 
+import functools
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import joblib
 from rich.console import Console
 from rich.table import Table
 
+from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
 from hybrid_env.checks import ArgumentError, reject
 
@@ -62,7 +64,8 @@ def work_on_files(
     failed = 0
     with progress_display(console, transient=True) as progress:
         task = progress.add_task("Tracking", total=len(paths), note="")
-        for result in _results(work, list(zip(paths, folders, strict=True)), _jobs(jobs, len(paths))):
+        calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
+        for _, result in Workers(_jobs(jobs, len(paths))).results(calls):
             if isinstance(result, Report):
                 for line in result.lines:
                     progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -100,16 +103,6 @@ def _jobs(jobs: int | None, files: int) -> int:
     if jobs is None:
         jobs = joblib.cpu_count() if files >= PARALLEL_FILES else 1
     return min(jobs, files)
-
-
-def _results(work: Work, files: list[tuple[Path, Path]], jobs: int) -> Iterator[Report | str]:
-    """Results in the order of the files, or the message of an error."""
-    if jobs == 1:
-        yield from (_attempt(work, *file) for file in files)
-        return
-    yield _attempt(work, *files[0])  # compiled code is on the disk before other processes need it
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    yield from parallel(joblib.delayed(_attempt)(work, *file) for file in files[1:])
 
 
 def _attempt(work: Work, path: Path, folder: Path) -> Report | str:

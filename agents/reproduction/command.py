@@ -1,11 +1,15 @@
 """The command `hybridtrack reproduce`: published tables and figures next to reproduced ones."""
 
+import functools
+import time
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import tyro
 
+from agents.interface.parallel_arguments import ParallelArguments
 from hybrid_env.checks import check_integer, reject
 
 Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk", "novospaskyi"]
@@ -14,7 +18,7 @@ RUNS = 1000
 
 
 @dataclass(kw_only=True)
-class Reproduce:
+class Reproduce(ParallelArguments):
     """Reproduce the published studies.
 
     Prints every published value, the reproduced value, and the 95 % interval of a study of the paper's size.
@@ -45,9 +49,6 @@ class Reproduce:
             raise reject("papers", self.papers, "one or more papers, each at most once")
         if self.physics and "novospaskyi" not in self.papers:
             raise reject("papers", self.papers, "novospaskyi, with --physics True")
-        import time
-        from importlib import import_module
-
         from rich.console import Console
 
         from agents.interface.output_files import atomic_file, output_folder, write_json
@@ -56,23 +57,24 @@ class Reproduce:
         from agents.reproduction.novospaskyi_study import run_study
         from agents.reproduction.report import describe_runs, summary_markdown, tables, to_json, to_markdown
 
+        workers = self.workers()
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
-        results, seconds = [], {}
+        runs = RUNS if self.runs is None else self.runs
+        others = [paper for paper in self.papers if paper != "novospaskyi"]  # which shows its own progress
+        calls = {paper: functools.partial(_reproduce, paper, runs, self.seed) for paper in others}
         with progress_display(console) as progress:
             task = progress.add_task("Reproducing", total=len(self.papers), note="")
-            for paper in self.papers:
-                progress.update(task, note=paper)
+            found = dict(workers.results(calls, lambda paper: progress.update(task, advance=1, note=paper)))
+            if "novospaskyi" in self.papers:
+                progress.update(task, note="novospaskyi")
                 started = time.perf_counter()
-                if paper == "novospaskyi":
-                    results.append(run_study(self.runs, self.seed, self.physics, folder, progress))
-                else:
-                    study = import_module(f"baselines.papers.{paper}")
-                    results.append(study.reproduce(RUNS if self.runs is None else self.runs, self.seed))
-                seconds[paper] = time.perf_counter() - started
+                study = run_study(self.runs, self.seed, self.physics, folder, progress)
+                found["novospaskyi"] = study, time.perf_counter() - started
                 progress.advance(task)
             progress.update(task, note="")
-        for paper, result in zip(self.papers, results, strict=True):
+        for paper in self.papers:
+            result, seconds = found[paper]
             for table in tables(result):
                 console.print(table)
             write_json(folder / f"{paper}.json", to_json(result))
@@ -81,10 +83,17 @@ class Reproduce:
             names = draw_figures(paper, result, folder)
             files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
             console.print(
-                f"{describe_runs(result)} Computed in {seconds[paper]:.2f} s. Files in {folder}: {files}\n",
+                f"{describe_runs(result)} Computed in {seconds:.2f} s. Files in {folder}: {files}\n",
                 markup=False,
                 highlight=False,
             )
         with atomic_file(folder / "reproduction.md") as part:
-            part.write_text(summary_markdown(results), encoding="utf-8")
+            part.write_text(summary_markdown([found[paper][0] for paper in self.papers]), encoding="utf-8")
         console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)
+
+
+def _reproduce(paper: str, runs: int, seed: int) -> tuple[Any, float]:
+    """Return the reproduction of a paper and the seconds that it took."""
+    started = time.perf_counter()
+    result = import_module(f"baselines.papers.{paper}").reproduce(runs, seed)
+    return result, time.perf_counter() - started

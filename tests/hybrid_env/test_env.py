@@ -51,7 +51,7 @@ def test_waiting_on_the_last_tick_forces_a_decision_for_the_most_likely_hypothes
     decided = [(k, info) for k, info in enumerate(infos) if "decided_mode" in info]
     assert [k for k, _ in decided] == [30, 70]
     for k, info in decided:
-        assert info["forced"] is True
+        assert info["forced"]
         assert info["ticks"] == info["decided_length"]
         assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
 

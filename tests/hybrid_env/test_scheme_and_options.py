@@ -119,7 +119,7 @@ def test_every_option_has_an_invalid_value_in_the_list():
 
 def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
     with pytest.raises(
-        TypeError, match=r"'mesurement_variance' is unknown: did you mean 'measurement_variance'"
+        TypeError, match=r"argument 'mesurement_variance': did you mean 'measurement_variance'"
     ):
         HybridTrackVectorEnv(2, mesurement_variance=0.1)
 

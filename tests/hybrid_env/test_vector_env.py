@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
 
-IDS = ("HybridTrack-v0", "HybridTrackBank-v0")
+IDS = ("HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackEasy-v0")
 
 
 def random_actions(generator, shape, count):

@@ -8,10 +8,11 @@ import pytest
 
 from agents.evaluation.operating_curve import Estimate
 from agents.interface.decider_colours import STYLES
+from agents.interface.parallel import Workers
 from agents.limits import steps
 from agents.limits.figure import decision_times, draw_decision_times
 from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
-from agents.limits.steps import STEPS, evaluate_steps, steps_markdown
+from agents.limits.steps import STEPS, step_calls, steps_markdown, with_gains
 from agents.limits.study import (
     BANK_ENV,
     BANKS,
@@ -20,7 +21,7 @@ from agents.limits.study import (
     BankCalibration,
     RuleResult,
     TypeAccuracy,
-    type_accuracy_golubkov2018,
+    type_accuracy_calls,
 )
 from baselines.deciders.posterior_paths import CalibrationSummary
 
@@ -81,21 +82,18 @@ def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(resul
 
 def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeypatch):
     monkeypatch.setattr("agents.limits.study.BANKS", BANKS[:1])
-    notes = []
-    found = type_accuracy_golubkov2018(20, 0, notes.append)
+    found = [one for _, one in Workers().results(type_accuracy_calls(20, 0))]
     assert [one.noise for one in found] == list(NOISE_LEVELS)
-    assert len(notes) == len(found)
     assert all(one.accuracy.value > 0.9 for one in found)
     assert found[0].ticks < found[1].ticks < found[2].ticks
 
 
 def test_each_step_has_a_paired_gain(monkeypatch):
     monkeypatch.setattr(steps, "NOISE_LEVELS", (0.1,))
-    notes = []
-    found = [
-        one for env_id in (THREE_MODE_ENV, BANK_ENV) for one in evaluate_steps(env_id, 10, 0, notes.append)
-    ]
-    assert len(found) == len(notes) == 2 * len(STEPS)
+    calls = step_calls(THREE_MODE_ENV, 10, 0) | step_calls(BANK_ENV, 10, 0)
+    found = with_gains(one for _, one in Workers().results(calls))
+    assert len(found) == 2 * len(STEPS)
+    assert [one.step for one in found if one.gain is None] == 2 * list(STEPS)[:1]
     for before, one in itertools.pairwise(found[: len(STEPS)]):
         assert one.gain.value == pytest.approx(one.reward.value - before.reward.value)
         assert one.gain.low <= one.gain.value <= one.gain.high

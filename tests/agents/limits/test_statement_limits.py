@@ -11,6 +11,7 @@ from agents.evaluation import seeds
 from agents.evaluation.operating_curve import Estimate
 from agents.evaluation.statement_curve import RIGHT, mean_of, sweep_statements
 from agents.evaluation.statement_deciders import beam_family
+from agents.interface.parallel import Workers
 from agents.limits import statement_study
 from agents.limits.statement_figure import NAMES, statement_limits
 from agents.limits.statement_report import statement_steps_markdown
@@ -19,12 +20,11 @@ from agents.limits.statement_study import (
     LAGS,
     LATER,
     LAWS,
-    PARTS,
     STEPS,
     THRESHOLD,
     StatementStep,
-    evaluate_statement_steps,
     smoothed_curves,
+    statement_calls,
 )
 from agents.limits.study import NOISE_LEVELS
 from baselines.quickest.metrics import measure_statements
@@ -59,7 +59,7 @@ def test_without_later_ticks_the_smoothed_curve_is_that_of_the_beam(monkeypatch)
 def test_every_step_is_reported_with_a_threshold_from_other_tracks(monkeypatch):
     monkeypatch.setattr(statement_study, "NOISE_LEVELS", (0.1,))
     monkeypatch.setattr(statement_study, "LAWS", ("uniform 50-100",))
-    seen, notes = [], []
+    seen = []
     sweep = statement_study.sweep_statements
 
     def counted(family, options, tracks, seed):
@@ -67,9 +67,8 @@ def test_every_step_is_reported_with_a_threshold_from_other_tracks(monkeypatch):
         return sweep(family, options, tracks, seed)
 
     monkeypatch.setattr(statement_study, "sweep_statements", counted)
-    found = evaluate_statement_steps(20, 7, notes.append)
+    [(_, found)] = Workers().results(statement_calls(20, 7))
     assert [one.step for one in found] == list(STEPS)
-    assert len(notes) == PARTS
     assert set(seen) == {(50, seeds.SELECTION), (20, 7)}
     for before, one in itertools.pairwise(found):
         assert one.gain.value == pytest.approx(one.reward.value - before.reward.value)

@@ -1,0 +1,153 @@
+"""Independent calls, in this process, in several processes, or on the machines of a Ray cluster.
+
+Every call gets all that it needs, also its seeds, as arguments. So the results do not depend on the number of
+processes, on their order or on their machines.
+"""
+
+import os
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import joblib
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from hybrid_env.checks import ArgumentError, check_choice, check_integer, reject
+
+Call = Callable[[], Any]
+"""A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
+
+Name = TypeVar("Name", bound=Hashable)
+ENGINES = ("local", "ray")
+MOST_JOBS = 10_000
+LARGEST_RETRIES = 3
+"""Times that the calls of lost workers are repeated; more losses mean that a call itself ends its worker."""
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables of a worker that are 1: there are as many workers as cores."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where calls run.
+
+    Attributes:
+        jobs: number of calls that run at the same time; 1 with the engine "local" runs them in this process.
+        engine: "local" for processes of this machine, "ray" for the cluster at RAY_ADDRESS, or one that is
+            started on this machine.
+
+    Raises:
+        ArgumentError: a value is not allowed, or Ray is not installed.
+    """
+
+    jobs: int = 1
+    engine: str = "local"
+
+    def __post_init__(self) -> None:
+        check_integer("jobs", self.jobs, maximum=MOST_JOBS)
+        check_choice("engine", self.engine, ENGINES)
+        if self.engine == "ray":
+            _import_ray()
+
+    @property
+    def parallel(self) -> bool:
+        """Whether calls run outside this process."""
+        return self.jobs > 1 or self.engine == "ray"
+
+    def results(
+        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] | None = None
+    ) -> Iterator[tuple[Name, Any]]:
+        """Return the names and results of calls, in the order of the calls.
+
+        The call of a worker that is lost (killed, out of memory, or on a machine that went down) is repeated.
+
+        Args:
+            calls: independent of each other, by name. They begin in this order.
+            on_done: called in this process with the name of a call that has ended, in the order of ends.
+
+        Raises:
+            ArgumentError: workers are lost again and again.
+            Exception: the error of a call. No further call begins.
+        """
+        if self.engine == "ray":
+            ended = _ray(calls, self.jobs)
+        elif self.jobs == 1 or len(calls) == 1:
+            ended = (_named(*call) for call in calls.items())
+        else:
+            ended = _processes(calls, min(self.jobs, len(calls)))
+        early: dict[Name, Any] = {}
+        following = iter(calls)
+        wanted = next(following, None)
+        for name, result in ended:
+            if on_done is not None:
+                on_done(name)
+            early[name] = result
+            while wanted in early:
+                yield wanted, early.pop(wanted)
+                wanted = next(following, None)
+
+
+def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
+    """Results with their names as they come, from processes of this machine."""
+    left = dict(calls)
+    for _ in range(LARGEST_RETRIES + 1):
+        with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
+            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
+            try:
+                for name, result in parallel(joblib.delayed(_named)(*call) for call in list(left.items())):
+                    del left[name]
+                    yield name, result
+                return
+            except TerminatedWorkerError:
+                pass  # the calls that are left are repeated with new workers
+    raise _lost()
+
+
+def _named(name: Name, call: Call) -> tuple[Name, Any]:
+    return name, call()
+
+
+def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
+    """Results with their names as they come, from a Ray cluster, which repeats the calls of lost workers.
+
+    Plain tasks are used: the backend of `ray.util.joblib` has a fixed pool, which one lost worker ends with
+    all its results.
+    """
+    ray = _import_ray()
+    if not ray.is_initialized():
+        threads = dict.fromkeys(ONE_THREAD, "1")
+        # without RAY_ADDRESS a cluster with one worker per job is started on this machine
+        local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
+        ray.init(log_to_driver=False, runtime_env={"env_vars": threads}, logging_level="error", **local)
+    task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_named)
+    waiting = list(calls.items())[::-1]
+    running: list[Any] = []
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                running.append(task.remote(*waiting.pop()))
+            (done,), running = ray.wait(running, num_returns=1)
+            yield ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        raise error.cause from None
+    except (ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError):
+        raise _lost() from None
+    finally:
+        for reference in running:
+            ray.cancel(reference, force=True)
+
+
+def _lost() -> ArgumentError:
+    return ArgumentError(
+        f"workers were lost {LARGEST_RETRIES + 1} times: expected enough memory for every job, try fewer jobs"
+    )
+
+
+def _import_ray() -> Any:
+    try:
+        import ray
+    except ImportError:
+        raise reject(
+            "engine", "ray", "'local', or an installed Ray: pip install 'hybrid-track[cluster]'"
+        ) from None
+    return ray

@@ -1,0 +1,98 @@
+"""The command `hybridtrack tune`: search for hyper-parameters of a recipe."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.world_arguments import WorldArguments
+from hybrid_env.checks import check_integer, reject
+
+SHOWN = 5  # trials in the table
+
+
+@dataclass(kw_only=True)
+class Tune(WorldArguments, ParallelArguments):
+    """Search for hyper-parameters of a recipe with Optuna, and write the best ones as a recipe.
+
+    The first trial is the recipe as it is. A training that is worse than half of the earlier ones ends early.
+    The same command goes on with an interrupted search, and with more --trials with one that has ended. The
+    reward of the best trial is a little too good, as it was chosen by it: evaluate the trained agent.
+    """
+
+    recipe: str = "ppo"
+    """Recipe to begin with, or a YAML file."""
+    search: Annotated[tuple[str, ...], shown_default("depends on the algorithm")] = ()
+    """What to search: n_epochs=1..10 (integers), gae_lambda=0.8..1.0, batch_size=512|1024|2048. A positive
+    range of a factor of ten or more is searched on a logarithmic scale."""
+    set: tuple[str, ...] = ()
+    """Hyper-parameters to override in all trials, such as n_envs=128."""
+    trials: int = 30
+    """Number of trials of the search, those of earlier calls included."""
+    steps: Annotated[int | None, shown_default("those of the recipe")] = None
+    """Environment steps of each training."""
+    seed: int = 0
+    """Seed of the trainings and of the proposals."""
+    out: Annotated[Path | None, shown_default("runs/tune-<environment>-<recipe>")] = None
+    """Folder of the search: trials.log and best.yml."""
+
+    def run(self) -> None:
+        """Search with a progress display, print the best trials and write best.yml.
+
+        Raises:
+            ArgumentError: an argument is not allowed, or the folder has another search.
+        """
+        check_integer("trials", self.trials)
+        check_integer("seed", self.seed, minimum=0, maximum=2**31 - 1)
+        if self.steps is not None:
+            check_integer("steps", self.steps)
+        workers = self.workers()
+        try:
+            import optuna  # noqa: F401
+        except ImportError:
+            raise reject("tune", None, "an installed Optuna: pip install 'hybrid-track[tune]'") from None
+        from rich.console import Console
+        from rich.table import Table
+
+        from agents.interface.output_files import output_folder
+        from agents.interface.progress import progress_display
+        from agents.training.recipe import load_recipe
+        from agents.training.run_folder import lock
+        from agents.training.runs import make_run
+        from agents.tuning.ranges import parse_ranges
+        from agents.tuning.search import Search, best_rows, ended, open_study, run_trials, write_best
+
+        recipe = load_recipe(self.recipe, self.env_id, self.set)
+        ranges = parse_ranges(self.search, recipe)
+        options = self.world_options()
+        make_run(self.env_id, options, recipe, self.seed, steps=self.steps)  # refuses what cannot be trained
+        search = Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
+        name = f"tune-{self.env_id.rpartition(':')[2]}-{recipe.name}"
+        folder = output_folder("out", self.out or Path("runs") / name)
+        console = Console(emoji=False)
+        with lock(folder):
+            study = open_study(search, folder)
+            with progress_display(console) as progress:
+                task = progress.add_task("Tuning", total=self.trials, completed=len(ended(study)), note="")
+
+                def show(note: str) -> None:
+                    rows = best_rows(study, 1)
+                    best = f"{note}, best reward {rows[0].value:+.3f}" if rows else note
+                    progress.update(task, advance=1, note=best)
+
+                run_trials(search, study, self.trials, workers, show)
+            rows = best_rows(study, SHOWN)
+            if not rows:
+                raise reject("trials", self.trials, "more trials: none was trained to its end")
+            path = write_best(search, study, folder)
+        table = Table(title=f"Best of {len(ended(study))} trials")
+        for header in ("trial", "reward", *(one.name for one in ranges)):
+            table.add_column(header, justify="right")
+        for row in rows:
+            values = [row.params[one.name] for one in ranges]
+            shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
+            table.add_row(str(row.number), f"{row.value:.3f}", *shown)
+        console.print(table)
+        console.print(f"Best recipe: {path}", markup=False, highlight=False)
+        console.print(f"Next: hybridtrack train --recipe {path}", markup=False, highlight=False)

@@ -1,0 +1,181 @@
+"""The search: Optuna proposes trials, workers train them, and a folder keeps them."""
+
+import functools
+import json
+import statistics
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import optuna
+import yaml
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
+from optuna.trial import FrozenTrial, TrialState
+
+from agents.interface.output_files import atomic_file
+from agents.interface.parallel import Call, Workers
+from agents.training.recipe import Recipe, load_recipe
+from agents.tuning.ranges import Range, changes_of, values_of
+from agents.tuning.trial import POINTS, Outcome, train_trial
+from hybrid_env.checks import ArgumentError, reject
+
+JOURNAL, BEST = "trials.log", "best.yml"
+TRIALS_AT_A_TIME = 4
+"""Trials that Optuna proposes at once. It does not depend on the number of jobs, so results do not either."""
+
+FIRST_TRIALS = 5
+"""Trials that are all trained to their end, before others may end early."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """Settings of a search.
+
+    Attributes:
+        env_id: registered id of the environment.
+        options: environment options that override those of the id.
+        recipe_name: name of a recipe, or path of a YAML file.
+        changes: hyper-parameters of the recipe to override.
+        ranges: what is searched.
+        seed: of the trainings and of the proposals.
+        steps: environment steps of a training; None uses those of the recipe.
+    """
+
+    env_id: str
+    options: dict[str, Any]
+    recipe_name: str
+    changes: tuple[str, ...]
+    ranges: tuple[Range, ...]
+    seed: int
+    steps: int | None
+
+    def recipe(self, values: dict[str, Any] | None = None) -> Recipe:
+        """Return the recipe, with the values of a trial if they are given."""
+        base = load_recipe(self.recipe_name, self.env_id, self.changes)
+        if values is None:
+            return base
+        return load_recipe(self.recipe_name, self.env_id, (*self.changes, *changes_of(values, base)))
+
+    def as_text(self) -> str:
+        """Return all settings; equal texts mean equal searches."""
+        return json.dumps(asdict(self) | {"recipe": self.recipe().as_json()}, sort_keys=True)
+
+
+def open_study(search: Search, folder: Path) -> optuna.Study:
+    """Create the study of a search in a folder, or open it to go on.
+
+    Raises:
+        ArgumentError: the folder has another search, or its file is damaged.
+    """
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        try:
+            storage = JournalStorage(JournalFileBackend(str(folder / JOURNAL)))
+            study = optuna.create_study(
+                storage=storage, study_name="tune", direction="maximize", load_if_exists=True
+            )
+        except (ValueError, KeyError, TypeError) as error:
+            raise reject("out", str(folder), f"a folder with a readable {JOURNAL} ({error})") from None
+    settings = study.user_attrs.get("search")
+    if settings is None:
+        study.set_user_attr("search", search.as_text())
+        study.enqueue_trial(values_of(search.recipe(), search.ranges))  # what the recipe has now
+    elif settings != search.as_text():
+        raise reject("out", str(folder), "a new folder, or the flags with which its search began")
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):  # of a killed search
+        study.tell(trial.number, state=TrialState.FAIL)
+        study.enqueue_trial(trial.system_attrs.get("fixed_params", {}) | trial.params)
+    return study
+
+
+def ended(study: optuna.Study) -> list[FrozenTrial]:
+    """Return the trials that were trained to their end, or ended early."""
+    return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
+
+
+def run_trials(
+    search: Search, study: optuna.Study, trials: int, workers: Workers, on_done: Callable[[str], None]
+) -> None:
+    """Train until a study has a number of trials.
+
+    Args:
+        search: settings.
+        study: of the search; trials that it has are not repeated.
+        trials: their number in the end.
+        workers: where the trainings run.
+        on_done: called after every trial.
+
+    Raises:
+        ArgumentError: no combination of values can be trained.
+    """
+    while (left := trials - len(ended(study))) > 0:
+        number = len(study.get_trials(deepcopy=False))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            study.sampler = optuna.samplers.TPESampler(seed=search.seed + number, constant_liar=True)
+        asked = {trial.number: trial for trial in (study.ask() for _ in range(min(left, TRIALS_AT_A_TIME)))}
+        calls: dict[int, Call] = {}
+        failed = {}
+        medians = median_rewards(study)
+        for one, trial in asked.items():
+            for searched in search.ranges:
+                searched.suggest(trial)
+            try:
+                recipe = search.recipe(trial.params)
+            except ArgumentError as error:
+                failed[one] = Outcome((), None, str(error))
+                continue
+            calls[one] = functools.partial(
+                train_trial, search.env_id, search.options, recipe, search.seed, search.steps, medians
+            )
+        outcomes = failed | dict(workers.results(calls, lambda one: on_done(f"trial {one}")))
+        for one, trial in asked.items():
+            _tell(study, trial, outcomes[one])
+        errors = [outcome.error for outcome in outcomes.values() if outcome.error]
+        if len(errors) == len(asked):
+            raise ArgumentError(f"no trial could be trained: {errors[-1]}")
+
+
+def _tell(study: optuna.Study, trial: optuna.Trial, outcome: Outcome) -> None:
+    for point, reward in enumerate(outcome.rewards):
+        trial.report(reward, point)
+    if outcome.error:
+        study.tell(trial, state=TrialState.FAIL)
+    elif outcome.reward is None:
+        study.tell(trial, state=TrialState.PRUNED)
+    else:
+        study.tell(trial, outcome.reward)
+
+
+def median_rewards(study: optuna.Study) -> tuple[float, ...]:
+    """Return the median reward of trials that were trained to their end, at each point of a training."""
+    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    if len(trials) < FIRST_TRIALS:
+        return ()
+    curves = [trial.intermediate_values for trial in trials]
+    return tuple(
+        statistics.median(curve.get(point, float("-inf")) for curve in curves) for point in range(POINTS)
+    )
+
+
+def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:
+    """Write the recipe of the best trial, for `hybridtrack train --recipe`."""
+    best = study.best_trial
+    entry = search.recipe(best.params).as_json()["entry"]
+    short = search.env_id.rpartition(":")[2]
+    text = f"# Trial {best.number} of {len(ended(study))}: reward {best.value:.3f} in the search.\n"
+    text += yaml.safe_dump({short: json.loads(json.dumps(entry))}, sort_keys=False)
+    path = folder / BEST
+    with atomic_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def best_rows(study: optuna.Study, count: int) -> Sequence[FrozenTrial]:
+    """Return the trials with the largest rewards, the best first."""
+    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+    return sorted(trials, key=lambda trial: (-(trial.value or 0.0), trial.number))[:count]

@@ -1,0 +1,66 @@
+"""HybridTrack for beginners: a declaration counts once the evidence favours a mode."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.env import HybridTrackEnv
+from hybrid_env.vector_env import HybridTrackVectorEnv
+from hybrid_env.world import World
+
+EVEN = 0.5
+"""Posterior probability at which a declaration is as likely right as wrong."""
+
+
+class HybridTrackEasyEnv(HybridTrackEnv):
+    """HybridTrack for the default settings of learning libraries: a declaration that comes too early waits.
+
+    As long as no mode has a posterior probability above one half (equal priors), every action is the action
+    to wait. What counts as a mode is what must be correct: a hypothesis, or with `correctness="type"`
+    straight, left or right. All else is that of `HybridTrackEnv`: rewards compare with those of
+    `HybridTrack-v0`, where a policy earns the same if it waits in these ticks.
+
+    A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment
+    after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here it
+    decides from the first episode on where measurements tell modes apart.
+
+    Nothing good is lost: by the posterior, a declaration at or below one half earns nothing or less on
+    average. It could only be best where a tick costs more than it shows, with a `delay_cost` far above the
+    default, or where the posterior of the bank is wrong.
+    """
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """See `HybridTrackEnv.step`; waits if it is too early for a declaration."""
+        if self._started and self.action_space.contains(action) and too_early(self.world)[0]:
+            action = 0
+        return super().step(action)
+
+
+class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
+    """A vector environment of N `HybridTrackEasyEnv` tracks, see `HybridTrackVectorEnv`."""
+
+    def step(
+        self, actions: NDArray[np.int64]
+    ) -> tuple[
+        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
+    ]:
+        """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
+        actions = np.asarray(actions)
+        if self._started and actions.shape == self._shape and actions.dtype.kind in "iu":
+            valid = (actions >= 0) & (actions < self.world.options.action_count)  # others are refused
+            actions = np.where(valid & too_early(self.world), 0, actions)
+        return super().step(actions)
+
+
+def too_early(world: World) -> NDArray[np.bool_]:
+    """Return whether no mode has a posterior probability above one half, (N,)."""
+    posterior = np.exp(world.layout.read(world.observations, "log_ratio"), dtype=np.float64)
+    posterior /= posterior.sum(1, keepdims=True)
+    if world.options.correctness == "type":
+        one_side = posterior.shape[1] // 2
+        posterior = np.stack(
+            [posterior[:, 0], posterior[:, 1 : one_side + 1].sum(1), posterior[:, one_side + 1 :].sum(1)], 1
+        )
+    early: NDArray[np.bool_] = posterior.max(1) <= EVEN
+    return early

@@ -1,0 +1,93 @@
+"""Independent calls in processes: order, lost workers, errors, and equal results of a study."""
+
+import functools
+import os
+import signal
+
+import pytest
+import yaml
+
+from agents.cli import main
+from agents.interface import parallel
+from agents.interface.parallel import Workers
+from hybrid_env.checks import ArgumentError
+
+SMALL_RECIPE = {
+    "algo": "ppo", "n_timesteps": 2560, "n_envs": 20, "n_steps": 32, "batch_size": 320, "n_epochs": 2,
+    "learning_rate": "lin_6e-3", "gae_lambda": 0.9, "ent_coef": 0.0, "policy": "MlpPolicy",
+    "policy_kwargs": {"net_arch": [16]},
+}  # fmt: skip
+
+
+def square(number):
+    return number**2, os.getpid()
+
+
+def killed_once(marker, number):
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def refused():
+    raise ArgumentError("radii=0 is not allowed: expected a number > 0")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_come_in_the_order_of_the_calls(jobs):
+    done = []
+    calls = {f"call {number}": functools.partial(square, number) for number in range(6)}
+    found = list(Workers(jobs).results(calls, done.append))
+    assert [name for name, _ in found] == list(calls)
+    assert [result for _, (result, _) in found] == [0, 1, 4, 9, 16, 25]
+    assert sorted(done) == list(calls)
+    processes = {process for _, (_, process) in found}
+    assert (os.getpid() in processes) == (jobs == 1)
+
+
+def test_the_call_of_a_lost_worker_is_repeated(tmp_path):
+    calls = {number: functools.partial(killed_once, tmp_path / "killed", number) for number in range(4)}
+    assert dict(Workers(2).results(calls)) == {number: number for number in range(4)}
+    assert (tmp_path / "killed").exists()
+
+
+def test_a_call_that_always_ends_its_worker_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(parallel, "LARGEST_RETRIES", 0)
+    calls = {number: functools.partial(os._exit, 1) for number in range(2)}
+    with pytest.raises(ArgumentError, match="workers were lost 1 times: expected enough memory"):
+        list(Workers(2).results(calls))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_error_of_a_call_is_raised(jobs):
+    with pytest.raises(ArgumentError, match="radii=0 is not allowed"):
+        list(Workers(jobs).results({"one": refused, "other": functools.partial(square, 2)}))
+
+
+def test_invalid_workers_are_refused():
+    with pytest.raises(ArgumentError, match="jobs=0 is not allowed"):
+        Workers(0)
+    with pytest.raises(ArgumentError, match="engine='spark' is not allowed: expected one of 'local', 'ray'"):
+        Workers(1, "spark")
+
+
+def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, capsys):
+    files = []
+    for jobs in ("1", "2"):
+        files.append(tmp_path / f"{jobs}.json")
+        command = ["evaluate", "msprt", "ate", "--drawn", "1", "--episodes", "20", "--jobs", jobs]
+        assert main([*command, "--out", str(files[-1])]) == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert "HybridTrack-v0 under distribution shift" in capsys.readouterr().out
+
+
+def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
+    recipe = tmp_path / "small.yml"
+    recipe.write_text(yaml.safe_dump({"default": SMALL_RECIPE}))
+    command = ["compare", "--deciders", "ate", "msprt", "--agents", str(recipe), "--training-seeds", "2"]
+    command += ["--episodes", "20", "--selection-episodes", "20", "--scheme", "random 2x20-30"]
+    for jobs in ("1", "2"):
+        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("compare.json", "compare.png", "episode.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()

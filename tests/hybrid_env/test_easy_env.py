@@ -1,0 +1,74 @@
+"""The environment for beginners: when a declaration counts, by the likelihoods of info, and vector tracks."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from hybrid_env import HybridTrackEasyEnv, HybridTrackEasyVectorEnv
+
+SHORT = {"scheme": "random 2x5-30", "radii": (3.0, 5.0)}
+
+
+def mode_posteriors(info, by_type):
+    """Posterior probabilities for equal priors, in double precision: (M,) or (3,) straight, left, right."""
+    likelihood = np.exp(info["log_likelihood"] - info["log_likelihood"].max())
+    posterior = likelihood / likelihood.sum()
+    side = len(posterior) // 2
+    return np.array([posterior[0], *map(sum, np.split(posterior[1:], [side]))]) if by_type else posterior
+
+
+@pytest.mark.parametrize("by_type", [False, True])
+def test_a_declaration_waits_until_a_mode_is_more_likely_than_all_others(by_type):
+    options = {"radii": (3.0, 5.0)} | ({"correctness": "type"} if by_type else {})
+    easy, plain = gym.make("HybridTrackEasy-v0", **options), gym.make("HybridTrack-v0", **options)
+    generator = np.random.default_rng(5)
+    waited = declared = 0
+    for seed in range(10):
+        row, info = easy.reset(seed=seed)
+        assert row.tobytes() == plain.reset(seed=seed)[0].tobytes()
+        done = False
+        while not done:
+            action = int(generator.integers(0, 6))
+            early = mode_posteriors(info, by_type).max() <= 0.5
+            waited, declared = waited + (early and action > 0), declared + (not early and action > 0)
+            row, reward, done, _, info = easy.step(action)
+            expected = plain.step(0 if early else action)
+            assert row.tobytes() == expected[0].tobytes()
+            assert (reward, done) == (expected[1], expected[2])
+    assert waited > 100
+    assert declared >= 10
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_vector_environment_equals_single_environments_across_autoresets(mode):
+    ours = HybridTrackEasyVectorEnv(3, autoreset_mode=mode, **SHORT)
+    theirs = SyncVectorEnv([lambda: HybridTrackEasyEnv(**SHORT)] * 3, autoreset_mode=mode)
+    np.testing.assert_array_equal(ours.reset(seed=7)[0], theirs.reset(seed=7)[0])
+    generator = np.random.default_rng(1)
+    resets = 0
+    for _ in range(300):
+        actions = generator.integers(0, 6, 3)
+        mine, other = ours.step(actions), theirs.step(actions)
+        for k in range(4):
+            np.testing.assert_array_equal(mine[k], other[k])
+        resets += mine[2].sum()
+    assert resets > 20
+
+
+@pytest.mark.parametrize("action", [4, -1, 1.5, "wait"])
+def test_invalid_actions_are_refused_also_where_every_action_waits(action):
+    env, envs = gym.make("HybridTrackEasy-v0").unwrapped, gym.make_vec("HybridTrackEasy-v0", 2)
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction):
+        env.step(action)
+    with pytest.raises(gym.error.InvalidAction):
+        envs.step(np.array([0, action]))
+
+
+def test_a_reset_is_needed_first():
+    with pytest.raises(gym.error.ResetNeeded):
+        gym.make("HybridTrackEasy-v0").unwrapped.step(1)
+    with pytest.raises(gym.error.ResetNeeded):
+        gym.make_vec("HybridTrackEasy-v0", 2).step(np.array([1, 1]))
