@@ -107,7 +107,8 @@ class TrackingArguments:
             ArgumentError: an argument does not fit the recording.
         """
         self.check_tracking()
-        grid, outliers = without_outliers(tick_grid(recording))
+        full = tick_grid(recording)
+        grid, outliers = without_outliers(full)
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
         model = fit_model(
@@ -122,6 +123,9 @@ class TrackingArguments:
             )
         except ArgumentError as error:
             raise _in_units(error, model) from None
+        if getattr(tracker.decider, "needs_measurements", False):
+            grid, outliers = full, 0
+            _check_measured(name, grid)
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(
             grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
@@ -168,6 +172,16 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
         ArgumentError: an argument has a value that is not allowed.
     """
     return TrackingArguments(**options).track(make_recording(times, positions))
+
+
+def _check_measured(name: str, grid: TickGrid) -> None:
+    """Check that every tick has a measurement, for a decider that cannot do without one."""
+    missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
+    if missing:
+        allowed = (
+            f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
+        )
+        raise reject("decider", name, allowed)
 
 
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:

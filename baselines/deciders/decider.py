@@ -13,7 +13,8 @@ class Decider(Protocol):
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
     A decider with filters of its own has an attribute `every_tick` that is True: `baselines.OnlineTracker`
-    asks it also in ticks without a measurement, so that its filters predict.
+    asks it also in ticks without a measurement, so that its filters predict. One that cannot predict has an
+    attribute `needs_measurements` that is True.
     """
 
     def predict(

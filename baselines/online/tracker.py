@@ -67,7 +67,8 @@ class OnlineTracker:
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
     k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
-    are asked in these ticks: their filters predict, too.
+    are asked in these ticks: their filters predict, too. Those whose `needs_measurements` is True need a
+    measurement at every tick.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
@@ -140,7 +141,7 @@ class OnlineTracker:
         self._episode_start = np.ones(1, np.bool_)
 
     def switch(self, ticks: int | None = None) -> None:
-        """Announce that the next measurement is the first one after a switch; see `WorldOptions`.
+        """Announce that the next update is the first one after a switch, also `update(None)`.
 
         Args:
             ticks: until the next switch, which some learned deciders read; None assumes the longest segment
@@ -164,12 +165,18 @@ class OnlineTracker:
             What is known after it.
 
         Raises:
-            ArgumentError: the measurement is not finite, or the time does not fit the ticks.
+            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is
+                missing and the decider cannot do without it.
         """
         point = None if measurement is None else _checked_point(measurement)
         moment = None if time is None else check_number("time", time)
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
+        if missing and getattr(self.decider, "needs_measurements", False):
+            allowed = (
+                f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
+            )
+            raise reject("missing measurements", missing, allowed)
         if moment is not None:
             self._last_time = moment
         elif self._last_time is not None:
@@ -179,21 +186,27 @@ class OnlineTracker:
                 return self._line_so_far(self._collected)
             missing = 0
         world = self.world
-        for _ in range(missing):
+        for k in range(missing):
+            if point is None and k == missing - 1:
+                self._begin_announced()  # the tick of `update(None)` itself
             world.skip()
             if self._every_tick and world.asks:
                 world.decide(self._ask_decider())
         if point is not None:
             self._measured = True
-            if self._ticks is not None:
-                world.begin_segment(self._ticks)
-                self._ticks = None
+            self._begin_announced()
             world.measure(*point)
             if world.asks:
                 world.decide(self._ask_decider())
         return OnlineEstimate(
             world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance()
         )
+
+    def _begin_announced(self) -> None:
+        """Begin the segment that `switch` has announced, if there is one."""
+        if self._ticks is not None:
+            self.world.begin_segment(self._ticks)
+            self._ticks = None
 
     def __copy__(self) -> "OnlineTracker":
         return copy.deepcopy(self)  # two objects that share a bank would disturb each other

@@ -33,7 +33,7 @@ class MeasurementDecider(Generic[State]):
         hypotheses: M, number of modes.
     """
 
-    every_tick = True
+    needs_measurements = True
     hypotheses: int
 
     def begin(self, tracks: int) -> State:

@@ -211,23 +211,32 @@ def test_a_decider_with_an_action_outside_the_space_is_refused(answer):
         OnlineTracker(QuickestOptions(), Wrong(answer))
 
 
-@pytest.mark.parametrize("decider", [KeptCovarianceDecider(WorldOptions()), BeamDecider(QuickestOptions())])
-def test_deciders_with_filters_of_their_own_are_asked_in_ticks_without_a_measurement(decider, monkeypatch):
-    known = isinstance(decider, KeptCovarianceDecider)
-    points = measurements(40)
-    results = []
+def test_a_decider_that_cannot_predict_needs_every_measurement():
+    tracker = OnlineTracker(QuickestOptions(), BeamDecider(QuickestOptions()))
+    for k, point in enumerate(measurements(20)):
+        tracker.update(point, 0.1 * k)
+    for point, time in (((4.0, 0.0), 2.2), (None, 2.0)):
+        with pytest.raises(ArgumentError, match=r"missing measurements=\d is not allowed"):
+            tracker.update(point, time)
+    tracker.update((4.0, 0.4), 2.0)
+
+
+def test_a_decider_with_filters_of_its_own_is_asked_in_ticks_without_a_measurement(monkeypatch):
+    decider, points, results = KeptCovarianceDecider(WorldOptions(), 1e-9), measurements(40), []
     for jump in (False, True):
-        tracker = OnlineTracker(WorldOptions() if known else QuickestOptions(), decider)
+        tracker = OnlineTracker(WorldOptions(), decider)
         asked, ask = [], tracker._ask_decider
         monkeypatch.setattr(tracker, "_ask_decider", lambda ask=ask, asked=asked: asked.append(1) or ask())
         for k, point in enumerate(points):
-            if not 15 <= k < 18:
+            if not 12 <= k < 15:
                 now = tracker.update(point, 0.1 * k)
             elif not jump:
                 now = tracker.update(None)
-        results.append((len(asked), now.mode, now.estimate.tolist()))
+            if k == 15:
+                results.append((len(asked), now.decided, now.mode, now.estimate.tolist()))
     assert results[0] == results[1]
-    assert known or results[0][0] == len(points) - 3  # at first three measurements are collected
+    assert not results[0][1]
+    assert results[0][0] == 6  # after ten measurements for the start, three of them missing
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])
