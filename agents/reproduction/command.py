@@ -5,12 +5,15 @@ import time
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import tyro
 
 from agents.interface.parallel_arguments import ParallelArguments
 from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from agents.interface.parallel import Call
 
 Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk", "novospaskyi"]
 PAPERS: tuple[Paper, ...] = tuple(paper for paper in get_args(Paper) if paper != "novospaskyi")
@@ -62,7 +65,9 @@ class Reproduce(ParallelArguments):
         console = Console(emoji=False)
         runs = RUNS if self.runs is None else self.runs
         others = [paper for paper in self.papers if paper != "novospaskyi"]  # which shows its own progress
-        calls = {paper: functools.partial(_reproduce, paper, runs, self.seed) for paper in others}
+        calls: "dict[Paper, Call]" = {
+            paper: functools.partial(_reproduce, paper, runs, self.seed) for paper in others
+        }
         with progress_display(console) as progress:
             task = progress.add_task("Reproducing", total=len(self.papers), note="")
             found = dict(workers.results(calls, lambda paper: progress.update(task, advance=1, note=paper)))

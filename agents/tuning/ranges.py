@@ -77,7 +77,7 @@ def parse_range(text: str) -> Range:
     bounds = values.split("..")
     try:
         if len(bounds) == 2 and all(re.fullmatch(r"[+-]?\d+", bound) for bound in bounds):
-            found: Range = Range(name, *(int(bound) for bound in bounds))
+            found = Range(name, int(bounds[0]), int(bounds[1]))
         else:
             low, high = (float(bound) for bound in bounds)
             found = Range(name, low, high)
