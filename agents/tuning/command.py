@@ -48,10 +48,6 @@ class Tune(WorldArguments, ParallelArguments):
         if self.steps is not None:
             check_integer("steps", self.steps)
         workers = self.workers()
-        try:
-            import optuna  # noqa: F401
-        except ImportError:
-            raise reject("tune", None, "an installed Optuna: pip install 'hybrid-track[tune]'") from None
         from rich.console import Console
         from rich.table import Table
 
