@@ -65,7 +65,7 @@ class Reproduce(ParallelArguments):
         console = Console(emoji=False)
         runs = RUNS if self.runs is None else self.runs
         others = [paper for paper in self.papers if paper != "novospaskyi"]  # which shows its own progress
-        calls: "dict[Paper, Call]" = {
+        calls: dict[Paper, Call] = {
             paper: functools.partial(_reproduce, paper, runs, self.seed) for paper in others
         }
         with progress_display(console) as progress:
