@@ -22,9 +22,9 @@ class FlightCounts(NamedTuple):
             is scored, and their mode is stated or missed.
         missed: of them, those whose mode is not stated before the next one.
         delay: sum of the times from each other change to the first right statement [s].
-        false: changes of the statement to a mode that is not the label in any row until the next change, if
-            more than half of these rows are scored.
-        changes: changes of the statement in scored rows.
+        false: changes of the statement to a mode that is not the label in any row until the next change.
+        changes: changes of the statement. Of both, those are counted after which more than half of the rows
+            until the next change are scored.
     """
 
     scored: float
@@ -87,19 +87,21 @@ def _count_piece(
             missed += 1
     return FlightCounts(
         float(weights.sum()), float(weights[right].sum()), labels, missed, delay,
-        _false_changes(changed, right, scored), int((changed & scored).sum()),
+        *_count_changes(changed, right, scored),
     )  # fmt: skip
 
 
-def _false_changes(
+def _count_changes(
     changed: NDArray[np.bool_], right: NDArray[np.bool_], scored: NDArray[np.bool_]
-) -> int:
+) -> tuple[int, int]:
+    """Return the false changes and all changes."""
     begins = np.flatnonzero(changed)
     if not begins.size:
-        return 0
+        return 0, 0
     rows = np.append(begins, len(changed))[1:] - begins
     ever_right, certain = (np.add.reduceat(flags.astype(np.int64), begins) for flags in (right, scored))
-    return int(((ever_right == 0) & (2 * certain > rows)).sum())
+    counted = 2 * certain > rows
+    return int((counted & (ever_right == 0)).sum()), int(counted.sum())
 
 
 def figures(counts: Sequence[FlightCounts]) -> FlightFigures:

@@ -97,12 +97,12 @@ def test_rules_of_turns():
     rates = np.zeros(100)
     rates[10:30], rates[33:50] = 0.03, 0.03  # one turn, because the gap is short
     rates[60:65] = -0.05  # too short
-    rates[70:95] = -0.008  # too slow
+    rates[75:95] = -0.008  # too slow
     modes, turning = find_turns(edges, rates, LabelRules())
     assert (modes[10:50] == LEFT).all()
     assert (modes[50:] == STRAIGHT).all()
     assert turning[60:65].all()
-    assert turning[70:95].all()
+    assert turning[75:95].all()
 
 
 def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
