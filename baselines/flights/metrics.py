@@ -59,14 +59,21 @@ def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, i
     total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0)
     for first, end in pieces:
         part = _count_piece(
-            *(values[first:end] for values in (labels.times, labels.modes, labels.scored, labels.weights, stated))
+            *(
+                values[first:end]
+                for values in (labels.times, labels.modes, labels.scored, labels.weights, stated)
+            )
         )
         total = FlightCounts(*(a + b for a, b in zip(total, part, strict=True)))
     return total
 
 
 def _count_piece(
-    times: NDArray[np.float64], modes: IntArray, scored: NDArray[np.bool_], weights: NDArray[np.float64], stated: IntArray
+    times: NDArray[np.float64],
+    modes: IntArray,
+    scored: NDArray[np.bool_],
+    weights: NDArray[np.float64],
+    stated: IntArray,
 ) -> FlightCounts:
     right = stated == modes
     changed = np.diff(stated, prepend=stated[:1]) != 0
@@ -127,9 +134,12 @@ def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
 
     return [
-        over(agreed, scored), over(delay, labels - missed), over(missed, labels), over(3600.0 * false, scored),
+        over(agreed, scored),
+        over(delay, labels - missed),
+        over(missed, labels),
+        over(3600.0 * false, scored),
         over(changes, labels),
-    ]  # fmt: skip
+    ]
 
 
 def unstack(batch: Batch, values: IntArray, lengths: Sequence[int]) -> list[IntArray]:
