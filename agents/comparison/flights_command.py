@@ -32,13 +32,13 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
         for k, flight in enumerate(result.flights):
             stated = [(DECIDERS[name][0], result.stated[name][k]) for name in reversed(plan.deciders)]
             values = figures([result.counts[plan.deciders[-1]][k]])
-            title = f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {values.agreement:.1%}"
+            title = (
+                f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {values.agreement:.1%}"
+            )
             draw_flight(
                 flight, result.labels[k], stated, title, folder / f"{flight.identity.replace(':', '-')}.png"
             )
     write_json(folder / "flights.json", flights_json(result))
     console.print(flights_table(result))
     console.print(sensitivity_table(result))
-    console.print(
-        f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False
-    )
+    console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)

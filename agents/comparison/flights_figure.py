@@ -53,7 +53,10 @@ def flight_figure(
     _draw_timeline(timeline, flight, labels, stated)
     canvas.suptitle(title)
     handles = [
-        *(Line2D([], [], color=TYPE_COLOURS[mode], linewidth=2.5, label=name) for mode, name in enumerate(MODE_NAMES)),
+        *(
+            Line2D([], [], color=TYPE_COLOURS[mode], linewidth=2.5, label=name)
+            for mode, name in enumerate(MODE_NAMES)
+        ),
         Line2D([], [], color=shade(TYPE_COLOURS[1], 0.6), linewidth=LABEL_WIDTH, label="pale: label"),
         Line2D([], [], color=UNSCORED, linewidth=LABEL_WIDTH, label="not scored"),
     ]
@@ -73,7 +76,9 @@ def _draw_ground(axes: Any, flight: Flight, labels: Labels, stated: IntArray) ->
             for begin, stop, mode in _runs(modes[first:end]):
                 lines.append(points[max(first + begin - 1, first) : first + stop])
                 shades.append(colours[mode])
-        axes.add_collection(LineCollection(lines, colors=shades, linewidths=width, capstyle="butt", zorder=order))
+        axes.add_collection(
+            LineCollection(lines, colors=shades, linewidths=width, capstyle="butt", zorder=order)
+        )
     axes.plot(*points[0], "s", color="black", markersize=5, zorder=3)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
@@ -81,9 +86,7 @@ def _draw_ground(axes: Any, flight: Flight, labels: Labels, stated: IntArray) ->
     axes.set(xlabel="x east [km]", ylabel="y north [km]")
 
 
-def _draw_timeline(
-    axes: Any, flight: Flight, labels: Labels, stated: Sequence[tuple[str, IntArray]]
-) -> None:
+def _draw_timeline(axes: Any, flight: Flight, labels: Labels, stated: Sequence[tuple[str, IntArray]]) -> None:
     minutes = flight.times / 60.0
     shown = np.where(labels.scored, labels.modes, len(TYPE_COLOURS))
     colours = [*TYPE_COLOURS, UNSCORED]

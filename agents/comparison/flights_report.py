@@ -26,9 +26,9 @@ def flights_table(result: FlightComparison) -> Table:
     table = Table(
         title=f"{len(result.flights)} recorded flights, {hours:.1f} scored hours",
         caption=(
-            "In brackets: 95 % interval, flights drawn with replacement. Twins: agreement on simulated flights\n"
-            "with the same steps, speeds and labels. Delay: from a change of the label to the first right\n"
-            "statement. False: a change to a mode that is not the label until the next change."
+            "In brackets: 95 % interval, flights drawn with replacement. Twins: agreement on simulated\n"
+            "flights with the same steps, speeds and labels. Delay: from a change of the label to the first\n"
+            "right statement. False: a change to a mode that is not the label until the next change."
         ),
         caption_justify="left",
         box=box.SIMPLE_HEAD,
@@ -84,7 +84,9 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                 | {
                     "intervals": {
                         key: [_number(low), _number(high)]
-                        for key, (low, high) in zip(COLUMNS, result.group(decider, name).intervals, strict=True)
+                        for key, (low, high) in zip(
+                            COLUMNS, result.group(decider, name).intervals, strict=True
+                        )
                     },
                     "twins": _figures_json(result.group(decider, name).twin),
                 }

@@ -188,7 +188,8 @@ def _decide(
     estimates = run_turn_imm(batch)
     lengths = [len(flight.times) for flight in flights]
     stated = {
-        name: unstack(batch, decider.state_modes(batch, estimates), lengths) for name, decider in deciders.items()
+        name: unstack(batch, decider.state_modes(batch, estimates), lengths)
+        for name, decider in deciders.items()
     }
     return stated, {
         name: [

@@ -1,8 +1,8 @@
 """Inputs of the agent for flights, from the output of the filter over turn rates.
 
 As in `statement_inputs`, the network sees a flight once from the side of each turn, with lateral values
-mirrored to it. Each column says nothing about the units of length; times are in seconds, as in the settings of
-the filter.
+mirrored to it. No input depends on the unit of length; times are in seconds, as in the settings of the
+filter.
 """
 
 import numpy as np

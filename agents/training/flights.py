@@ -1,7 +1,7 @@
 """Training of the agent for flights, in simulation only: `python -m agents.training.flights --out FOLDER`.
 
-Every round simulates new flights of the tiers A, B and C, and makes one step of the optimizer for every piece of
-them, on the expected reward of its statements.
+Every round simulates new flights of the tiers A, B and C, and makes one step of the optimizer for every
+piece of them, on the expected reward of its statements.
 """
 
 import time

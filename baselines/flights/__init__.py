@@ -1,0 +1,15 @@
+"""Recorded flights: reading, labels, and rules that state the mode of motion at every position.
+
+`samples` reads the ADS-B reports of the package `traffic` where they are installed, `flight` cleans them and
+`tiers` says how good they are. `labels` finds the turns with a smoother that sees the whole flight.
+`turn_imm` is the filter that the rules of `statements` read, and `metrics` compares them with the labels.
+`simulated` makes flights that look like the recorded ones, and simulated twins of these.
+
+    samples = Samples()                                     # or a folder or wheel
+    flights = [samples.flight("samu31:39ac45:0")]
+    labels = label_flights(flights)
+    batch = stack_flights(flights)                          # the pieces between gaps, as columns
+    stated = Threshold().state_modes(batch, run_turn_imm(batch))
+
+May import: `hybrid_env`, `baselines.filters`, `baselines.recordings`. Never `agents`.
+"""

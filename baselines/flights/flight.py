@@ -61,7 +61,12 @@ class Flight:
 
 
 def clean_flight(
-    identity: str, tier: Tier, times: FloatArray, latitudes: FloatArray, longitudes: FloatArray, angles: FloatArray
+    identity: str,
+    tier: Tier,
+    times: FloatArray,
+    latitudes: FloatArray,
+    longitudes: FloatArray,
+    angles: FloatArray,
 ) -> Flight:
     """Return a flight of reports in any order.
 

@@ -1,10 +1,10 @@
 """What each flight was doing, from a smoother that sees the whole flight.
 
 The Rauch-Tung-Striebel smoother of constant acceleration gives the turn rate at every position. Rows in which
-it exceeds a bound are a candidate; candidates that turn fast, far and long enough are turns, other rows are
-straight motion. Rows in which this cannot be said with confidence are not scored: candidates that are no turns
-(slow drifts, wiggles), low speeds, and rows in which the same rules, applied to the aircraft's own track angle
-that it reports from its own sensors, say something else.
+it exceeds a bound are a candidate; candidates that turn fast, far and long enough are turns, other rows
+are straight motion. Rows in which this cannot be said with confidence are not scored: candidates that are no
+turns (slow drifts, wiggles), low speeds, and rows in which the same rules say something else when they are
+applied to the track angle that the aircraft reports from its own sensors.
 """
 
 from collections.abc import Callable, Sequence
@@ -186,9 +186,7 @@ def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple
         if not firsts.size:
             continue
         apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
-        for first, end in zip(
-            firsts[np.append(True, apart)], ends[np.append(apart, True)], strict=True
-        ):
+        for first, end in zip(firsts[np.append(True, apart)], ends[np.append(apart, True)], strict=True):
             rows = slice(int(first), int(end))
             widths = np.diff(edges[rows.start : rows.stop + 1])
             turned = abs(float((rates[rows] * widths).sum()))

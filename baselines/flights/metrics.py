@@ -22,9 +22,9 @@ class FlightCounts(NamedTuple):
             is scored, and their mode is stated or missed.
         missed: of them, those whose mode is not stated before the next one.
         delay: sum of the times from each other change to the first right statement [s].
-        false: changes of the statement to a mode that is not the label in any row until the next change, if
-            more than half of these rows are scored.
-        changes: changes of the statement in scored rows.
+        false: changes of the statement to a mode that is not the label in any row until the next change.
+        changes: changes of the statement. Of both, those are counted after which more than half of the rows
+            until the next change are scored.
     """
 
     scored: float
@@ -59,14 +59,21 @@ def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, i
     total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0)
     for first, end in pieces:
         part = _count_piece(
-            *(values[first:end] for values in (labels.times, labels.modes, labels.scored, labels.weights, stated))
+            *(
+                values[first:end]
+                for values in (labels.times, labels.modes, labels.scored, labels.weights, stated)
+            )
         )
         total = FlightCounts(*(a + b for a, b in zip(total, part, strict=True)))
     return total
 
 
 def _count_piece(
-    times: NDArray[np.float64], modes: IntArray, scored: NDArray[np.bool_], weights: NDArray[np.float64], stated: IntArray
+    times: NDArray[np.float64],
+    modes: IntArray,
+    scored: NDArray[np.bool_],
+    weights: NDArray[np.float64],
+    stated: IntArray,
 ) -> FlightCounts:
     right = stated == modes
     changed = np.diff(stated, prepend=stated[:1]) != 0
@@ -87,19 +94,21 @@ def _count_piece(
             missed += 1
     return FlightCounts(
         float(weights.sum()), float(weights[right].sum()), labels, missed, delay,
-        _false_changes(changed, right, scored), int((changed & scored).sum()),
+        *_count_changes(changed, right, scored),
     )  # fmt: skip
 
 
-def _false_changes(
+def _count_changes(
     changed: NDArray[np.bool_], right: NDArray[np.bool_], scored: NDArray[np.bool_]
-) -> int:
+) -> tuple[int, int]:
+    """Return the false changes and all changes."""
     begins = np.flatnonzero(changed)
     if not begins.size:
-        return 0
+        return 0, 0
     rows = np.append(begins, len(changed))[1:] - begins
     ever_right, certain = (np.add.reduceat(flags.astype(np.int64), begins) for flags in (right, scored))
-    return int(((ever_right == 0) & (2 * certain > rows)).sum())
+    counted = 2 * certain > rows
+    return int((counted & (ever_right == 0)).sum()), int(counted.sum())
 
 
 def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
@@ -125,9 +134,12 @@ def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
 
     return [
-        over(agreed, scored), over(delay, labels - missed), over(missed, labels), over(3600.0 * false, scored),
+        over(agreed, scored),
+        over(delay, labels - missed),
+        over(missed, labels),
+        over(3600.0 * false, scored),
         over(changes, labels),
-    ]  # fmt: skip
+    ]
 
 
 def unstack(batch: Batch, values: IntArray, lengths: Sequence[int]) -> list[IntArray]:

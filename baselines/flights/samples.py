@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines.flights.flight import Flight, clean_flight
-from baselines.flights.tiers import tier_of
+from baselines.flights.tiers import UNUSABLE, tier_of
 from hybrid_env.checks import ArgumentError, reject
 
 GAP = 600.0
@@ -89,6 +89,8 @@ class Samples:
             ArgumentError: there is no such flight, or it has too few positions.
         """
         name, separator, _ = identity.partition(":")
+        if name in UNUSABLE:
+            raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
         flights = self.flights_of(name) if separator else {}
         if identity not in flights:
             some = ", ".join(list(flights)[:5])
@@ -114,7 +116,9 @@ def installed_samples() -> Path:
         ArgumentError: the package is not installed.
     """
     spec = importlib.util.find_spec("traffic")
-    places = [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
+    places = (
+        [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
+    )
     for place in places:
         folder = Path(place) / "data" / "samples"
         if folder.is_dir():
@@ -123,7 +127,7 @@ def installed_samples() -> Path:
 
 
 def report_times(column: pd.Series) -> NDArray[np.float64]:
-    """Return times since 1970 [s], NaN where there is none, of dates or numbers of seconds or milliseconds."""
+    """Return times since 1970 [s], NaN where there is none, of dates or of numbers [s or ms]."""
     if column.dtype.kind == "M":
         milliseconds = column.astype("datetime64[ms]").to_numpy()
         return np.where(np.isnat(milliseconds), np.nan, milliseconds.astype(np.int64) / 1000.0)

@@ -3,8 +3,8 @@
 A flight is a sequence of straight motion and turns. In a turn the aircraft rolls in within some seconds and
 keeps a turn rate that jitters; in straight motion the heading wanders slowly. Positions have the noise of the
 tier: an error of their time, and one of the position itself, both with a Student t distribution. The settings
-are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the score of a
-decider.
+are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the score of
+a decider.
 """
 
 from collections.abc import Sequence
@@ -76,14 +76,19 @@ def simulate_flights(
         grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
         wanted = _draw_rates(grid, dict(settings.straight)[tier.name], generator, settings)
         speed = np.exp(generator.uniform(*np.log(settings.speeds)))
-        flight, label = fly(f"simulated:{k}:0", tier, times, wanted, np.full(len(grid), speed), generator, settings)
+        flight, label = fly(
+            f"simulated:{k}:0", tier, times, wanted, np.full(len(grid), speed), generator, settings
+        )
         flights.append(flight)
         labels.append(label)
     return flights, labels
 
 
 def twins(
-    flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator, world: FlightWorld | None = None
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    generator: np.random.Generator,
+    world: FlightWorld | None = None,
 ) -> tuple[list[Flight], list[Labels]]:
     """Return simulated flights with the steps, speeds and sequences of labels of recorded ones."""
     settings = FlightWorld() if world is None else world
@@ -98,7 +103,15 @@ def twins(
         speeds = np.interp(grid, flight.times, np.clip(label.speeds, 1.0, 400.0))
         smooth = np.convolve(np.pad(speeds, 30, mode="edge"), np.ones(61) / 61.0, "valid")
         results.append(
-            fly(f"twin of {flight.identity}", flight.tier, flight.times, rates[row], smooth, generator, settings)
+            fly(
+                f"twin of {flight.identity}",
+                flight.tier,
+                flight.times,
+                rates[row],
+                smooth,
+                generator,
+                settings,
+            )
         )
     return [one for one, _ in results], [one for _, one in results]
 
@@ -138,7 +151,8 @@ def fly(
     flight = Flight(identity, tier, times, positions, np.full(len(times), np.nan), Projection(0.0, 0.0), 0, 0)
     true_rates, speed = np.interp(times, grid, rates), np.interp(times, grid, speeds)
     return flight, label_pieces(
-        flight, lambda a, b: make_labels(times[a:b], true_rates[a:b], speed[a:b], flight.tracks[a:b], LabelRules())
+        flight,
+        lambda a, b: make_labels(times[a:b], true_rates[a:b], speed[a:b], flight.tracks[a:b], LabelRules()),
     )
 
 

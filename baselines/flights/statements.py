@@ -42,8 +42,8 @@ class Threshold:
 class Cusum:
     """Page's CUSUM of the likelihoods of the modes against that of the stated one. Page 1954.
 
-    The sum of each other mode is kept at 0 or above; a mode whose sum exceeds the threshold is stated, and all
-    sums begin anew.
+    The sum of each other mode is kept at 0 or above; a mode whose sum exceeds the threshold is stated, and
+    all sums begin anew.
 
     Attributes:
         threshold: of the sum, in units of log-likelihood.

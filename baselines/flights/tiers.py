@@ -34,11 +34,6 @@ TIERS = {
     "D": Tier("D", 6.0, 1.2, "5 to 12 s, resampled before publication; a stress test with weak labels"),
 }
 
-RESAMPLED = frozenset(
-    "toulouse noumea ajaccio london_gatwick lisbon mecsek_mountains pixair_toulouse texas_longhorn".split()
-)
-"""Files of which most positions were computed by interpolation."""
-
 SCORED = {
     "A": (
         "savan:39b415:2", "savan:39b415:9", "savan:39b415:12", "savan:39b415:17", "rega_sg:4b43ac:0",
@@ -60,8 +55,16 @@ SCORED = {
 }  # fmt: skip
 """Flights that are scored by default."""
 
-UNUSABLE = frozenset({"calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing"})
-"""Files that are too sparse for turns. The gliders are too: they circle faster than they are reported."""
+RESAMPLED = frozenset(identity.partition(":")[0] for identity in SCORED["D"])
+"""Files of which most positions were computed by interpolation."""
+
+SPARSE = ("calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing")
+GLIDERS = (
+    "alpi_italiane", "alto_adige", "cevennes", "danube_valley", "franconia", "luberon", "oxford_cambridge",
+    "sisteron",
+)  # fmt: skip
+UNUSABLE = frozenset(SPARSE + GLIDERS)
+"""Files in which turns cannot be seen. Gliders circle faster than they are reported."""
 
 
 def tier_of(identity: str, received: bool, times: NDArray[np.float64]) -> Tier:

@@ -2,8 +2,8 @@
 
 Blom & Bar-Shalom 1988, with the coordinated turns of Bar-Shalom, Li & Kirubarajan 2001, section 11.7: each
 model moves at a known turn rate and is driven by white acceleration. The covariance of a measurement is
-across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t: the model weights a
-far measurement less, by (nu + 2) / (nu + NIS).
+across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t: the model weights
+a far measurement less, by (nu + 2) / (nu + NIS).
 """
 
 from dataclasses import dataclass
@@ -117,9 +117,13 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
             after /= after.sum(1, keepdims=True)
             prior = np.maximum(probability @ groups.T, SMALLEST)
             peak = new[2].max(1, keepdims=True)
-            of_mode = np.log(np.maximum((probability * np.exp(new[2] - peak)) @ groups.T, 1e-300) / prior) + peak
+            of_mode = (
+                np.log(np.maximum((probability * np.exp(new[2] - peak)) @ groups.T, 1e-300) / prior) + peak
+            )
             output.log_likelihoods[k] = np.where(used[:, None], of_mode, 0.0)
-            output.innovations[k] = np.where(used[:, None], _turned(mean, covariance, probability, noise, z), 0.0)
+            output.innovations[k] = np.where(
+                used[:, None], _turned(mean, covariance, probability, noise, z), 0.0
+            )
             state = np.where(used[:, None, None], new[0], state)
             covariance = np.where(used[:, None, None, None], new[1], covariance)
             probability = np.where(used[:, None], after, probability)

@@ -22,7 +22,7 @@ METRE = 1.0 / 111_320.0  # degrees of latitude
 
 
 def reports(icao="abc123", start=1_600_000_000.0, seed=0):
-    """A flight at 80 m/s near the equator: straight, left 2 deg/s for 45 s, straight, right 1.5 deg/s, straight."""
+    """A flight at 80 m/s near the equator with a left turn of 2 deg/s and a right one of 1.5 deg/s."""
     generator = np.random.default_rng(seed)
     rates = np.radians(np.repeat([0.0, 2.0, 0.0, -1.5, 0.0], [200, 45, 120, 60, 200]))
     heading = 0.3 + np.cumsum(rates)
@@ -30,7 +30,8 @@ def reports(icao="abc123", start=1_600_000_000.0, seed=0):
     path += generator.normal(0.0, 1.5, path.shape)
     return [
         {
-            "timestamp": int(1000 * (start + k)), "icao24": icao, "latitude": y * METRE, "longitude": x * METRE,
+            "timestamp": int(1000 * (start + k)), "icao24": icao,
+            "latitude": y * METRE, "longitude": x * METRE,
             "track": float(np.degrees(np.pi / 2.0 - angle) % 360.0),
         }
         for k, ((x, y), angle) in enumerate(zip(path, heading, strict=True))
@@ -97,12 +98,12 @@ def test_rules_of_turns():
     rates = np.zeros(100)
     rates[10:30], rates[33:50] = 0.03, 0.03  # one turn, because the gap is short
     rates[60:65] = -0.05  # too short
-    rates[70:95] = -0.008  # too slow
+    rates[75:95] = -0.008  # too slow
     modes, turning = find_turns(edges, rates, LabelRules())
     assert (modes[10:50] == LEFT).all()
     assert (modes[50:] == STRAIGHT).all()
     assert turning[60:65].all()
-    assert turning[70:95].all()
+    assert turning[75:95].all()
 
 
 def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
@@ -164,7 +165,9 @@ def test_counts_by_hand(flight):
     stated[100:110] = LEFT  # two changes, one of them false
     wrong = count_flight(labels, stated, flight.pieces)
     assert (wrong.missed, wrong.false) == (1, 1)
-    assert [low <= value <= high for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]), strict=True)]
+    assert [
+        low <= value <= high for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]), strict=True)
+    ]
 
 
 def test_simulated_flights_have_the_noise_of_their_tier():
@@ -202,7 +205,7 @@ def test_unknown_flights_are_refused(tmp_path, identity, text):
 
 
 def test_bad_sources_are_refused(tmp_path):
-    with pytest.raises(ArgumentError, match="no .json.gz files"):
+    with pytest.raises(ArgumentError, match=r"no \.json\.gz files"):
         Samples(tmp_path)
     with pytest.raises(ArgumentError, match="not a folder or a wheel"):
         Samples(tmp_path / "absent")

@@ -1,0 +1,55 @@
+import gzip
+import json
+
+import numpy as np
+import pytest
+
+from agents.comparison.command import Compare
+from baselines.flights.simulated import simulate_flights
+from baselines.flights.tiers import TIERS
+from hybrid_env.checks import ArgumentError
+
+
+@pytest.fixture
+def source(tmp_path):
+    flights, _ = simulate_flights(TIERS["B"], 2, 900.0, np.random.default_rng(0))
+    rows = [
+        {
+            "timestamp": int(1000 * (1.6e9 + time)), "icao24": f"abc12{k}", "latitude": y / 111_320.0,
+            "longitude": x / 111_320.0, "track": None,
+        }
+        for k, flight in enumerate(flights)
+        for time, (x, y) in zip(flight.times, flight.positions, strict=True)
+    ]  # fmt: skip
+    folder = tmp_path / "samples"
+    folder.mkdir()
+    with gzip.open(folder / "two.json.gz", "wt") as file:
+        json.dump(rows, file)
+    return folder
+
+
+def test_flights_are_compared(tmp_path, source, capsys):
+    out = tmp_path / "out"
+    Compare(flights=("two:abc120:0", "two:abc121:0"), source=source, out=out).run()
+    result = json.loads((out / "flights.json").read_text())
+    assert set(result["tiers"]["B"]) == {"imm", "imm-careful", "cusum", "agent"}
+    assert result["tiers"]["B"]["imm"]["agreement"] > 0.8
+    assert len(result["flights"]) == 2
+    assert (out / "two-abc120-0.png").stat().st_size > 10_000
+    assert "IMM threshold" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"flights": (), "tier": ("E",)}, "tier="),
+        ({"flights": (), "deciders": ("ate",)}, "deciders="),
+        ({"flights": (), "episodes": 7}, "episodes=7"),
+        ({"flights": ("two:none:0",)}, "flight="),
+        ({}, "source="),
+    ],
+)
+def test_values_that_are_not_allowed(tmp_path, source, arguments, text):
+    with pytest.raises(ArgumentError, match=text):
+        Compare(source=source, out=tmp_path / "out", **arguments).run()
+    assert not (tmp_path / "out").exists()
