@@ -43,8 +43,8 @@ class Compare(WorldArguments):
     """Classical rules; the first is the reference: 'ate', 'fixed', 'msprt', 'msprt-type', 'msprt-kept' (keeps
     the covariance at switches), 'msprt-aware' (anchor-aware bank), 'calibrated' (anchor error fitted during
     the run), 'calibrated-robust' (with filters that reject outliers), 'gap', 'ml' (maximum likelihood at the
-    end), 'bayes' (Bayes risk, fitted during the run), 'ate-robust' and 'msprt-robust' (on a bank with Student's
-    t likelihood).
+    end), 'bayes' (Bayes risk, fitted during the run), 'ate-robust' and 'msprt-robust' (on a bank with a
+    robust likelihood).
     In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
     'glr', 'detector-2020' (of Golubkov 2020), 'beam' (semi-Markov posterior), 'beam-geometric' (which does
     not know the law of durations)."""

@@ -32,7 +32,7 @@ class Evaluate(WorldArguments):
     """'ate' (default), 'fixed', 'msprt', 'msprt-type', 'msprt-kept', 'msprt-aware', 'calibrated',
     'calibrated-robust', 'gap', 'ml', 'bayes', 'shipped' or a run folder, with optional thresholds:
     'ate:1e-6', 'fixed:30', 'runs/ppo:-2'. 'ate-robust' and 'msprt-robust' are those rules on a bank with
-    Student's t likelihood.
+    a robust likelihood.
     In HybridTrackQuickest-v0: 'threshold' (default), 'cusum', 'shiryaev-roberts', 'glr', 'detector-2020',
     'beam', 'beam-geometric', 'shipped' or a run folder: 'threshold:0.7'."""
     episodes: int = 1000

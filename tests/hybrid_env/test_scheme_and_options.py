@@ -89,6 +89,7 @@ INVALID_OPTIONS = [
     ("initial_error", (NAN, 0.0)), ("initial_error", "none"), ("initial_error", None),
     ("initial_error", False),
     ("noise", "outliers -0.1"), ("noise", "outliers 1"), ("noise", None), ("noise", "levy 3"),
+    ("sensors", "radar"), ("sensors", [5]), ("likelihood", "levy 1"),
     ("missed", -0.1), ("missed", 1.0), ("missed", None),
     ("bank", "aware"), ("bank", None), ("bank", 1), ("reset_covariance", 1), ("reset_covariance", "yes"),
     ("follow", "both"), ("follow", None), ("delay_cost", -0.01), ("delay_cost", NAN), ("delay_cost", "cheap"),
