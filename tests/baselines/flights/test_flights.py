@@ -164,9 +164,7 @@ def test_counts_by_hand(flight):
     stated[100:110] = LEFT  # two changes, one of them false
     wrong = count_flight(labels, stated, flight.pieces)
     assert (wrong.missed, wrong.false) == (1, 1)
-    assert [
-        low <= value <= high for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]), strict=True)
-    ]
+    assert [low <= value <= high for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]), strict=True)]
 
 
 def test_simulated_flights_have_the_noise_of_their_tier():
