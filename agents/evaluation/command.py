@@ -59,6 +59,7 @@ class Evaluate(WorldArguments, ParallelArguments):
     def run(self) -> None:
         """Evaluate the deciders and print the tables."""
         check_integer("episodes", self.episodes)
+        self.workers()  # checks --jobs and --engine also where one evaluation needs neither
         check_integer("seed", self.seed, minimum=0)
         if self.out is not None and not self.out.parent.is_dir():
             raise reject("out", str(self.out), "a file in a folder that exists")

@@ -45,7 +45,7 @@ INVALID_WORLD_ARGUMENTS = [
 ]
 INVALID_ARGUMENTS = [
     (f"{command} {flags}", message)
-    for command in ("compare", "train", "evaluate", "play --out x.gif")
+    for command in ("compare", "train", "tune", "evaluate", "play --out x.gif")
     for flags, message in INVALID_WORLD_ARGUMENTS
 ] + [
     ("", "Expected one of"),
@@ -149,6 +149,17 @@ INVALID_ARGUMENTS = [
     ("track good.csv --jobs 0", "jobs=0"),
     ("track good.csv --overwrite perhaps", "overwrite"),
     ("track good.csv ./good.csv", "both have the output folder"),
+    ("tune --recipe nosuch", "recipe='nosuch'"),
+    ("tune --search n_epochs=2", "search='n_epochs=2'"),
+    ("tune --set n_envs", "set='n_envs'"),
+    ("tune --trials 0", "trials=0"),
+    ("tune --steps 0", "steps=0"),
+    ("tune --out bad.txt", "out="),
+]
+INVALID_ARGUMENTS += [
+    (f"{command} {flags}", message)
+    for command in ("limits", "compare", "evaluate", "reproduce", "tune")
+    for flags, message in (("--jobs 0", "jobs=0"), ("--engine spark", "spark"))
 ]
 
 
@@ -182,10 +193,11 @@ def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
     from agents.recordings.command import Track
     from agents.reproduction.command import Reproduce
     from agents.training.command import Train
+    from agents.tuning.command import Tune
 
     for command, kinds in {
         "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),
-        "reproduce": (Reproduce,), "track": (Track,), "limits": (Limits,),
+        "reproduce": (Reproduce,), "track": (Track,), "limits": (Limits,), "tune": (Tune,),
     }.items():  # fmt: skip
         lines = " ".join(line for line, _ in INVALID_ARGUMENTS if line.startswith(command))
         for kind in kinds:
