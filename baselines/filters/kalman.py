@@ -160,5 +160,5 @@ def propagate(
     for axis in range(d):
         full[:, axis, :, axis] += intensity[axis] * step_noise
     full = full.reshape(tracks, size, size)
-    # rounding errors that are not symmetric would grow in corrections along axes that are not those of x and y
+    # rounding errors that are not symmetric would grow in corrections along other axes than x and y
     return state, 0.5 * (full + full.swapaxes(1, 2))
