@@ -58,13 +58,11 @@ def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, i
     """Compare the statements of one flight, (n,), with its labels, in each of its pieces."""
     total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0)
     for first, end in pieces:
+        rows = slice(first, end)
         part = _count_piece(
-            *(
-                values[first:end]
-                for values in (labels.times, labels.modes, labels.scored, labels.weights, stated)
-            )
+            labels.times[rows], labels.modes[rows], labels.scored[rows], labels.weights[rows], stated[rows]
         )
-        total = FlightCounts(*(a + b for a, b in zip(total, part, strict=True)))
+        total = FlightCounts._make(a + b for a, b in zip(total, part, strict=True))
     return total
 
 
