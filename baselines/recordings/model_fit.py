@@ -181,10 +181,9 @@ def fit_model(
     else:
         own = [replace(given, process=q) for q in processes]
         best = _refine(likelihood, _best(likelihood, own)[0], free)
-    noises = [name for name in free if name in ("variance", "process")]
-    straight = _refine(likelihood, replace(best, radii=()), noises)
     value = likelihood(best)
     margin = 0.5 * penalty * len(best.radii) if radii is None else 0.0
+    turns = value > _straight(likelihood, best, free, value - margin) + margin
     better: tuple[float, ...] = ()
     if radii is not None and likelihood(proposed) > value + CLEARLY:
         better = tuple(sorted(radius * scale for radius in _refine(likelihood, proposed, ["radii"]).radii))
@@ -202,7 +201,7 @@ def fit_model(
         speed=speed / tau,
         tau=tau,
         estimated=tuple(names.get(name, name) for name in free),
-        turns=value > likelihood(straight) + margin,
+        turns=turns,
         better_radii=better,
     )
 
@@ -244,6 +243,15 @@ def _closest(radii: Sequence[float]) -> float:
     return float(np.diff(np.sort(np.log(radii))).min())
 
 
+def _straight(likelihood: _Likelihood, best: _Parameters, free: list[str], limit: float) -> float:
+    """Return the largest likelihood of straight motion alone; one that is far below a limit is rough."""
+    noises = [name for name in free if name in ("variance", "process")]
+    factors = 10.0 ** np.arange(7) if "process" in free else (1.0,)
+    points = [replace(best, radii=(), process=best.process * factor) for factor in factors]
+    start, value = _best(likelihood, points)
+    return value if value < limit - 50.0 else likelihood(_refine(likelihood, start, noises))
+
+
 def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters]) -> tuple[_Parameters, float]:
     values = [likelihood(point) for point in points]
     k = int(np.argmax(values))
@@ -273,7 +281,7 @@ def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Pa
         + [0.2] * (len(first) - len(names)))])  # fmt: skip
     result = minimize(
         lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.05, "xatol": 0.05},
+        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.1, "xatol": 0.1},
     )  # fmt: skip
     return parameters(result.x)
 

@@ -125,4 +125,4 @@ def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], Floa
     weights = 1.0 / apart.prod(2)
     weights /= np.sqrt((weights**2).sum(1, keepdims=True))
     values = stretch.measurements[ticks]
-    return ticks, np.einsum("nm,nmd->nd", weights, values - values[:, :1])
+    return ticks, np.einsum("am,amx->ax", weights, values - values[:, :1])

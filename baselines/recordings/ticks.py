@@ -168,7 +168,7 @@ def _moved(points: FloatArray, times: FloatArray, late: FloatArray) -> FloatArra
     first = np.clip(rows - count // 2, 0, len(points) - count)
     window = first[:, None] + np.arange(count)
     t = times[window] - times[window].mean(1, keepdims=True)
-    velocity = np.einsum("nk,nkd->nd", t, points[window]) / (t**2).sum(1, keepdims=True)
+    velocity = np.einsum("ak,akx->ax", t, points[window]) / (t**2).sum(1, keepdims=True)
     moved = points.copy()
     moved[rows] -= velocity * late[rows, None]
     return moved
