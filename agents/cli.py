@@ -76,7 +76,7 @@ EXAMPLES = {
         "hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv",
     ),
     "track": (
-        "hybridtrack track flight.csv --piece 50 --radii 3 5 10",
+        "hybridtrack track flight.csv --lengths 50 --radii 3 5 10",
         "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
     ),
     "reproduce": (

@@ -86,7 +86,7 @@ def check_free(folder: Path, overwrite: bool) -> None:
     """
     try:
         if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-            raise reject("out", str(folder), "a new or empty folder, or --overwrite True")
+            raise reject("out", str(folder), "a new or empty folder, or --overwrite")
         existing = folder
         while not existing.exists() and existing != existing.parent:
             existing = existing.parent

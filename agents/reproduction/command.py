@@ -51,7 +51,7 @@ class Reproduce(ParallelArguments):
         if not self.papers or len(set(self.papers)) != len(self.papers):
             raise reject("papers", self.papers, "one or more papers, each at most once")
         if self.physics and "novospaskyi" not in self.papers:
-            raise reject("papers", self.papers, "novospaskyi, with --physics True")
+            raise reject("papers", self.papers, "novospaskyi, with --physics")
         from rich.console import Console
 
         from agents.interface.output_files import atomic_file, output_folder, write_json

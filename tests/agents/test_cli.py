@@ -118,7 +118,7 @@ INVALID_ARGUMENTS = [
     ("reproduce --runs 1", "runs=1"),
     ("reproduce --seed -1", "seed=-1"),
     ("reproduce --physics maybe", "physics"),
-    ("reproduce golubkov2018 --physics True", "novospaskyi, with --physics True"),
+    ("reproduce golubkov2018 --physics", "novospaskyi, with --physics True"),
     ("reproduce --out bad.txt", "out="),
     ("track", "files=()"),
     ("track nofile.csv", "file='nofile.csv'"),

@@ -83,12 +83,12 @@ def test_existing_results_are_not_overwritten_without_a_word(tmp_path, capsys):
     capsys.readouterr()
     write(path, seed=1)
     assert main(["track", str(path)]) == 2
-    assert "walk_track' is not allowed: expected a new or empty folder, or --overwrite True" in (
+    assert "walk_track' is not allowed: expected a new or empty folder, or --overwrite" in (
         capsys.readouterr().err
     )
     results = contents(tmp_path / "walk_track")
     assert results == before
-    assert main(["track", str(path), "--overwrite", "True"]) == 0
+    assert main(["track", str(path), "--overwrite"]) == 0
     assert contents(tmp_path / "walk_track") != results
 
 

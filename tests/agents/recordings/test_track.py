@@ -89,7 +89,7 @@ def test_the_map_needs_its_extra(drive, monkeypatch, capsys):
         return plain(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without_plotly)
-    assert main(["track", str(drive), "--html", "True"]) == 2
+    assert main(["track", str(drive), "--html"]) == 2
     [line] = capsys.readouterr().err.splitlines()
     assert "hybrid-track[html]" in line
     assert list(drive.parent.iterdir()) == [drive]

@@ -32,5 +32,5 @@ def test_the_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys, tm
 
 @pytest.mark.parametrize("papers", [[], ["golubkov2018"]])
 def test_physics_is_refused_for_other_papers(papers, capsys, tmp_path):
-    assert main(["reproduce", *papers, "--physics", "True", "--out", str(tmp_path)]) == 2
-    assert "novospaskyi, with --physics True" in " ".join(capsys.readouterr().err.split())
+    assert main(["reproduce", *papers, "--physics", "--out", str(tmp_path)]) == 2
+    assert "novospaskyi, with --physics" in " ".join(capsys.readouterr().err.split())
