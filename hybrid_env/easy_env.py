@@ -23,7 +23,7 @@ class HybridTrackEasyEnv(HybridTrackEnv):
 
     A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment
     after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here it
-    decides from the first episode on where measurements tell modes apart.
+    decides from the first episode on where measurements tell modes apart, and learns to name the mode.
 
     Nothing good is lost: by the posterior, a declaration at or below one half earns nothing or less on
     average. It could only be best where a tick costs more than it shows, with a `delay_cost` far above the
