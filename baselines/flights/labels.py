@@ -105,8 +105,8 @@ def label_flights(
 
         def piece(first: int, end: int, k: int = k, flight: Flight = flight) -> Labels:
             column = columns[k, first, end]
-            values = (one[: end - first, column] for one in (rates, speeds))
-            return make_labels(flight.times[first:end], *values, flight.tracks[first:end], chosen)
+            rate, speed = rates[: end - first, column], speeds[: end - first, column]
+            return make_labels(flight.times[first:end], rate, speed, flight.tracks[first:end], chosen)
 
         found.append(label_pieces(flight, piece))
     return found
@@ -116,7 +116,8 @@ def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
     """Return the labels of a flight; `piece` returns those of its rows from a first one to an end."""
     n = len(flight.times)
     nothing = np.zeros(n, np.int64)
-    found = Labels(flight.times, nothing, np.zeros(n, np.bool_), *np.zeros((3, n)), nothing - 1)
+    weights, rates, speeds = np.zeros((3, n))
+    found = Labels(flight.times, nothing, np.zeros(n, np.bool_), weights, rates, speeds, nothing - 1)
     for first, end in flight.pieces:
         part = piece(first, end)
         for name in ("modes", "scored", "weights", "rates", "speeds", "own"):
