@@ -30,7 +30,7 @@ DECIDERS: dict[str, tuple[str, Callable[[], FlightDecider]]] = {
     "cusum": ("CUSUM", Cusum),
     "agent": ("agent", shipped_flight_decider),
 }
-"""Name in figures and constructor of every decider; their settings were chosen on simulated flights."""
+"""Name in figures and constructor of every decider; none is fitted to a recorded flight."""
 
 VARIANTS: dict[str, LabelRules] = {
     "as used": LabelRules(),
