@@ -1,4 +1,4 @@
-"""HybridTrack for beginners: a declaration counts once the evidence favours a mode."""
+"""HybridTrack for beginners: a declaration counts once the evidence for a mode is strong."""
 
 from typing import Any
 
@@ -9,25 +9,23 @@ from hybrid_env.env import HybridTrackEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
 from hybrid_env.world import World
 
-EVEN = 0.5
-"""Posterior probability at which a declaration is as likely right as wrong."""
+EVIDENCE = 0.95
+"""Posterior probability of a mode above which a declaration counts."""
 
 
 class HybridTrackEasyEnv(HybridTrackEnv):
     """HybridTrack for the default settings of learning libraries: a declaration that comes too early waits.
 
-    As long as no mode has a posterior probability above one half (equal priors), every action is the action
-    to wait. What counts as a mode is what must be correct: a hypothesis, or with `correctness="type"`
+    As long as no mode has a posterior probability above 0.95 (equal priors), every action is the action to
+    wait. What counts as a mode is what must be correct: a hypothesis, or with `correctness="type"`
     straight, left or right. All else is that of `HybridTrackEnv`: rewards compare with those of
     `HybridTrack-v0`, where a policy earns the same if it waits in these ticks.
 
     A fresh policy of most libraries declares three times in four. In `HybridTrack-v0` it ends every segment
-    after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here it
-    decides from the first episode on where measurements tell modes apart, and learns to name the mode.
-
-    Nothing good is lost: by the posterior, a declaration at or below one half earns nothing or less on
-    average. It could only be best where a tick costs more than it shows, with a `delay_cost` far above the
-    default, or where the posterior of the bank is wrong.
+    after a tick or two, where waiting costs and shows nothing, and it learns to declare at once. Here every
+    declaration counts where the likeliest mode is usually right. A policy that names it there is the MSPRT
+    at an error of 0.05, which earns 0.47 per segment with the default options; ATE at its best earns 0.38.
+    More can be earned in `HybridTrack-v0` itself, by reading more than the posterior of the bank.
     """
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -54,7 +52,7 @@ class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
 
 
 def too_early(world: World) -> NDArray[np.bool_]:
-    """Return whether no mode has a posterior probability above one half, (N,)."""
+    """Return whether no mode has a posterior probability above `EVIDENCE`, (N,)."""
     posterior = np.exp(world.layout.read(world.observations, "log_ratio"), dtype=np.float64)
     posterior /= posterior.sum(1, keepdims=True)
     if world.options.correctness == "type":
@@ -62,5 +60,5 @@ def too_early(world: World) -> NDArray[np.bool_]:
         posterior = np.stack(
             [posterior[:, 0], posterior[:, 1 : one_side + 1].sum(1), posterior[:, one_side + 1 :].sum(1)], 1
         )
-    early: NDArray[np.bool_] = posterior.max(1) <= EVEN
+    early: NDArray[np.bool_] = posterior.max(1) <= EVIDENCE
     return early

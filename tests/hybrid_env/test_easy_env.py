@@ -30,7 +30,7 @@ def test_a_declaration_waits_until_a_mode_is_more_likely_than_all_others(by_type
         done = False
         while not done:
             action = int(generator.integers(0, 6))
-            early = mode_posteriors(info, by_type).max() <= 0.5
+            early = mode_posteriors(info, by_type).max() <= 0.95
             waited, declared = waited + (early and action > 0), declared + (not early and action > 0)
             row, reward, done, _, info = easy.step(action)
             expected = plain.step(0 if early else action)
