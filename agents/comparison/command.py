@@ -90,6 +90,8 @@ class Compare(WorldArguments, ParallelArguments):
             self._compare_flights()
         elif self.source is not None:
             raise reject("source", str(self.source), "no value without --flights")
+        elif self.tier != type(self).tier:
+            raise reject("tier", self.tier, "no value without --flights")
         elif issubclass(environment_options(self.env_id), QuickestOptions):
             self._compare_statements()
         else:
