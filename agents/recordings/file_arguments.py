@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from agents.interface.help_texts import shown_default
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
 
@@ -21,7 +22,7 @@ COLUMN_ROLES = ("t", *ROLES)
 class FileArguments:
     """How files are read and where the results go."""
 
-    files: tyro.conf.Positional[tuple[Path, ...]]
+    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")]
     """CSV, TSV, Parquet or GPX files, also compressed by gzip. Header, delimiter, decimal comma and index are
     found; columns are known by names such as time, timestamp, t, x, y, easting, northing, lat, lon."""
     columns: tuple[str, ...] = ()

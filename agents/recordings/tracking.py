@@ -5,12 +5,13 @@ function.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.deciders import CLASSICAL_NAMES, load_decider, world_changes
+from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, load_decider, world_changes
 from agents.evaluation.statement_deciders import RULES, statement_decider
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.online.tracker import OnlineTracker
@@ -91,6 +92,9 @@ class TrackingArguments:
         name = (self.decider or DECIDER).partition(":")[0]
         if not self.lengths and name in CLASSICAL_NAMES:
             raise reject("decider", self.decider, f"{', '.join(RULES)} or an agent, or give --lengths")
+        known = (*CLASSICAL_NAMES, *RULES, SHIPPED)
+        if name not in known and not Path(name).is_dir():
+            raise reject("decider", self.decider, f"{', '.join(known)} or the path of a run folder")
         if self.lengths and self.decider is not None and name in RULES:
             raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
 
