@@ -14,7 +14,7 @@ COLUMNS = {
     "agreement": ("agreement", 3, 1.0),
     "delay": ("delay\ns", 1, 1.0),
     "misses": ("misses\n%", 1, 100.0),
-    "false_per_hour": ("false\nper hour", 2, 1.0),
+    "false_per_hour": ("false\nper hour", 1, 1.0),
     "changes_per_label": ("changes\nper label", 2, 1.0),
 }
 """Heading, digits and scale of each figure."""
@@ -26,16 +26,17 @@ def flights_table(result: FlightComparison) -> Table:
     table = Table(
         title=f"{len(result.flights)} recorded flights, {hours:.1f} scored hours",
         caption=(
-            "In brackets: 95 % interval, flights drawn with replacement. Twins: agreement on simulated\n"
-            "flights with the same steps, speeds and labels. Delay: from a change of the label to the first\n"
-            "right statement. False: a change to a mode that is not the label until the next change."
+            "Second lines: 95 % interval, flights drawn with replacement.\n"
+            "Twins: agreement on simulated flights with the same steps, speeds and labels.\n"
+            "Delay: from a change of the label to the first right statement.\n"
+            "False: a change to a mode that is not the label until the next change."
         ),
         caption_justify="left",
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )
     table.add_column("tier")
-    table.add_column("decider", overflow="fold")
+    table.add_column("decider", min_width=9)
     for head, *_ in COLUMNS.values():
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("twins", justify="right")
@@ -43,7 +44,7 @@ def flights_table(result: FlightComparison) -> Table:
         for number, decider in enumerate(result.plan.deciders):
             group = result.group(decider, name)
             cells = [
-                f"{scale * value:.{digits}f} \\[{scale * low:.{digits}f}, {scale * high:.{digits}f}]"
+                f"{scale * value:.{digits}f}\n{scale * low:.{digits}f}–{scale * high:.{digits}f}"
                 for value, (low, high), (_, digits, scale) in zip(
                     group.figures, group.intervals, COLUMNS.values(), strict=True
                 )
