@@ -44,7 +44,7 @@ def flights_table(result: FlightComparison) -> Table:
         for number, decider in enumerate(result.plan.deciders):
             group = result.group(decider, name)
             cells = [
-                f"{scale * value:.{digits}f}\n{scale * low:.{digits}f}–{scale * high:.{digits}f}"
+                f"{scale * value:.{digits}f}\n{scale * low:.{digits}f}-{scale * high:.{digits}f}"
                 for value, (low, high), (_, digits, scale) in zip(
                     group.figures, group.intervals, COLUMNS.values(), strict=True
                 )
