@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
@@ -19,19 +19,7 @@ Group = Literal[
     "growth",
     "startup",
 ]
-ALL: tuple[Group, ...] = (
-    "single",
-    "vector",
-    "quickest",
-    "threads",
-    "banks",
-    "bank",
-    "online",
-    "study",
-    "training",
-    "growth",
-    "startup",
-)
+ALL: tuple[Group, ...] = get_args(Group)
 
 
 @dataclass(kw_only=True)

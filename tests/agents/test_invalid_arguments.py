@@ -1,0 +1,208 @@
+"""The command line: every invalid value of a flag is rejected in one line, and nothing is written."""
+
+import shlex
+from dataclasses import fields
+
+import pytest
+
+from agents.cli import main
+from agents.comparison.command import Compare
+from agents.evaluation.command import Evaluate
+from agents.limits.command import Limits
+from agents.playing.command import Play
+from agents.recordings.command import Track
+from agents.reproduction.command import Reproduce
+from agents.training.command import Train
+from agents.tuning.command import Tune
+
+INVALID_WORLD_ARGUMENTS = [
+    ("--env NoSuch-v0", "env='NoSuch-v0'"),
+    ("--env CartPole-v1", "env='CartPole-v1'"),
+    ("--scheme Q9", "scheme='Q9'"),
+    ("--scheme ''", "scheme=''"),
+    ("--scheme L50r0", "scheme='L50r0'"),
+    ("--scheme S0", "scheme='S0'"),
+    ("--radii 0", "radii=(0.0,)"),
+    ("--radii 5 nan", "radii=(5.0, nan)"),
+    ("--radii", "radii=()"),
+    ("--bank silver", "silver"),
+    ("--speed 0", "speed=0.0"),
+    ("--heading inf", "heading=inf"),
+    ("--tau -1", "tau=-1.0"),
+    ("--process-variance -1", "process_variance=-1.0"),
+    ("--measurement-variance 0", "measurement_variance=0.0"),
+    ("--measurement-variance nan", "measurement_variance=nan"),
+    ("--measurement-variance loud", "--measurement-variance"),
+    ("--delay-cost -1", "delay_cost=-1.0"),
+    ("--noise outliers", "noise='outliers'"),
+    ("--missed 1", "missed=1.0"),
+    ("--likelihood levy", "likelihood='levy'"),
+    ("--correctness rough", "correctness"),
+    ("--undecided shrug", "undecided"),
+    ("--reset-covariance 2", "2"),
+    ("--follow both", "follow"),
+    ("--ticks 5", "ticks=5"),
+    ("--durations 'geometric 9'", "durations='geometric 9'"),
+    ("--start late", "start"),
+    ("--change-cost 1", "change_cost=1.0"),
+    ("--hazard 0.1", "hazard=0.1"),
+    ("--seed -1", "seed=-1"),
+    ("--seed half", "half"),
+    ("--tua 3", "--tua"),
+]
+INVALID_ARGUMENTS = [
+    (f"{command} {flags}", message)
+    for command in ("compare", "train", "tune", "evaluate", "play --out x.gif")
+    for flags, message in INVALID_WORLD_ARGUMENTS
+] + [
+    ("", "Expected one of"),
+    ("divine", "divine"),
+    ("compare --episodes 0", "episodes=0"),
+    ("compare --episodes many", "many"),
+    ("compare --steps 0", "steps=0"),
+    ("compare --training-seeds 0", "training-seeds=0"),
+    ("compare --selection-episodes 0", "selection-episodes=0"),
+    ("compare --deciders", "deciders=()"),
+    ("compare --deciders ate ate", "deciders=('ate', 'ate')"),
+    ("compare --deciders ate oracle", "deciders='oracle'"),
+    ("compare --out bad.txt", "out="),
+    ("compare --accuracy 1", "accuracy=1.0"),
+    ("compare --curves maybe", "maybe"),
+    ("compare --accuracy nan", "accuracy=nan"),
+    ("limits --episodes 1", "episodes=1"),
+    ("limits --seed 1000000000", "seed=1000000000"),
+    ("limits --out bad.txt", "out="),
+    ("limits --env HybridTrack-v0", "env='HybridTrack-v0'"),
+    ("evaluate msprt:0", "alpha=0.0"),
+    ("evaluate gap:40", "gap=40.0"),
+    ("evaluate ml:0.5", "decider='ml:0.5'"),
+    ("evaluate bayes:-1", "cost=-1.0"),
+    ("train --steps 0", "steps=0"),
+    ("train --out /dev/null/x", "out="),
+    ("train --recipe stew", "recipe='stew'"),
+    ("train --recipe bad.txt", "recipe='bad.txt'"),
+    ("train --recipe good.csv", "recipe='good.csv'"),
+    ("train --recipe anchor --set tracks=3", "hyper-parameter='tracks'"),
+    ("train --set n_envs", "set='n_envs'"),
+    ("train --set n_envs=[", "set='n_envs=['"),
+    ("train --set algo=magic", "algo='magic'"),
+    ("train --set policy=Nonsense", "policy='Nonsense'"),
+    ("train --set n_envs.x=3", "set='n_envs.x=3'"),
+    ("train --set policy_kwargs.squash_output=true", "policy_kwargs="),
+    ("train --set policy_kwargs.depth=3", "policy_kwargs="),
+    ("train --set observe=[smell]", "observe='smell'"),
+    ("train --recipe anchor --set worlds=[]", "worlds=()"),
+    ("train --recipe anchor --set worlds=[3]", "worlds=[3]"),
+    ("compare --agents ppo ppo", "agents=('ppo', 'ppo')"),
+    ("compare --agents ate", "agents='ate'"),
+    ("compare --agents nowhere", "agents='nowhere'"),
+    ("train --seed 5000000000", "seed=5000000000"),
+    ("evaluate --scheme 'random 99999999999999999999x5'", "segments="),
+    ("evaluate ''", "decider="),
+    ("compare --flights --tier X", "tier='X'"),
+    ("compare --flights --source nowhere", "source=nowhere"),
+    ("compare --source nowhere", "source='nowhere'"),
+    ("compare --tier A", "tier="),
+    ("compare --seed 1000000000", "seed=1000000000"),
+    ("train --save-every 0", "save-every=0.0"),
+    ("train --resume nowhere", "resume='nowhere'"),
+    ("train --resume nowhere --seed 3", "resume='nowhere'"),
+    ("train --out .", "out='.'"),
+    ("evaluate oracle", "decider='oracle'"),
+    ("evaluate ate:2", "alpha=2.0"),
+    ("evaluate fixed:2.5", "decider='fixed:2.5'"),
+    ("evaluate --episodes 0", "episodes=0"),
+    ("evaluate ate ate", "deciders=('ate', 'ate')"),
+    ("evaluate ate:1e-3 --shifted", "deciders='ate:1e-3'"),
+    ("evaluate ate nosuch", "decider='nosuch'"),
+    ("evaluate --shifted --seed 1000000000", "seed=1000000000"),
+    ("evaluate --drawn -1", "drawn=-1"),
+    ("evaluate --noises loud", "noises='loud'"),
+    ("evaluate --drawn 2 --beyond 0.5", "beyond=0.5"),
+    ("evaluate --out nowhere/x.json", "out='nowhere/x.json'"),
+    ("play --out x.mp4", "out='x.mp4'"),
+    ("play --out x.gif --episodes 0", "episodes=0"),
+    ("play --out x.gif --decider oracle", "decider='oracle'"),
+    ("play --out x.gif --record x.txt", "record='x.txt'"),
+    ("reproduce golubkov2019", "golubkov2019"),
+    ("reproduce golubkov2018 golubkov2018", "papers=('golubkov2018', 'golubkov2018')"),
+    ("reproduce --runs 1", "runs=1"),
+    ("reproduce --seed -1", "seed=-1"),
+    ("reproduce --physics maybe", "maybe"),
+    ("reproduce golubkov2018 --physics", "novospaskyi, with --physics"),
+    ("reproduce --out bad.txt", "out="),
+    ("track", "files=()"),
+    ("track nofile.csv", "file='nofile.csv'"),
+    ("track bad.txt", "bad.txt"),
+    ("track good.csv --lengths 1 2", "lengths="),
+    ("track good.csv --lengths 2 0", "lengths"),
+    ("track good.csv --decider nosuch", "decider='nosuch'"),
+    ("track good.csv --decider ate", "--lengths"),
+    ("track good.csv --lengths 2 --decider beam", "decider='beam'"),
+    ("track good.csv --radii 0", "radii=(0.0,)"),
+    ("track good.csv --tau 0", "tau=0.0"),
+    ("track good.csv --process-variance -1", "process_variance=-1.0"),
+    ("track good.csv --measurement-variance 0", "measurement_variance=0.0"),
+    ("track good.csv --durations long", "durations='long'"),
+    ("track good.csv --bank published", "bank='published'"),
+    ("track good.csv --picture perhaps", "perhaps"),
+    ("track good.csv --html perhaps", "perhaps"),
+    ("track good.csv --undecided shrug", "undecided"),
+    ("track good.csv --start 0 0 0", "start"),
+    ("track good.csv --out bad.txt", "bad.txt"),
+    ("track good.csv --columns x", "columns='x'"),
+    ("track good.csv --columns x=1 x=2", "columns='x=2'"),
+    ("track good.csv --columns x=z y=y", "columns='z'"),
+    ("track good.csv --object who", "object='who'"),
+    ("track good.csv --unit ''", "unit=''"),
+    ("track good.csv --time-unit weeks", "time_unit='weeks'"),
+    ("track good.csv --gap 0", "gap=0.0"),
+    ("track good.csv --jobs 0", "jobs=0"),
+    ("track good.csv --overwrite perhaps", "perhaps"),
+    ("track good.csv ./good.csv", "both have the output folder"),
+    ("tune --recipe nosuch", "recipe='nosuch'"),
+    ("tune --search n_epochs=2", "search='n_epochs=2'"),
+    ("tune --set n_envs", "set='n_envs'"),
+    ("tune --trials 0", "trials=0"),
+    ("tune --steps 0", "steps=0"),
+    ("tune --out bad.txt", "out="),
+]
+INVALID_ARGUMENTS += [
+    (f"{command} {flags}", message)
+    for command in ("limits", "compare", "evaluate", "reproduce", "tune")
+    for flags, message in (("--jobs 0", "jobs=0"), ("--engine spark", "spark"))
+]
+
+
+@pytest.mark.parametrize(("line", "message"), INVALID_ARGUMENTS)
+def test_invalid_arguments_are_rejected_with_one_line_and_exit_code_2(
+    line, message, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.txt").write_bytes(b"\x00\x01not a table")
+    (tmp_path / "good.csv").write_text("x,y\n0,0\n1,1\n")
+    before = sorted(tmp_path.rglob("*"))
+    assert main(shlex.split(line)) == 2
+    captured = capsys.readouterr()
+    lines = captured.err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("hybridtrack: ")
+    assert message in lines[0] or message.replace("_", "-") in lines[0]
+    assert captured.out == ""
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
+    for command, kinds in {
+        "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),
+        "reproduce": (Reproduce,), "track": (Track,), "limits": (Limits,), "tune": (Tune,),
+    }.items():  # fmt: skip
+        lines = " ".join(line for line, _ in INVALID_ARGUMENTS if line.startswith(command))
+        for kind in kinds:
+            for field in fields(kind):
+                positional = (kind, field.name) in {
+                    (Track, "files"),
+                    (Evaluate, "deciders"),
+                    (Reproduce, "papers"),
+                }
+                assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)
