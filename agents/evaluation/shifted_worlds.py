@@ -236,37 +236,32 @@ def differences(results: Sequence[ShiftResult]) -> list[ShiftDifference]:
 def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     """Return a table with environments in rows and deciders in columns."""
     deciders = list(dict.fromkeys(result.decider for result in results))
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     table.caption = (
-        "Reward per segment ± half-width of the 95 % confidence interval, at the\n"
-        "threshold selected in this environment; below it the reward at the\n"
-        "threshold selected in the nominal environment."
+        "Reward per segment and half-width of its 95 % confidence interval, at the threshold selected in "
+        "this environment; in the last line of a row the reward at the threshold selected in the nominal "
+        "environment."
     )
-    table.add_column("environment")
+    table.add_column("environment", min_width=14)
     for name in deciders:
         table.add_column(Text(name.replace(" ", "\n")), justify="right", no_wrap=True)
     gains = {}
     if len(deciders) > 1:
-        table.add_column(Text(f"{deciders[0]} -\nbest other"), justify="right", no_wrap=True)
+        table.add_column(Text(f"{deciders[0]} -\nbest\nother"), justify="right", no_wrap=True)
         gains = {one.world: one for one in differences(results)}
-        table.caption += "\nThe last column compares the same episodes."
+        table.caption += " The last column compares the same episodes."
     for world in dict.fromkeys(result.world for result in results):
         row = {result.decider: result for result in results if result.world == world}
-        cells = [_cell(row[name]) for name in deciders]
+        found = (row[name] for name in deciders)
+        cells = [_cell(world, one.reward, one.low, one.high, one.nominal_reward) for one in found]
         if world in gains:
             gain = gains[world]
-            half_width = (gain.high - gain.low) / 2
-            cells.append(
-                f"{gain.difference:+.3f} ±{half_width:.3f}\n"
-                f"[bright_black]{gain.nominal_difference:+.3f}       [/]"
-            )
+            cells.append(_cell(world, gain.difference, gain.low, gain.high, gain.nominal_difference))
         table.add_row(world, *cells)
     return table
 
 
-def _cell(result: ShiftResult) -> str:
-    half_width = (result.high - result.low) / 2
-    first = f"{result.reward:+.3f} ±{half_width:.3f}"
-    if result.world == NOMINAL:
-        return first
-    return f"{first}\n[bright_black]{result.nominal_reward:+.3f}       [/]"
+def _cell(world: str, value: float, low: float, high: float, nominal: float) -> str:
+    """Return three short lines, so that six deciders fit into 80 columns."""
+    lines = [f"{value:+.3f}", f"±{(high - low) / 2:.3f}"]
+    return "\n".join(lines if world == NOMINAL else [*lines, f"[bright_black]{nominal:+.3f}[/]"])

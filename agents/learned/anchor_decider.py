@@ -19,13 +19,12 @@ from torch import Tensor, nn
 
 from agents.learned.anchor_net import AnchorNet
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
-from agents.learned.network_settings import LARGEST_HIDDEN
-from agents.learned.policy_file import load_weights, save_policy, unreadable_policy
+from agents.learned.policy_file import load_network, save_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
 from baselines.deciders.decider import Actions, Observations
 from baselines.deciders.msprt import error_and_best, mode_types
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -191,11 +190,4 @@ def load_anchor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) 
     Raises:
         ArgumentError: weights and card do not match.
     """
-    try:
-        hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
-        with torch.device("meta"):
-            net = AnchorNetworks(hidden)
-        load_weights(net, weights)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable_policy(folder, error) from None
-    return net.eval()
+    return load_network(folder, weights, card, AnchorNetworks)

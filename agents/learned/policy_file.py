@@ -1,10 +1,10 @@
 """A policy on disk: weights as safetensors and a card as JSON. Nothing is unpickled."""
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -14,7 +14,8 @@ from torch import Tensor
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
-from hybrid_env.checks import reject
+from agents.learned.network_settings import LARGEST_HIDDEN
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
@@ -107,6 +108,31 @@ def check_tensor_file(path: Path, largest: int) -> None:
         header = int.from_bytes(start.read(8), "little")
     if path.stat().st_size > largest or header > LARGEST_HEADER:
         raise ValueError(f"{path.name} is larger than {largest:,} bytes, or its header is too large")
+
+
+Network = TypeVar("Network", bound=torch.nn.Module)
+
+
+def load_network(
+    folder: Path, weights: Mapping[str, Tensor], card: dict[str, Any], kind: Callable[[int], Network]
+) -> Network:
+    """Return a network for the weights and card that `load_policy` read from a folder.
+
+    Args:
+        kind: its class, whose argument is the number of hidden units.
+
+    Raises:
+        ArgumentError: weights and card do not match.
+    """
+    try:
+        hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
+        with torch.device("meta"):
+            net = kind(hidden)
+        load_weights(net, weights)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise unreadable_policy(folder, error) from None
+    net.eval()
+    return net
 
 
 def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:

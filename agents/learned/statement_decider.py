@@ -9,13 +9,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.learned.network_settings import LARGEST_HIDDEN
-from agents.learned.policy_file import load_weights, unreadable_policy
+from agents.learned.policy_file import load_network
 from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
 from baselines.deciders.decider import Actions, Observations
 from baselines.quickest.threshold import read_statement
-from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -100,11 +99,4 @@ def load_statements(folder: Path, weights: dict[str, Tensor], card: dict[str, An
     Raises:
         ArgumentError: weights and card do not match.
     """
-    try:
-        hidden = check_integer("hidden", card["recipe"]["entry"]["hidden"], maximum=LARGEST_HIDDEN)
-        with torch.device("meta"):
-            net = StatementNet(hidden)
-        load_weights(net, weights)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise unreadable_policy(folder, error) from None
-    return net.eval()
+    return load_network(folder, weights, card, StatementNet)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -26,27 +26,28 @@ from agents.learned.anchor_decider import AnchorNetworks, check_declares_hypothe
 from agents.learned.regret_net import regret_inputs
 from agents.training import run_folder
 from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout
-from agents.training.learning_rate import learning_rate_schedule
+from agents.training.own_network_run import OwnNetworkRun
 from agents.training.recipe import AnchorSettings, TrainingWorld
-from agents.training.run import Run, TrainingProgress
+from agents.training.run import TrainingProgress
 from agents.training.sample_buffer import SampleBuffer
 from agents.training.track_state import check_tracks
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-MIN_LEARNING_RATE_FACTOR = 0.02  # lower bound of the linear decay
 LOG_EVERY = 10  # updates
 RECENT_STEPS = 200  # environment steps with decisions that the displayed means are taken over
 LARGEST_GRADIENT = 1.0  # norm of the gradient of each network
 
 
-class AnchorRun(Run):
+class AnchorRun(OwnNetworkRun):
     """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments.
 
     Raises:
         ArgumentError: an invalid environment, or a damaged checkpoint.
     """
+
+    smallest_factor: ClassVar[float] = 0.02
 
     def build(self) -> None:
         """Create networks, optimizer and environments."""
@@ -54,10 +55,7 @@ class AnchorRun(Run):
         self.settings = self.recipe.settings
         torch.manual_seed(self.seed)
         self.net = AnchorNetworks(self.settings.hidden)
-        self.rate, self.decays = learning_rate_schedule(self.settings.learning_rate)
-        self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
-        for parameter in self.net.parameters():  # a network without samples yet has no gradient
-            parameter.grad = torch.zeros_like(parameter)
+        self.start(self.net, self.settings.learning_rate)
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._fixed = [self._options_of(world) for world in self.settings.worlds]
         for world in (self.world, *(world for world, _ in self._fixed)):
@@ -65,14 +63,13 @@ class AnchorRun(Run):
         self._generator = np.random.default_rng(seeds.TRAINING + self.seed)
         self._anchors = SampleBuffer(self.settings.buffer_size, self.net.anchor.inputs + 4)
         self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
-        self._num_timesteps = 0
         self._generation = 0
         self._streams = self._draw_streams()
         self._tracks = sum(stream.tracks for stream in self._streams)
 
     @property
     def num_timesteps(self) -> int:
-        """Environment steps so far."""
+        """Environment steps so far. A new generation of random worlds begins after a number of them."""
         return self._num_timesteps
 
     @num_timesteps.setter
@@ -82,16 +79,6 @@ class AnchorRun(Run):
         if self.settings.drawn_worlds and generation != self._generation:
             self._generation = generation
             self._streams = self._draw_streams()
-
-    @property
-    def network(self) -> AnchorNetworks:
-        """The two networks."""
-        return self.net
-
-    @property
-    def optimizer(self) -> torch.optim.Optimizer:
-        """Their optimizer."""
-        return self._optimizer
 
     def _draw_streams(self) -> list[AnchorStream]:
         """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
@@ -156,9 +143,8 @@ class AnchorRun(Run):
                     self._anchors.add(rollout.anchors)
                     self._declarations.add(rollout.declarations)
                     recent = (recent + rollout.decisions)[-RECENT_STEPS:]
-                remaining = 1.0 - self.num_timesteps / self.steps
-                factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
-                losses = self._update(self.rate * factor)
+                self.set_learning_rate()
+                losses = self._update()
                 self.num_timesteps += self.settings.n_steps * self._tracks
                 reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
                 if on_progress is not None:
@@ -173,10 +159,8 @@ class AnchorRun(Run):
     def _rollout(self, stream: AnchorStream) -> Rollout:
         return stream.rollout(self.net, self.settings)
 
-    def _update(self, rate: float) -> tuple[float, float]:
+    def _update(self) -> tuple[float, float]:
         """Train on random samples; return the mean losses of anchors and declarations."""
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
         totals = np.zeros(2)
         for _ in range(self.settings.batches):
             losses = self._losses()

@@ -23,8 +23,8 @@ from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
 from agents.training import run_folder
 from agents.training.learning_curve import LearningCurve
-from agents.training.learning_rate import learning_rate_schedule
-from agents.training.run import Run, TrainingProgress
+from agents.training.own_network_run import OwnNetworkRun
+from agents.training.run import TrainingProgress
 from agents.training.statement_learning_curve import StatementLearningCurve
 from agents.training.statement_reward import expected_reward
 from agents.training.statement_settings import StatementSettings
@@ -34,7 +34,6 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import environment_options, make_track_vector_env
 
-MIN_LEARNING_RATE_FACTOR = 0.01  # lower bound of the linear decay
 LARGEST_GRADIENT = 0.5  # norm
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 
@@ -42,7 +41,7 @@ Batch = tuple[Tensor, Tensor, Tensor]
 """Inputs (T, N, M - 1, 26), log-probabilities (T, N, M) and true modes (T, N)."""
 
 
-class StatementRun(Run):
+class StatementRun(OwnNetworkRun):
     """A training run on the expected reward; see `agents.training.runs.make_run` for the arguments.
 
     Raises:
@@ -50,6 +49,7 @@ class StatementRun(Run):
     """
 
     curve_class: ClassVar[type[LearningCurve]] = StatementLearningCurve
+    smallest_factor: ClassVar[float] = 0.01
 
     def build(self) -> None:
         """Create network and optimizer."""
@@ -62,34 +62,11 @@ class StatementRun(Run):
         self.world = world
         torch.manual_seed(self.seed)
         self.net = StatementNet(self.settings.hidden)
-        self.rate, self.decays = learning_rate_schedule(self.settings.learning_rate)
-        self._optimizer = torch.optim.Adam(self.net.parameters(), lr=self.rate)
-        for parameter in self.net.parameters():
-            parameter.grad = torch.zeros_like(parameter)
-        self._num_timesteps = 0
+        self.start(self.net, self.settings.learning_rate)
         self._round_tracks = len(self.settings.durations) * self.settings.n_envs
         if self._round_tracks * world.ticks * (world.hypotheses - 1) > LARGEST_ROUND:
             allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"
             raise reject("n_envs", self.settings.n_envs, allowed)
-
-    @property
-    def num_timesteps(self) -> int:
-        """Environment steps so far."""
-        return self._num_timesteps
-
-    @num_timesteps.setter
-    def num_timesteps(self, steps: int) -> None:
-        self._num_timesteps = steps
-
-    @property
-    def network(self) -> StatementNet:
-        """The network."""
-        return self.net
-
-    @property
-    def optimizer(self) -> torch.optim.Optimizer:
-        """Its optimizer."""
-        return self._optimizer
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`. There are none between two rounds."""
@@ -108,10 +85,7 @@ class StatementRun(Run):
         """Train for the remaining steps; see `Run.learn`."""
         while self.num_timesteps < self.steps:
             self.between_updates()
-            remaining = 1.0 - self.num_timesteps / self.steps
-            factor = max(MIN_LEARNING_RATE_FACTOR, remaining) if self.decays else 1.0
-            for group in self.optimizer.param_groups:
-                group["lr"] = self.rate * factor
+            self.set_learning_rate()
             rewards, entropies = zip(*map(self._train_on, self._batches()), strict=True)
             self.num_timesteps += self._round_tracks * self.world.ticks
             reward = float(np.mean(rewards))

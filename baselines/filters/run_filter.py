@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.filters.estimates import Estimates
 from baselines.filters.motion_models import check_scalar
 from baselines.filters.track_filter import TrackFilter, check_measurements, measurement_covariance
 from hybrid_env.checks import ArgumentError, check_array, check_flag, dimensions, reject
@@ -13,32 +14,16 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Filtered:
-    """Output of a filter for T ticks of B tracks in d dimensions. A single track has no axis B.
+class Filtered(Estimates):
+    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits.
 
     Attributes:
-        states: (T, B, n) estimates after the measurement of each tick, NaN before a track begins.
-        covariances: (T, B, n, n) of the estimates; None if the filter has none or they were not kept.
         log_likelihoods: (T, B), see `TrackFilter.log_likelihood`.
         nis: (T, B), see `TrackFilter.nis`.
-        order: number of values per axis of a state, m.
     """
 
-    states: FloatArray
-    covariances: FloatArray | None
     log_likelihoods: FloatArray
     nis: FloatArray
-    order: int
-
-    @property
-    def positions(self) -> FloatArray:
-        """(T, B, d) [m]."""
-        return self.states[..., :: self.order]
-
-    @property
-    def velocities(self) -> FloatArray:
-        """(T, B, d) [m/s]."""
-        return self.states[..., 1 :: self.order]
 
 
 def run_filter(
@@ -110,7 +95,7 @@ def run_filter(
     if single:
         states, log_likelihoods, nis = states[:, 0], log_likelihoods[:, 0], nis[:, 0]
         kept = None if kept is None else kept[:, 0]
-    return Filtered(states, kept, log_likelihoods, nis, track_filter.order)
+    return Filtered(states, kept, track_filter.order, log_likelihoods, nis)
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:

@@ -2,11 +2,10 @@
 systems".
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baselines.filters.estimates import Estimates
 from baselines.filters.kalman import propagate
 from baselines.filters.motion_models import MotionModel
 from baselines.filters.run_filter import Filtered, check_times
@@ -15,33 +14,8 @@ from hybrid_env.checks import reject
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Smoothed:
-    """Estimates given all measurements, shapes as in `Filtered`.
-
-    Attributes:
-        states: (T, B, n), NaN before a track begins.
-        covariances: (T, B, n, n) of the estimates.
-        order: number of values per axis of a state, m.
-    """
-
-    states: FloatArray
-    covariances: FloatArray
-    order: int
-
-    @property
-    def positions(self) -> FloatArray:
-        """(T, B, d) [m]."""
-        return self.states[..., :: self.order]
-
-    @property
-    def velocities(self) -> FloatArray:
-        """(T, B, d) [m/s]."""
-        return self.states[..., 1 :: self.order]
-
-
-def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Smoothed:
-    """Smooth the estimates of a Kalman filter, plain or robust.
+def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimates:
+    """Return the estimates of a Kalman filter, plain or robust, given all measurements.
 
     After a robust filter the result is approximate: the weights of the measurements are those of the filter.
 
@@ -71,7 +45,7 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Smoothed
             _step_back(model, step, states, covariances, k, begun)
     if single:
         states, covariances = states[:, 0], covariances[:, 0]
-    return Smoothed(states, covariances, model.order)
+    return Estimates(states, covariances, model.order)
 
 
 def _step_back(

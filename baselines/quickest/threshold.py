@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
 from hybrid_env.checks import check_number, reject
-from hybrid_env.core.compilation import compiled, internal
+from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
 
 
-@internal
+@compiled
 def _choose(
     log_probability: NDArray[np.float64],
     stated: Actions,
@@ -27,18 +27,6 @@ def _choose(
         best = values.argmax()
         changes = values[best] >= threshold and values[stated[i]] <= release
         actions[i] = best if changes or not started[i] else stated[i]
-
-
-@compiled
-def _choose_by_arrays(
-    log_probability: NDArray[np.float64],
-    stated: Actions,
-    started: NDArray[np.bool_],
-    threshold: float,
-    release: float,
-    actions: Actions,
-) -> None:
-    _choose(log_probability, stated, started, threshold, release, actions)
 
 
 @compiled
@@ -117,7 +105,7 @@ class ThresholdDecider:
             started: (N,) whether there has been a statement; the first one is the most probable mode.
         """
         actions = np.empty(len(stated), np.int64)
-        _choose_by_arrays(log_probability, stated, started, self._log_threshold, self._log_release, actions)
+        _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
 
 
