@@ -23,9 +23,6 @@ from hybrid_env.scheme import RandomScheme
 
 FloatArray = NDArray[np.float64]
 NOMINAL = "nominal"
-SELECTION_EPISODES = 400
-"""Episodes per threshold in each environment; a threshold is one number, and its optimum is flat."""
-
 MOST_THRESHOLDS = 13
 """Thresholds tried in each environment, spread over those of the decider; all posteriors use `FEW_ALPHAS`."""
 
@@ -200,7 +197,7 @@ def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any])
     """Return the threshold with the best reward on the selection episodes."""
     thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds
     thresholds = thresholds[:: -(-len(thresholds) // MOST_THRESHOLDS)]
-    curve = sweep(family, env_id, SELECTION_EPISODES, seeds.SELECTION, thresholds=thresholds, **options)
+    curve = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, thresholds=thresholds, **options)
     return thresholds[curve.best_index()]
 
 
