@@ -20,7 +20,7 @@ AGENTS = ("ppo", "shipped")
 EPISODES = 1500
 TRACKS = 500  # episodes with unknown switch moments, each of about eight segments
 SELECTION_TRACKS = 300
-DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds", "jobs", "engine")
+DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
 """Flags that do not apply to unknown switch moments."""
 FLIGHT_FLAGS = ("deciders", "flights", "source", "tier", "out")
 """Flags that apply to recorded flights."""
@@ -146,7 +146,7 @@ class Compare(WorldArguments, ParallelArguments):
         selection = SELECTION_TRACKS if self.selection_episodes is None else self.selection_episodes
         options = self.world_options()
         plan = StatementPlan(self.env_id, options, deciders, agents, episodes, self.seed, selection)
-        run_statement_comparison(plan, self.out)
+        run_statement_comparison(plan, self.workers(), self.out)
 
     def _compare_decisions(self) -> None:
         deciders = DECIDERS if self.deciders is None else self.deciders

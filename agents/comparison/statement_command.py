@@ -9,10 +9,11 @@ from agents.comparison.statement_report import chosen_table, equal_table
 from agents.comparison.statement_study import StatementComparison, StatementPlan, compare_statements
 from agents.comparison.statement_track_figure import draw_track, record_track
 from agents.interface.output_files import output_folder, write_json
+from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
 
 
-def run_statement_comparison(plan: StatementPlan, out: Path) -> None:
+def run_statement_comparison(plan: StatementPlan, workers: Workers, out: Path) -> None:
     """Evaluate, print the tables and write the figures and compare.json.
 
     Raises:
@@ -22,7 +23,7 @@ def run_statement_comparison(plan: StatementPlan, out: Path) -> None:
     folder = output_folder("out", out)
     console = Console(emoji=False)
     with progress_display(console) as progress:
-        result = compare_statements(plan, progress)
+        result = compare_statements(plan, workers, progress)
     console.print(chosen_table(result))
     console.print(equal_table(result))
     draw_tradeoff(result, folder / "compare.png")

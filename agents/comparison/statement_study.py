@@ -1,5 +1,7 @@
 """Comparison of deciders for unknown switch moments: threshold sweeps, and evaluation on common tracks."""
 
+import functools
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +22,7 @@ from agents.evaluation.statement_curve import (
     UNDEFINED,
     WRONG_CHANGES,
     StatementCurve,
+    TrackMetrics,
     at_wrong_changes,
     check_tracks,
     mean_of,
@@ -27,6 +30,7 @@ from agents.evaluation.statement_curve import (
 )
 from agents.evaluation.statement_deciders import RULES, statement_family
 from agents.evaluation.statement_table import StatementFigures, statement_figures
+from agents.interface.parallel import Call, Workers
 from hybrid_env.checks import reject
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_track_vector_env
@@ -197,31 +201,46 @@ class StatementComparison:
         }
 
 
-def compare_statements(plan: StatementPlan, progress: Progress) -> StatementComparison:
+def compare_statements(plan: StatementPlan, workers: Workers, progress: Progress) -> StatementComparison:
     """Evaluate and compare the deciders of a plan."""
     families, world = plan.families(), plan.world()
     task = progress.add_task("Evaluating", total=2 * len(families), note="")
-    swept = []
-    for number, family in enumerate(families):
-        curves = []
-        for part, (tracks, seed) in enumerate(
-            ((plan.selection_tracks, seeds.SELECTION), (plan.tracks, plan.seed))
-        ):
-            progress.update(task, note=family.name)
-            begun = 2 * number + part
+    ended = 0
 
-            def show(share: float, begun: int = begun) -> None:
-                progress.update(task, completed=begun + share)
+    def show(share: float) -> None:
+        progress.update(task, completed=ended + share)
 
-            curves.append(sweep_statements(family, world, tracks, seed, show))
-        swept.append(curves)
+    def count(call: tuple[int, int]) -> None:
+        nonlocal ended
+        ended += 1
+        progress.update(task, completed=ended, note=families[call[0]].name)
+
+    calls: dict[tuple[int, int], Call] = {
+        (position, seed): functools.partial(
+            _sweep, plan, position, tracks, seed, None if workers.parallel else show
+        )
+        for position in range(len(families))
+        for tracks, seed in ((plan.selection_tracks, seeds.SELECTION), (plan.tracks, plan.seed))
+    }
+    swept = dict(workers.results(calls, count))
     progress.update(task, note="")
-    task = progress.add_task("Intervals", total=len(swept), note="")
+    task = progress.add_task("Intervals", total=len(families), note="")
     entries = []
-    for selection, curve in swept:
+    for position, family in enumerate(families):
+        selection, curve = (
+            StatementCurve(family, swept[position, seed]) for seed in (seeds.SELECTION, plan.seed)
+        )
         chosen = selection.best_index()
         reward = float(selection.values(mean_of(REWARD))[chosen])
         equal = {name: curve.estimate(statistic) for name, statistic in EQUAL_STATISTICS.items()}
         entries.append(StatementEntry(curve, chosen, reward, statement_figures(curve.at(chosen)), equal))
         progress.advance(task)
     return StatementComparison(plan, world, tuple(entries))
+
+
+def _sweep(
+    plan: StatementPlan, position: int, tracks: int, seed: int, show: Callable[[float], None] | None
+) -> tuple[TrackMetrics, ...]:
+    """Return the metrics of the decider at a position of a plan, one item per threshold."""
+    name = (*plan.deciders, *plan.agents)[position]
+    return sweep_statements(statement_family(name, plan.world()), plan.world(), tracks, seed, show).metrics

@@ -91,3 +91,12 @@ def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_pa
         assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
     for name in ("compare.json", "compare.png", "episode.png"):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
+def test_a_comparison_of_statements_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
+    command = ["compare", "--env", "HybridTrackQuickest-v0", "--deciders", "threshold", "cusum", "--agents"]
+    command += ["--episodes", "20", "--selection-episodes", "20"]
+    for jobs in ("1", "2"):
+        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("compare.json", "compare.png", "episode.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
