@@ -233,7 +233,7 @@ def differences(results: Sequence[ShiftResult]) -> list[ShiftDifference]:
 def shift_table(results: Sequence[ShiftResult], title: str) -> Table:
     """Return a table with environments in rows and deciders in columns."""
     deciders = list(dict.fromkeys(result.decider for result in results))
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=0, show_edge=False, min_width=len(title))
     table.caption = (
         "Reward per segment and half-width of its 95 % confidence interval, at the threshold selected in "
         "this environment; in the last line of a row the reward at the threshold selected in the nominal "

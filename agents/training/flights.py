@@ -117,7 +117,7 @@ class FlightTraining:
         (self.belief_weight * entropy - rewards.mean()).backward()
         nn.utils.clip_grad_norm_(net.parameters(), LARGEST_GRADIENT)
         optimizer.step()
-        return float(rewards.mean()), outputs.memory.detach(), last.detach()
+        return float(rewards.mean().detach()), outputs.memory.detach(), last.detach()
 
 
 if __name__ == "__main__":
