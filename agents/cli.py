@@ -80,7 +80,7 @@ EXAMPLES = {
         "hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1",
     ),
     "reproduce": (
-        "hybridtrack reproduce                              # all papers, 1000 runs each",
+        "hybridtrack reproduce                              # all but novospaskyi, 1000 runs each",
         "hybridtrack reproduce golubkov2018 --runs 100      # the size of the paper's own study",
     ),
     "limits": (

@@ -76,11 +76,11 @@ class OutlierNoise:
 
 @dataclass(frozen=True)
 class LevyNoise:
-    """Independent errors of the coordinates with the characteristic function exp(-|scale t|^index), clipped.
+    """Symmetric alpha-stable errors of each coordinate, independent and clipped.
 
-    The law is symmetric alpha-stable: normal with variance 2 scale^2 at index 2, Cauchy at index 1. Below
-    index 2 its variance is infinite. It is drawn as in Chambers, Mallows & Stuck 1976, "A method for
-    simulating stable random variables".
+    The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy
+    at index 1. Below index 2 the variance is infinite before the clipping. It is drawn as in Chambers,
+    Mallows & Stuck 1976, "A method for simulating stable random variables".
 
     Attributes:
         index: alpha, from 0.5 to 2.

@@ -49,7 +49,7 @@ class Compare(WorldArguments, ParallelArguments):
     In HybridTrackQuickest-v0: 'threshold' (on the probabilities of the bank), 'cusum', 'shiryaev-roberts',
     'glr', 'detector-2020' (of Golubkov 2020), 'beam' (semi-Markov posterior), 'beam-geometric' (which does
     not know the law of durations)."""
-    agents: Annotated[tuple[str, ...] | None, _default(" ".join(AGENTS), "the shipped agent, if any")] = None
+    agents: Annotated[tuple[str, ...] | None, _default(" ".join(AGENTS), "shipped")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), or run folders. In HybridTrackQuickest-v0 'shipped' or run folders."""
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 LENGTH_UNITS = (0.03, 1000.0)  # standard deviation of a measurement [m], where units are drawn
 TICKS = (0.01, 60.0)  # length of a tick [s], likewise
-MOTION = (0.08, 8.0)  # way of a tick over the deviation of a measurement
+MOTION = (0.08, 8.0)  # distance per tick over the deviation of a measurement
 TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
 WIDEST_BANK = 25.0  # largest over smallest radius
 PROCESS = (0.003, 0.06)  # deviation of process noise per tick over the speed

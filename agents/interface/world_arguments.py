@@ -47,7 +47,7 @@ class WorldArguments:
     """Flags of the environment options. Flags that are not given leave the defaults of the environment id."""
 
     env: Annotated[str | None, shown_default(DEFAULT_ENV)] = None
-    """Registered id of the environment. By default a run folder brings its own."""
+    """Registered id of the environment. A run folder has by default the one of its training."""
     scheme: Annotated[str | None, _default("scheme")] = None
     """Segments: 'random', 'random 6x50-100', 'L50r3 R75r5 S50', golubkov2018, tsyganov2019, golubkov2020."""
     radii: Annotated[tuple[float, ...] | None, _default("radii")] = None
@@ -85,13 +85,16 @@ class WorldArguments:
     ticks: Annotated[int | None, _default("ticks")] = None
     """Length of an episode of HybridTrackQuickest-v0 [ticks]."""
     durations: Annotated[str | None, _default("durations")] = None
-    """Law of the durations of its segments: '25 + geometric 50', 'geometric 75', 'uniform 50-100'."""
+    """Law of the durations of segments in HybridTrackQuickest-v0: '25 + geometric 50', 'geometric 75',
+    'uniform 50-100'."""
     start: Annotated[Literal["known", "random"] | None, _default("start")] = None
-    """Its first tick: at a switch to a known mode, or at a random moment in an unknown mode."""
+    """First tick of HybridTrackQuickest-v0: at a switch to a known mode, or at a random moment in an unknown
+    mode."""
     change_cost: Annotated[float | None, _default("change_cost")] = None
-    """Cost of a change of the statement to a wrong mode, relative to the reward of a right tick."""
+    """Cost of a change of the statement to a wrong mode in HybridTrackQuickest-v0, relative to the reward of
+    a right tick."""
     hazard: Annotated[float | None, _default("hazard")] = None
-    """Probability of a switch per tick that its bank assumes."""
+    """Probability of a switch per tick that the bank of HybridTrackQuickest-v0 assumes."""
 
     @property
     def env_id(self) -> str:

@@ -9,12 +9,13 @@
 - `statement_policy`: an actor that states the present mode at every tick.
 - `statement_decider`: a recurrent network that states the present mode, as a decider.
 - `statement_net`, `statement_inputs`: the network, and its inputs without units.
+- `flight_decider`, `flight_inputs`: the agent for recorded flights, and its inputs.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.
-- `shipped/`: the weights that come with the package.
+- `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
 
 All of them map observation rows to actions through the interface of `baselines.deciders.decider`.
 
-May import: `hybrid_env`, `baselines.deciders`, `baselines.quickest`, `agents.interface`.
+May import: `hybrid_env`, `baselines.deciders`, `baselines.quickest`, `baselines.flights`, `agents.interface`.
 """

@@ -1,8 +1,8 @@
 """Inputs of the anchor network without units, from observation rows and filters of its own.
 
-Lengths are divided by the standard deviation of a measurement or by the way of a tick, times by the tick. A
-change of units therefore changes no input. Lateral quantities are mirrored to the side of the declared turn,
-so that a mirrored trajectory gives the same inputs.
+Lengths are divided by the standard deviation of a measurement or by the distance per tick, times by the tick.
+A change of units therefore changes no input. Lateral quantities are mirrored to the side of the declared
+turn, so that a mirrored trajectory gives the same inputs.
 """
 
 from collections.abc import Sequence
@@ -37,10 +37,10 @@ ANCHOR_INPUTS = (
     "correlation of position and velocity",
     "log of velocity variance of the anchor over R",
     "log of process over measurement noise",
-    "log of the way of a tick over the deviation of a measurement",
+    "log of the distance per tick over the deviation of a measurement",
     "log of the deviation of process noise over the speed",
     "change of the speed over its deviation",
-    "innovation along the heading, declared filter of the bank less own filter",
+    "innovation along the heading, declared filter of the bank minus own filter",
     "innovation across the heading, likewise",
     "the environment follows all filters",
     "the environment has the anchor-aware bank",
@@ -91,7 +91,7 @@ class LastRow:
     Attributes:
         posterior: (N, M) of the hypotheses.
         components: (N, C) posterior of the components of the anchor.
-        bias: (N, M, 2) innovation along and across the heading over sqrt(R), of the bank less own filters.
+        bias: (N, M, 2) innovation along and across the heading over sqrt(R), of the bank minus own filters.
         ticks, ticks_left, speed: (N,) of the row.
     """
 
@@ -122,7 +122,7 @@ def turns_per_tick(layout: Layout, rows: Observations, scales: Scales) -> FloatA
 
 
 def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArray, ...]:
-    """Return the logarithms of way of a tick over sqrt(R), of sqrt(Q) over the speed, of sqrt(Q) over sqrt(R)
+    """Return the logarithms of distance per tick / sqrt(R), of sqrt(Q) / speed, of sqrt(Q) / sqrt(R)
     per tick, and of the variances of the anchor over R; each (N,).
     """
     log_speed = _log(layout.read(rows, "speed"))
@@ -142,7 +142,7 @@ def _clip(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
 
 
 def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) -> FloatArray:
-    """Return the innovations of the bank less those of own filters over sqrt(R), (N, M, 2).
+    """Return the innovations of the bank minus those of own filters over sqrt(R), (N, M, 2).
 
     The difference is that of the predicted positions: how far the filter of the bank has drifted.
 

@@ -14,7 +14,6 @@ from baselines.flights.turn_imm import TurnEstimates
 INPUTS = 16
 LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0
 SIDES = (1.0, -1.0)  # of a left and of a right turn
-MODES = 3
 
 
 def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:

@@ -63,7 +63,7 @@ def regret_inputs(
 
     Args:
         declared, true: turn angle per tick [rad], positive to the left; 0 is straight.
-        motion: logarithm of the way of a tick over the standard deviation of a measurement.
+        motion: logarithm of the distance per tick over the standard deviation of a measurement.
         process: logarithm of the deviation of process noise per tick over the speed.
         ticks_left: from the declaration to the switch.
         follows_bank, anchor_aware: 1 or 0, options of the environment.

@@ -17,7 +17,7 @@ from hybrid_env.quickest_options import QuickestOptions
 HYPOTHESIS_INPUTS = (
     "probability",
     "log-probability",
-    "log-likelihood of the tick less the largest",
+    "log-likelihood of the tick minus the largest",
     "innovation along the heading",
     "innovation across the heading",
     "log of innovation variance over measurement variance",
@@ -27,7 +27,7 @@ HYPOTHESIS_INPUTS = (
 """Of straight motion, of the turn, and of the other turns, weighted by their probabilities."""
 
 TRACK_INPUTS = (
-    "log of the way of a tick over the deviation of a measurement",
+    "log of the distance per tick over the deviation of a measurement",
     "log of turn angle per tick",
 )
 INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)

@@ -1,8 +1,9 @@
 """What limits decisions: `hybridtrack limits`.
 
 `command` defines the flags, `study` evaluates each bank, rule and noise level with known switch moments,
-`report` writes the tables, and `figure` draws the decision times. `statement_study`, `statement_report` and
-`statement_figure` are the same for unknown switch moments, from the filter bank to an off-line smoother.
+`steps` says what each step from ATE to the bound is worth, `report` writes the tables, and `figure` draws the
+decision times. The files `statement_*` are the same for unknown switch moments, from the filter bank to a
+smoother that sees later measurements.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

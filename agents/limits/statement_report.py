@@ -6,6 +6,7 @@ import numpy as np
 
 from agents.evaluation.operating_curve import Estimate
 from agents.limits.statement_study import LAWS, STEPS, THRESHOLD, StatementStep
+from agents.limits.steps import reward_cell
 from agents.limits.study import NOISE_LEVELS
 
 
@@ -17,7 +18,7 @@ def statement_steps_markdown(found: Sequence[StatementStep]) -> str:
         lines += [f"### HybridTrackQuickest-v0, durations {law}", ""]
         lines += [
             "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, with "
-            "its 95 % interval.", "", *_table(here, STEPS, _reward_cell),
+            "its 95 % interval.", "", *_table(here, STEPS, lambda one: reward_cell(one.reward, one.gain)),
             "Mean delay of a switch in ticks (one that is not detected counts until the end of its segment) "
             "/ wrong changes of the statement per 1,000 ticks, at the same thresholds.", "",
             *_table(here, STEPS, _delay_cell),
@@ -38,13 +39,6 @@ def _table(
         ]
         lines.append(f"| {step} | " + " | ".join(cells) + " |")
     return [*lines, ""]
-
-
-def _reward_cell(one: StatementStep) -> str:
-    text = f"{one.reward.value:.3f}"
-    if one.gain is None:
-        return text
-    return f"{text} ({one.gain.value:+.3f} [{one.gain.low:+.3f}, {one.gain.high:+.3f}])"
 
 
 def _delay_cell(one: StatementStep) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from agents.evaluation import seeds
+from agents.evaluation.cells import signed
 from agents.evaluation.deciders import decider_family
 from agents.evaluation.evaluate import FloatArray, confidence_interval, evaluate
 from agents.evaluation.operating_curve import Estimate, sweep
@@ -103,14 +104,13 @@ def steps_markdown(found: Sequence[StepResult]) -> str:
             "|---|" + "---|" * len(NOISE_LEVELS),
         ]  # fmt: skip
         for step in STEPS:
-            cells = [_cell(one) for one in found if (one.env_id, one.step) == (env_id, step)]
+            chosen = [one for one in found if (one.env_id, one.step) == (env_id, step)]
+            cells = [reward_cell(one.reward, one.gain) for one in chosen]
             lines.append(f"| {step} | " + " | ".join(cells) + " |")
         lines.append("")
     return "\n".join(lines)
 
 
-def _cell(one: StepResult) -> str:
-    text = f"{one.reward.value:.3f}"
-    if one.gain is None:
-        return text
-    return f"{text} ({one.gain.value:+.3f} [{one.gain.low:+.3f}, {one.gain.high:+.3f}])"
+def reward_cell(reward: Estimate, gain: Estimate | None) -> str:
+    """Return a mean reward, with the gain over the step before and its interval if there is one."""
+    return f"{reward.value:.3f}" if gain is None else f"{reward.value:.3f} ({signed(gain, 3)})"

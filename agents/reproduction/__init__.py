@@ -1,7 +1,8 @@
 """Reproduction of the published tables and figures: `hybridtrack reproduce`.
 
 `command` runs the studies of `baselines.papers`, `report` writes the tables, and `figures` draws the papers'
-figures, with `zimchuk_figure` for the paper on filters.
+figures, on the `canvas` that all have in common. `zimchuk_figure` and `novospaskyi_figures` are those of the
+papers on filters; `novospaskyi_study` runs the radar study with its progress display.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

@@ -3,7 +3,9 @@
 - `recipe`: hyper-parameters, read from `recipes/*.yml`.
 - `statement_settings`, `learning_rate`: parts of a recipe.
 - `runs`: creates or resumes a run.
-- `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`), `anchor` and `statements`.
+- `run`: base class of all runs; `ppo` (with its two kinds in `ppo_runs`), `anchor` and `statements` (both are
+  an `own_network_run`).
+- `flights`: trains the agent for recorded flights, a program of its own.
 - `statement_reward`: the expected reward of random statements, which `statements` trains on.
 - `anchor_stream`, `sample_buffer`: the tracks and the samples of the anchor agent.
 - `run_folder`: lock, config and metrics.

@@ -14,7 +14,8 @@ class Decider(Protocol):
 
     A decider with filters of its own has an attribute `every_tick` that is True: `baselines.OnlineTracker`
     asks it also in ticks without a measurement, so that its filters predict. One that cannot predict has an
-    attribute `needs_measurements` that is True.
+    attribute `needs_measurements` that is True. One for `HybridTrackQuickestEnv` that needs more than rows
+    has a method `observe`; its result for the world is then given in place of the rows.
     """
 
     def predict(
@@ -27,12 +28,13 @@ class Decider(Protocol):
         """Return the actions of N tracks for one step.
 
         Args:
-            observation: (N, 6 M + 10) rows of the environment; M is the number of hypotheses.
+            observation: (N, width) rows of the environment, see its docstring.
             state: the state that the previous call returned; None at the first step.
             episode_start: (N,) True where an episode begins.
             deterministic: if False, a stochastic decider samples its actions.
 
         Returns:
-            (N,) actions (0 waits, i + 1 declares hypothesis i) and the new state.
+            (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares hypothesis i, in
+            `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
         """
         ...

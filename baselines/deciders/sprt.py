@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions, Observations
+from baselines.deciders.msprt import CLIPPED_RATIO
 from hybrid_env.checks import check_between, reject
 from hybrid_env.core.compilation import compiled
-from hybrid_env.observation import LOG_FLOOR, Layout
-
-CLIPPED = LOG_FLOOR + 1e-3  # ratios up to this value may be clipped
+from hybrid_env.observation import Layout
 
 
 def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
@@ -133,7 +132,7 @@ class SPRTDecider:
             best = ratios.argmax(-1)[:, None]
             accumulated = state[0] + increment
             log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
-            clipped = ratios <= CLIPPED
+            clipped = ratios <= CLIPPED_RATIO
             log_likelihood[clipped] = accumulated[clipped]
             running = state[1].copy()
         first = np.rint(layout.read(observation, "ticks")) <= 1

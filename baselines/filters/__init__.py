@@ -13,7 +13,9 @@ number, (d,), (d, d) or (B, d, d). `run_filter.run_filter` runs a filter over a 
     smoothed = smooth(model, filtered, times)                  # smoother: fixed interval
 
 Besides `kalman`, the filters are `g_h`, `imm` and `adaptive` (Zimchuk & Kankin); `moving_average` is a step
-before them. `kinematic_bank` compares CV, CA and CJ by their likelihoods and writes rows for the deciders.
+before them. `correction` corrects by one component of a measurement after the other, and `estimates` is what
+filters and the smoother return. `kinematic_bank` compares CV, CA and CJ by their likelihoods and writes rows
+for the deciders.
 
 `recording` checks recorded measurements and computes the first estimate for the hybrid bank; `known_modes`
 is its Kalman filter with known modes.

@@ -18,7 +18,7 @@ MARK = re.compile(r"^<!-- (docstring|help|file) ([\w.]*) ?-->$", re.MULTILINE)
 
 
 def docstring(path: str) -> str:
-    """The docstring of a class without its first line, whose headings are those of a page."""
+    """The docstring of a class; its headings are the sections of a page."""
     module, _, name = path.rpartition(".")
     text = inspect.getdoc(getattr(importlib.import_module(module), name))
     if text is None:

@@ -8,7 +8,7 @@ a margin. The margin trades errors for time.
 
 # %%
 # One episode. The observation is a row of numbers; :class:`hybrid_env.Layout` reads them by name. The log-likelihood of
-# each hypothesis less the largest is 0 for the likeliest and negative for the others.
+# each hypothesis minus the largest is 0 for the likeliest and negative for the others.
 
 import gymnasium as gym
 import matplotlib.pyplot as plt
