@@ -17,7 +17,7 @@ from baselines.quickest.metrics import StatementMetrics, measure_statements
 from baselines.quickest.restarted import GLRDecider, MeanRatioDecider
 from baselines.quickest.statements import Statements, record_statements
 from baselines.quickest.threshold import ThresholdDecider
-from baselines.recordings.ate import Tracks, track
+from baselines.recordings.ate import Tracks, track_ate
 
 __all__ = [
     "BeamDecider",
@@ -41,5 +41,5 @@ __all__ = [
     "record_statements",
     "sprt_test",
     "sprt_thresholds",
-    "track",
+    "track_ate",
 ]

@@ -70,6 +70,8 @@ class Evaluate(WorldArguments, ParallelArguments):
         check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
         if not 1.0 <= check_number("beyond", self.beyond) <= LARGEST_FACTOR:
             raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
+        if self.beyond != type(self).beyond and not self.drawn:
+            raise reject("beyond", self.beyond, "no value without --drawn")
         metrics: Any
         if self._states_modes():
             metrics = self._evaluate_statements(self.deciders or ("threshold",))

@@ -23,7 +23,7 @@ from baselines.papers.reproduction import (
     study_interval,
     table_row,
 )
-from baselines.recordings.ate import Tracks, track
+from baselines.recordings.ate import Tracks, track_ate
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
 
@@ -66,9 +66,9 @@ def run_ate(recording: Simulation, variance: float, refine_radius: bool = False)
     Args:
         recording: simulated runs.
         variance: R [m^2].
-        refine_radius: see `baselines.track`.
+        refine_radius: see `baselines.track_ate`.
     """
-    return track(
+    return track_ate(
         recording.measurements, recording.lengths, START, radii=RADII, measurement_variance=variance,
         alpha=ALPHA, refine_radius=refine_radius,
     )  # fmt: skip

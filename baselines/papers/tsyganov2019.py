@@ -20,7 +20,7 @@ from baselines.papers.reproduction import (
     study_interval,
     table_row,
 )
-from baselines.recordings.ate import Tracks, track
+from baselines.recordings.ate import Tracks, track_ate
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
 
@@ -60,9 +60,9 @@ def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
     Args:
         recording: simulated runs.
         variance: R [m^2].
-        options: further options of `baselines.track`, such as `recalculation`.
+        options: further options of `baselines.track_ate`, such as `recalculation`.
     """
-    return track(
+    return track_ate(
         recording.measurements, recording.lengths, START, radii=[RADIUS], process_variance=0.0,
         measurement_variance=variance, alpha=ALPHA, **options,
     )  # fmt: skip

@@ -62,7 +62,7 @@ class Tracks:
 
 
 class _Rule(NamedTuple):
-    """Thresholds and options of the algorithm; see `track`."""
+    """Thresholds and options of the algorithm; see `track_ate`."""
 
     upper: float
     lower: float
@@ -187,7 +187,7 @@ def _track_run(
         k = end
 
 
-def track(
+def track_ate(
     measurements: ArrayLike,
     lengths: Sequence[int] | NDArray[np.int64],
     start: ArrayLike | None = None,

@@ -13,7 +13,7 @@ log-likelihood ratios to the mode decided last, and decides when one of them lea
 import matplotlib.pyplot as plt
 import numpy as np
 
-from baselines import sprt_thresholds, track
+from baselines import sprt_thresholds, track_ate
 from hybrid_env.rendering.modes import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
@@ -27,7 +27,7 @@ print(measurements.shape, recording.lengths)
 # are below the lower one.
 
 alpha = 1e-3
-found = track(measurements, recording.lengths, radii=radii, measurement_variance=0.1, alpha=alpha)
+found = track_ate(measurements, recording.lengths, radii=radii, measurement_variance=0.1, alpha=alpha)
 upper, lower = sprt_thresholds(alpha)
 begins = np.cumsum(recording.lengths) - recording.lengths
 for begin, mode, tick in zip(begins, found.decided, found.ticks, strict=True):

@@ -2,13 +2,12 @@
 A recording of your own
 =======================
 
-Positions in a file, with or without known moments at which the mode may switch. On the command line this is
-``hybridtrack track flight.csv``.
+Positions in a file, with or without known moments at which the mode may switch. On the command line the first two parts are
+``hybridtrack track flight.csv --lengths 70 60 40 75 60 --radii 5`` and ``hybridtrack track flight.csv``.
 """
 
 # %%
-# The file has the columns ``t, x, y``. Here it is simulated; put your own in its place, with the noise variance of your
-# sensor and the radii that your object can fly.
+# The file has the columns ``t, x, y``. Here it is simulated; put your own in its place.
 
 import tempfile
 from pathlib import Path
@@ -16,7 +15,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from baselines import OnlineTracker, ThresholdDecider, track
+from agents.recordings.tracking import track_recording
+from baselines import OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions
 from hybrid_env.rendering.modes import mode_colour, mode_name
 from hybrid_env.simulation import simulate
@@ -38,14 +38,22 @@ rows = np.loadtxt(file, delimiter=",", skiprows=1)
 times, measurements = rows[:, 0], rows[:, 1:]
 
 # %%
-# **Known moments.** A route is divided into pieces; ATE decides the mode of each and estimates the trajectory.
+# **Known moments.** A route is divided into pieces of known lengths, and the object flies turns of 5 m. The noise is estimated.
 
-found = track(measurements, [70, 60, 40, 75, 60], radii=radii, tau=tau, measurement_variance=variance)
-print("decided:", [mode_name(mode, radii) for mode in found.decided], "after", found.ticks, "ticks")
+known = track_recording(times, measurements, lengths=(70, 60, 40, 75, 60), radii=radii)
+names = np.array(known.mode_names())
+print("decided:", names[known.pieces[:, 2]], "at the rows", known.pieces[:, 3])
 
 # %%
-# **Unknown moments.** A tracker takes one measurement after the other, as from a live sensor, and states mode,
-# probabilities and estimate at each.
+# **Nothing known.** Moments, radii and noise are all found from the positions.
+
+unknown = track_recording(times, measurements)
+print("radii", unknown.model.radii, "noise variance", unknown.model.measurement_variance)
+print("warnings:", unknown.warnings or "none")
+
+# %%
+# **A live sensor.** A tracker takes one measurement after the other, and states mode, probabilities and estimate at each. It has to
+# be told the model.
 
 tracker = OnlineTracker(
     QuickestOptions(radii=radii, tau=tau, measurement_variance=variance), ThresholdDecider(0.6)
@@ -55,22 +63,24 @@ probabilities = np.array([now.probabilities for now in updates])
 stated = np.array([now.mode for now in updates])
 
 # %%
-# Both over time; the true modes are known here, because the recording is simulated.
+# All three over time; the true modes are known here, because the recording is simulated.
 
 true = np.repeat([0, 1, 0, 2, 1], flight.lengths)
 figure, (top, bottom) = plt.subplots(
     2, 1, figsize=(9, 5), layout="constrained", sharex=True, height_ratios=(1, 1.5)
 )
-for row, modes in enumerate((true, found.modes, stated)):
+for row, modes in enumerate((true, known.modes, unknown.modes, stated)):
     for mode in range(3):
         left = times[modes == mode] - tau
         top.barh(row, np.full(left.size, tau), left=left, color=mode_colour(mode, radii), linewidth=0)
-top.set_yticks(range(3), ["truth", "ATE, known moments", "threshold, unknown moments"])
+top.set_yticks(range(4), ["truth", "known moments", "nothing known", "live"])
 top.invert_yaxis()
 top.set_title("Modes")
 for mode in range(3):
     bottom.plot(times, probabilities[:, mode], color=mode_colour(mode, radii), label=mode_name(mode, radii))
-bottom.set(xlabel="time, s", ylabel="probability", title="Probabilities of the tracker", xlim=(0, times[-1]))
+bottom.set(
+    xlabel="time, s", ylabel="probability", title="Probabilities of the live tracker", xlim=(0, times[-1])
+)
 bottom.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()
 
@@ -79,9 +89,9 @@ plt.show()
 
 figure, axes = plt.subplots(figsize=(9, 4.5), layout="constrained")
 axes.plot(*measurements.T, ".", color="0.75", markersize=4, label="measurements")
-axes.plot(*found.estimates[:, [0, 2]].T, label="ATE", linewidth=1.5)
+axes.plot(*known.estimates[:, [0, 2]].T, label="known moments", linewidth=1.5)
 online = np.array([now.estimate for now in updates])
-axes.plot(*online[:, [0, 2]].T, label="tracker", linewidth=1.5)
+axes.plot(*online[:, [0, 2]].T, label="live", linewidth=1.5)
 axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()

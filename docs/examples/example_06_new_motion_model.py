@@ -13,7 +13,7 @@ Simulate your motion in NumPy, and give the measurements to a decider: nothing o
 import matplotlib.pyplot as plt
 import numpy as np
 
-from baselines import track
+from baselines import track_ate
 
 tau, radius, speed, variance, lengths = 0.1, 5.0, 2.0, 0.1, (50, 80)
 
@@ -45,7 +45,7 @@ for process_variance in (0.001, 0.01):
     shares, ticks, errors = [], [], []
     for entry in entries:
         measurements, truth = entered_turn(entry, runs=1000)
-        result = track(
+        result = track_ate(
             measurements, lengths, start, radii=[radius], tau=tau, measurement_variance=variance,
             process_variance=process_variance, undecided="likeliest",
         )  # fmt: skip

@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 import pytest
 
-from baselines import track
+from baselines import track_ate
 from baselines.filters.known_modes import filter_known_modes
 from baselines.recordings.change_detection import detect_switch
 from hybrid_env import ArgumentError, KalmanBank, Layout
@@ -43,7 +43,7 @@ def check(error, name):
 @pytest.mark.parametrize("lengths", BAD_LENGTHS, ids=str)
 def test_lengths(lengths):
     with pytest.raises(ArgumentError) as caught:
-        track(POSITIONS, lengths)
+        track_ate(POSITIONS, lengths)
     check(caught, "lengths")
     with pytest.raises(ArgumentError) as caught:
         filter_known_modes(POSITIONS, lengths, [0.0] * 3)
@@ -72,7 +72,7 @@ BAD_POSITIONS = [
 @pytest.mark.parametrize("positions", BAD_POSITIONS, ids=str)
 def test_measurements(positions):
     for call in (
-        lambda: track(positions, [10]),
+        lambda: track_ate(positions, [10]),
         lambda: filter_known_modes(positions, [10], [0.0]),
         lambda: detect_switch(positions),
     ):
@@ -95,7 +95,7 @@ def test_tested_hypotheses(tested):
 )
 def test_start(start):
     with pytest.raises(ArgumentError) as caught:
-        track(POSITIONS, [10], start)
+        track_ate(POSITIONS, [10], start)
     check(caught, "start")
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.evaluation.evaluate import evaluate
-from baselines import SPRTDecider, first_estimate, track
+from baselines import SPRTDecider, first_estimate, track_ate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS
@@ -52,7 +52,7 @@ BANK = {"radii": tuple(range(1, 11))}
 def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_environment(count, alpha, options):
     starts, traces, decisions = record_episodes(count, alpha, **options)
     for start, trace, made in zip(starts, traces, decisions, strict=True):
-        found = track(
+        found = track_ate(
             trace[:, MEASURED], made[:, 3], start, undecided="likeliest", alpha=alpha,
             **({"measurement_variance": 0.1} | options),
         )  # fmt: skip
@@ -76,9 +76,9 @@ def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation
 def test_a_batch_of_runs_equals_separate_runs():
     _, traces, _ = record_episodes(3, scheme="S40 L60r5 R50r5")
     batch = np.stack([trace[:, MEASURED] for trace in traces])
-    together = track(batch, [40, 60, 50])
+    together = track_ate(batch, [40, 60, 50])
     for i, measurements in enumerate(batch):
-        alone = track(measurements, [40, 60, 50])
+        alone = track_ate(measurements, [40, 60, 50])
         np.testing.assert_array_equal(together.estimates[i], alone.estimates)
         np.testing.assert_array_equal(together.modes[i], alone.modes)
 
@@ -113,7 +113,7 @@ INVALID = [
 def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
     valid = {"measurements": np.zeros((4, 2)), "lengths": [4]}
     with pytest.raises(ArgumentError) as caught:
-        track(**(valid | arguments))
+        track_ate(**(valid | arguments))
     assert message in str(caught.value)
     assert "expected" in str(caught.value)
     assert "\n" not in str(caught.value)

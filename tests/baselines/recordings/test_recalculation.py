@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matrix_filters import MatrixKalmanFilter
 
-from baselines import track
+from baselines import track_ate
 from baselines.filters.known_modes import filter_known_modes
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
@@ -24,7 +24,7 @@ def blocks(P):
 @pytest.mark.parametrize("recalculation", ["as_published", "rewind"])
 def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(recalculation):
     recording = simulate("S60 L60r5 R60r5", runs=3, seed=4)
-    found = track(recording.measurements, recording.lengths, START, recalculation=recalculation)
+    found = track_ate(recording.measurements, recording.lengths, START, recalculation=recalculation)
     assert not found.undecided.all(1).any()
     for run in range(3):
         anchor = START
@@ -49,7 +49,7 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
 
 def test_without_recalculation_the_estimates_up_to_the_decision_are_those_of_the_previous_mode():
     recording = simulate("S60 L60r5", runs=1, seed=4)
-    found = track(recording.measurements[0], recording.lengths, START)
+    found = track_ate(recording.measurements[0], recording.lengths, START)
     tick = found.ticks[1]
     assert (found.modes[60 : 60 + tick] == found.decided[0]).all()
     assert (found.modes[60 + tick :] == found.decided[1]).all()
@@ -60,7 +60,7 @@ def test_without_recalculation_the_estimates_up_to_the_decision_are_those_of_the
 
 def test_with_the_straight_reference_the_ratios_do_not_depend_on_the_previous_mode():
     recording = simulate("L60r5 L60r5", runs=20, seed=1)
-    found = track(recording.measurements, recording.lengths, START, reference="straight")
+    found = track_ate(recording.measurements, recording.lengths, START, reference="straight")
     second = found.ratios[:, 60]  # the first tick of the second segment
     np.testing.assert_array_equal(second[:, 0], 0.0)
     assert (second[:, 1] != 0.0).all()
@@ -69,8 +69,8 @@ def test_with_the_straight_reference_the_ratios_do_not_depend_on_the_previous_mo
 def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=40, seed=2, measurement_variance=0.01)
-    plain = track(recording.measurements, [100], START, radii=radii, measurement_variance=0.01)
-    refined = track(
+    plain = track_ate(recording.measurements, [100], START, radii=radii, measurement_variance=0.01)
+    refined = track_ate(
         recording.measurements, [100], START, radii=radii, measurement_variance=0.01, refine_radius=True
     )
     np.testing.assert_array_equal(plain.ticks, refined.ticks)
@@ -86,7 +86,7 @@ def test_a_rewind_changes_no_refined_decision():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=20, seed=2, measurement_variance=0.1)
     plain, rewound = (
-        track(
+        track_ate(
             recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation
         )
         for recalculation in ("none", "rewind")
@@ -141,4 +141,4 @@ def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, me
 )
 def test_an_invalid_option_of_ate_raises(name, value):
     with pytest.raises(ArgumentError, match=f"{name}={value!r}.*expected"):
-        track(np.zeros((4, 2)), [4], **{name: value})
+        track_ate(np.zeros((4, 2)), [4], **{name: value})
