@@ -96,7 +96,9 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
             try:
-                for name, result in parallel(joblib.delayed(_in_worker)(*call) for call in list(left.items())):
+                for name, result in parallel(
+                    joblib.delayed(_in_worker)(*call) for call in list(left.items())
+                ):
                     del left[name]
                     yield name, result
                 return
