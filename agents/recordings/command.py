@@ -1,6 +1,6 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,9 @@ class Track(TrackingArguments, FileArguments):
         self.check_tracking()
         if self.html:
             check_plotly()
-        work_on_files(self.track_file, self.files, self.folders(), self.jobs)
+        picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
+        work = replace(self, files=(), picture=picture)  # it is sent to a process with every file
+        work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
     def track_file(self, path: Path, folder: Path) -> Report:
         """Track the recordings of a file. Nothing is written before all are tracked.
@@ -73,7 +75,7 @@ class Track(TrackingArguments, FileArguments):
         files = [folder / "modes.csv", folder / "estimates.csv"]
         write_table(files[0], pieces)
         write_table(files[1], row_table(tracked))
-        if self.picture or (self.picture is None and len(self.files) <= FEW_FILES):
+        if self.picture:
             files.append(folder / "track.png")
             with atomic_file(files[-1]) as part:
                 draw_recording(tracked).savefig(part, format="png")

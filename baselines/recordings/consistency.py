@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import PassOutput, imm_pass
+from baselines.recordings.imm_pass import PassOutput, imm_pass, prepare_pass
 from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
 from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.imm_bank import imm_arrays
 from hybrid_env.core.records import LANES
 
@@ -119,9 +118,8 @@ def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] 
     )
     process = model.process_variance * model.tau**2 / model.measurement_variance
     assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(radii))
-    arguments = chunks, imm_arrays(len(radii)), radii, assumed, output
-    prepare(imm_pass, *arguments)
-    imm_pass(*arguments)
+    prepare_pass()
+    imm_pass(chunks, imm_arrays(len(radii)), radii, assumed, output)
     innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]
     for k, (index, first, end) in enumerate(places):
         innovations[index][first:end] = output.white[k // LANES, : end - first, :, k % LANES]

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks
-from hybrid_env.core.compilation import prepare
+from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks, prepare_pass
 from hybrid_env.core.imm_bank import ImmModel, imm_arrays
 from hybrid_env.core.records import LANES
 from hybrid_env.online_worlds import SQUARE
@@ -63,9 +62,8 @@ def first_state(
         hazard / (M - 1),
     )  # fmt: skip
     output = PassOutput(np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES)))
-    arguments = chunks, imm_arrays(len(radii)), radii, model, output
-    prepare(imm_pass, *arguments)
-    imm_pass(*arguments)
+    prepare_pass()
+    imm_pass(chunks, imm_arrays(len(radii)), radii, model, output)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)
     # a left turn seen backwards is a right turn

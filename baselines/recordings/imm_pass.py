@@ -5,14 +5,15 @@ the ticks. It is what `model_fit` maximises, and its innovations show whether th
 recording run side by side in the lanes of a block, as the tracks of an environment do.
 """
 
+import functools
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.imm_bank import ImmBank, ImmModel, begin_imm, step_imm
+from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.imm_bank import ImmBank, ImmModel, begin_imm, imm_arrays, step_imm
 from hybrid_env.core.irregular_ticks import predict_imm
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
@@ -23,6 +24,9 @@ PASS_BLOCK = lanes_of(
     ("measurement", np.float64, (2,)), ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,))
 )
 """What `step_imm` reads and writes of a track."""
+
+FIRST, LAST = np.uint64(0), np.uint64(LANES)
+"""All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used."""
 
 BURN_IN = 3
 """Measurements after the start that do not count: they depend on how the velocity was found."""
@@ -167,7 +171,7 @@ def imm_pass(
                     together = False
             block.measurement[:] = measurement
             if together:
-                step_imm(bank, block, 0, lanes, radii, model)
+                step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):
                 measured = not math.isnan(measurement[0, lane])
                 if measured and seen[lane] < 2:
@@ -194,3 +198,10 @@ def imm_pass(
                 if records:
                     _record(bank, lane, measured, output.white[b, k], output.probabilities[b, k])
     return total, count
+
+
+@functools.cache
+def prepare_pass() -> None:
+    """Compile `imm_pass` or load it, once in a process: the types of its arguments are always the same."""
+    model = ImmModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    prepare(imm_pass, make_chunks([np.zeros((1, 2))]), imm_arrays(1), np.ones(1), model, no_output())

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output
+from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output, prepare_pass
 from baselines.recordings.parts import fit_chunks
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.imm_bank import ImmModel, imm_arrays
 from hybrid_env.core.records import LANES
 
@@ -100,15 +99,10 @@ class _Likelihood:
     def __init__(self, chunks: Chunks):
         self.chunks, self.output = chunks, no_output()
         self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
-
-        self.prepared = False
+        prepare_pass()
 
     def __call__(self, at: _Parameters) -> float:
-        arguments = self.arguments(at, self.output)
-        if not self.prepared:
-            prepare(imm_pass, *arguments)
-            self.prepared = True
-        total: float = imm_pass(*arguments)[0]
+        total: float = imm_pass(*self.arguments(at, self.output))[0]
         return total if math.isfinite(total) else -math.inf
 
     def arguments(self, at: _Parameters, output: PassOutput) -> Any:

@@ -51,6 +51,18 @@ def matrix_likelihood(z, R, Q):
     return total
 
 
+def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
+    part = np.cumsum(np.random.default_rng(1).normal(1.0, 0.3, (40, 2)), axis=0)
+    alone = run_pass([part], [5.0], imm_model(0.5, 0.01, 75.0, 1))
+    bank = imm_arrays(1)
+    for array in bank:
+        array.view(np.float64)[...] = np.nan
+    chunks = make_chunks([part] * (LANES + 1))  # the second block has one lane
+    total, count = imm_pass(chunks, bank, np.array([5.0]), imm_model(0.5, 0.01, 75.0, 1), no_output())
+    assert count == (LANES + 1) * alone[1]
+    assert total == pytest.approx((LANES + 1) * alone[0], rel=1e-13)
+
+
 @pytest.mark.parametrize("missing", [0.0, 0.3])
 def test_straight_motion_has_the_likelihood_of_a_matrix_filter(missing):
     rng = np.random.default_rng(0)
