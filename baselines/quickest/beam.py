@@ -15,10 +15,9 @@ from baselines.quickest.beam_filters import (
     step_branches,
     step_memory,
 )
-from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured
+from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from baselines.quickest.threshold import ThresholdDecider
 from hybrid_env.checks import check_flag, check_integer
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.durations import Durations
 from hybrid_env.quickest_options import QuickestOptions
@@ -99,19 +98,15 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
         """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
-        arguments = state.branches, track, start, self.model
-        prepare(begin_branches, *arguments)
-        begin_branches(*arguments)
+        run_compiled(begin_branches, state.branches, track, start, self.model)
         state.log_probability[track] = start[-self.hypotheses :]
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         children, innovations = step_memory(self.hypotheses, state.branches)
-        arguments = (
-            state.branches, children, innovations, measurements, state.log_probability, self.model,
+        run_compiled(
+            step_branches, state.branches, children, innovations, measurements, state.log_probability, self.model,
         )  # fmt: skip
-        prepare(step_branches, *arguments)
-        step_branches(*arguments)
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
