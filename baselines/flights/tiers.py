@@ -32,7 +32,9 @@ TIERS = {
     "B": Tier("B", 1.7, 0.2, "1 s, state vectors"),
     "C": Tier("C", 4.0, 0.4, "5 s"),
     "D": Tier("D", 6.0, 1.2, "5 to 12 s, resampled before publication; a stress test with weak labels"),
-    "stress": Tier("stress", 1.7, 0.2, "1 s, state vectors; flights with special manoeuvres, outside of the totals"),
+    "stress": Tier(
+        "stress", 1.7, 0.2, "1 s, state vectors; flights with special manoeuvres, outside of the totals"
+    ),
 }
 
 TOGETHER = ("A", "B", "C")

@@ -105,7 +105,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         children, innovations = step_memory(self.hypotheses, state.branches)
         run_compiled(
-            step_branches, state.branches, children, innovations, measurements, state.log_probability, self.model,
+            step_branches, state.branches, children, innovations, measurements, state.log_probability,
+            self.model,
         )  # fmt: skip
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
