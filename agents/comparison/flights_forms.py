@@ -18,7 +18,7 @@ from baselines.flights.flight import Flight
 from baselines.flights.labels import Labels
 from baselines.flights.metrics import unstack
 from baselines.flights.semi_real import WORLD, semi_real_flights, state_semi_real
-from baselines.flights.statements import Cusum, FlightDecider, Threshold
+from baselines.flights.statements import Beam, Cusum, FlightDecider, Threshold
 from baselines.flights.turn_imm import run_turn_imm
 from hybrid_env.checks import reject
 
@@ -28,6 +28,7 @@ DECIDERS: dict[str, tuple[str, Callable[[], FlightDecider]]] = {
     "imm": ("IMM threshold", Threshold),
     "imm-careful": ("IMM threshold 0.9", lambda: Threshold(threshold=0.9)),
     "cusum": ("CUSUM", Cusum),
+    "beam": ("beam", Beam),
     "agent": ("agent", shipped_flight_decider),
 }
 """Name in figures and constructor of every native decider; none is fitted to a recorded flight."""
