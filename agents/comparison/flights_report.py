@@ -51,7 +51,7 @@ def flights_table(result: FlightComparison) -> Table:
                     group.figures, group.intervals, COLUMNS.values(), strict=True
                 )
             ]
-            head = f"{name} ({len(rows)})" if number == 0 else ""
+            head = f"{name}\n({len(rows)})" if number == 0 else ""
             table.add_row(head, escape(label), *cells, f"{group.twin.agreement:.3f}")
         table.add_section()
     return table

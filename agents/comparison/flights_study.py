@@ -74,7 +74,8 @@ class FlightPlan:
                 raise reject("tier", name, ", ".join(TIERS))
         if self.form not in FORMS:
             raise reject("form", self.form, ", ".join(FORMS))
-        assert self.labels
+        if len(self.labels) < len(self.deciders):
+            raise reject("deciders", self.deciders, "different names")
 
     def read(self) -> list[Flight]:
         """Return the flights of the tiers.
@@ -192,7 +193,9 @@ def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightC
     sensitivity = []
     if plan.form == "native":
         rows, reference = without_stress(flights), stated[next(iter(plan.labels))]
-        sensitivity = label_sensitivity(*([one[k] for k in rows] for one in (flights, labels, reference)))
+        sensitivity = label_sensitivity(
+            [flights[k] for k in rows], [labels[k] for k in rows], [reference[k] for k in rows]
+        )
     return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity)
 
 

@@ -96,7 +96,7 @@ def _begin(batch: Batch, model: TurnModel, beam: TurnHistories) -> Histories:
 
 
 def _branch(now: Histories, steps: FloatArray, model: TurnModel, beam: TurnHistories) -> Histories:
-    """Return all continuations: of each history, then to each turn rate as a new mode, then in the same mode."""
+    """Return each history as it goes on, then changes to each turn rate in another and in the same mode."""
     modes, count, dt = model.modes, len(model.rates), steps[:, None]
     shortest = np.where(modes == STRAIGHT, *beam.shortest)[now.model]
     mean = np.where(modes == STRAIGHT, model.straight, model.turn)[now.model]
@@ -135,6 +135,10 @@ def _keep(now: Histories, count: int) -> Histories:
     """Return the most probable histories with normalised weights."""
     order = np.argsort(-now.log_weight, axis=1, kind="stable")[:, :count]
     rows = np.arange(len(order))[:, None]
-    kept = Histories(*(field[rows, order] for field in now))
-    log_weight = kept.log_weight - kept.log_weight[:, :1]
-    return kept._replace(log_weight=log_weight - np.log(np.exp(log_weight).sum(1, keepdims=True)))
+    log_weight = now.log_weight[rows, order]
+    log_weight = log_weight - log_weight[:, :1]
+    log_weight -= np.log(np.exp(log_weight).sum(1, keepdims=True))
+    return Histories(
+        now.state[rows, order], now.covariance[rows, order], now.model[rows, order], now.age[rows, order],
+        log_weight,
+    )  # fmt: skip

@@ -101,6 +101,7 @@ INVALID_ARGUMENTS = [
     ("evaluate ''", "decider="),
     ("compare --flights --tier X", "tier='X'"),
     ("compare --flights --source nowhere", "source=nowhere"),
+    ("compare --form semi-real", "form='semi-real'"),
     ("compare --source nowhere", "source='nowhere'"),
     ("compare --tier A", "tier="),
     ("compare --seed 1000000000", "seed=1000000000"),
