@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
@@ -22,7 +22,7 @@ TRACKS = 500  # episodes with unknown switch moments, each of about eight segmen
 SELECTION_TRACKS = 300
 DECISION_FLAGS = ("accuracy", "curves", "steps", "training_seeds")
 """Flags that do not apply to unknown switch moments."""
-FLIGHT_FLAGS = ("deciders", "flights", "source", "tier", "out")
+FLIGHT_FLAGS = ("deciders", "flights", "source", "tier", "form", "out")
 """Flags that apply to recorded flights."""
 
 
@@ -71,11 +71,14 @@ class Compare(WorldArguments, ParallelArguments):
     """Number of agents to train per recipe, each with its own seed."""
     flights: tuple[str, ...] | None = None
     """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on
-    these ids file:icao24:k. Deciders are then 'imm', 'imm-careful', 'cusum' and 'agent'."""
+    these ids file:icao24:k. Deciders are then 'imm', 'imm-careful', 'cusum', 'beam' and 'agent'."""
     source: Path | None = None
     """With --flights: folder or wheel of the package 'traffic'; by default where it is installed."""
-    tier: tuple[str, ...] = ("A", "B", "C", "D")
-    """With --flights: tiers of quality."""
+    tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")
+    """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
+    form: Literal["native", "semi-real"] = "native"
+    """With --flights: as reported, or the smoothed flight with white noise in the setting of
+    HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
     reference differ most), compare.json, and agents (a run folder for each trained agent)."""
@@ -92,6 +95,8 @@ class Compare(WorldArguments, ParallelArguments):
             raise reject("source", str(self.source), "no value without --flights")
         elif self.tier != type(self).tier:
             raise reject("tier", self.tier, "no value without --flights")
+        elif self.form != type(self).form:
+            raise reject("form", self.form, "no value without --flights")
         elif issubclass(environment_options(self.env_id), QuickestOptions):
             self._compare_statements()
         else:
@@ -99,7 +104,6 @@ class Compare(WorldArguments, ParallelArguments):
 
     def _compare_flights(self) -> None:
         from agents.comparison.flights_command import run_flight_comparison
-        from agents.comparison.flights_study import DECIDERS as FLIGHT_DECIDERS
         from agents.comparison.flights_study import FlightPlan
 
         assert self.flights is not None
@@ -107,8 +111,7 @@ class Compare(WorldArguments, ParallelArguments):
             value = getattr(self, field.name)
             if field.name not in FLIGHT_FLAGS and value != field.default:
                 raise reject(field.name.replace("_", "-"), value, "no value with --flights")
-        deciders = tuple(FLIGHT_DECIDERS) if self.deciders is None else self.deciders
-        plan = FlightPlan(self.source, self.flights, self.tier, deciders)
+        plan = FlightPlan(self.source, self.flights, self.tier, self.form, self.deciders or ())
         run_flight_comparison(plan, self.out)
 
     def _check(self, deciders: tuple[str, ...], agents: tuple[str, ...], episodes: int) -> None:

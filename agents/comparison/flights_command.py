@@ -6,7 +6,7 @@ from rich.console import Console
 
 from agents.comparison.flights_figure import draw_flight
 from agents.comparison.flights_report import flights_json, flights_table, sensitivity_table
-from agents.comparison.flights_study import DECIDERS, FlightPlan, compare_on_flights
+from agents.comparison.flights_study import FlightPlan, compare_on_flights, steps
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.progress import progress_display
 from baselines.flights.metrics import figures
@@ -21,7 +21,7 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
     plan.check()
     console = Console(emoji=False)
     with progress_display(console) as progress:
-        task = progress.add_task("Flights", total=6, note="")
+        task = progress.add_task("Flights", total=steps(plan) + 1, note="")
 
         def note(text: str) -> None:
             progress.update(task, note=text, advance=1)
@@ -30,8 +30,8 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
         folder = output_folder("out", out)
         note("pictures")
         for k, flight in enumerate(result.flights):
-            stated = [(DECIDERS[name][0], result.stated[name][k]) for name in reversed(plan.deciders)]
-            values = figures([result.counts[plan.deciders[-1]][k]])
+            stated = [(label, result.stated[name][k]) for name, label in reversed(plan.labels.items())]
+            values = figures([result.counts[list(plan.labels)[-1]][k]])
             title = (
                 f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {values.agreement:.1%}"
             )
@@ -40,5 +40,6 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
             )
     write_json(folder / "flights.json", flights_json(result))
     console.print(flights_table(result))
-    console.print(sensitivity_table(result))
+    if result.sensitivity:
+        console.print(sensitivity_table(result))
     console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)

@@ -7,7 +7,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from agents.comparison.flights_study import DECIDERS, FlightComparison
+from agents.comparison.flights_study import FlightComparison
 from baselines.flights.metrics import FlightFigures, figures
 
 COLUMNS = {
@@ -22,9 +22,11 @@ COLUMNS = {
 
 def flights_table(result: FlightComparison) -> Table:
     """Figures of each decider in each tier, with 95 % intervals over flights."""
-    hours = sum(one.scored for one in next(iter(result.counts.values()))) / 3600.0
+    counts = next(iter(result.counts.values()))
+    hours = sum(counts[k].scored for k in result.counted) / 3600.0
+    form = "" if result.plan.form == "native" else f", {result.plan.form}"
     table = Table(
-        title=f"{len(result.flights)} recorded flights, {hours:.1f} scored hours",
+        title=f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
         caption=(
             "Second lines: 95 % interval, flights drawn with replacement.\n"
             "Twins: agreement on simulated flights with the same steps, speeds and labels.\n"
@@ -36,12 +38,12 @@ def flights_table(result: FlightComparison) -> Table:
         padding=(0, 1, 0, 0),
     )
     table.add_column("tier")
-    table.add_column("decider", min_width=9)
+    table.add_column("decider", min_width=9, overflow="fold")
     for head, *_ in COLUMNS.values():
         table.add_column(head, justify="right", no_wrap=True)
-    table.add_column("twins", justify="right")
+    table.add_column("twins", justify="right", no_wrap=True)
     for name, rows in result.groups.items():
-        for number, decider in enumerate(result.plan.deciders):
+        for number, (decider, label) in enumerate(result.plan.labels.items()):
             group = result.group(decider, name)
             cells = [
                 f"{scale * value:.{digits}f}\n{scale * low:.{digits}f}-{scale * high:.{digits}f}"
@@ -49,8 +51,8 @@ def flights_table(result: FlightComparison) -> Table:
                     group.figures, group.intervals, COLUMNS.values(), strict=True
                 )
             ]
-            head = f"{name} ({len(rows)})" if number == 0 else ""
-            table.add_row(head, escape(DECIDERS[decider][0]), *cells, f"{group.twin.agreement:.3f}")
+            head = f"{name}\n({len(rows)})" if number == 0 else ""
+            table.add_row(head, escape(label), *cells, f"{group.twin.agreement:.3f}")
         table.add_section()
     return table
 
@@ -65,7 +67,7 @@ def sensitivity_table(result: FlightComparison) -> Table:
         padding=(0, 1, 0, 0),
     )
     table.add_column("setting")
-    decider = DECIDERS[result.plan.deciders[0]][0]
+    decider = next(iter(result.plan.labels.values()))
     for head in ("same", "scored", "turns", f"agreement of\n{escape(decider)}"):
         table.add_column(head, justify="right")
     for one in result.sensitivity:
@@ -79,6 +81,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
     """Contents of the tables, and the figures of every flight."""
     return {
         "source": str(result.plan.source) if result.plan.source else "package traffic",
+        "form": result.plan.form,
         "tiers": {
             name: {
                 decider: _figures_json(result.group(decider, name).figures)
@@ -91,7 +94,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                     },
                     "twins": _figures_json(result.group(decider, name).twin),
                 }
-                for decider in result.plan.deciders
+                for decider in result.plan.labels
             }
             for name in result.groups
         },
@@ -108,7 +111,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                 "turns": sum(mode != 0 for *_, mode in labels.pieces),
                 "deciders": {
                     decider: _figures_json(figures([result.counts[decider][k]]))
-                    for decider in result.plan.deciders
+                    for decider in result.plan.labels
                 },
             }
             for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))

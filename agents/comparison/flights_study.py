@@ -9,28 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.learned.flight_decider import shipped_flight_decider
+from agents.comparison.flights_forms import FORMS, Form
 from baselines.flights.batch import stack_flights
 from baselines.flights.flight import Flight
 from baselines.flights.labels import LabelRules, Labels, label_flights, smoothed_rates
-from baselines.flights.metrics import FlightCounts, FlightFigures, bootstrap, count_flight, figures, unstack
+from baselines.flights.metrics import FlightCounts, FlightFigures, bootstrap, count_flight, figures
 from baselines.flights.samples import Samples
 from baselines.flights.simulated import twins
-from baselines.flights.statements import Cusum, FlightDecider, Threshold
-from baselines.flights.tiers import SCORED, TIERS
-from baselines.flights.turn_imm import run_turn_imm
+from baselines.flights.tiers import SCORED, TIERS, TOGETHER
 from hybrid_env.checks import reject
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-DECIDERS: dict[str, tuple[str, Callable[[], FlightDecider]]] = {
-    "imm": ("IMM threshold", Threshold),
-    "imm-careful": ("IMM threshold 0.9", lambda: Threshold(threshold=0.9)),
-    "cusum": ("CUSUM", Cusum),
-    "agent": ("agent", shipped_flight_decider),
-}
-"""Name in figures and constructor of every decider; none is fitted to a recorded flight."""
 
 VARIANTS: dict[str, LabelRules] = {
     "as used": LabelRules(),
@@ -46,6 +36,7 @@ VARIANTS: dict[str, LabelRules] = {
 """Settings of the labels whose effect is shown."""
 
 TWIN_SEED = 20190601
+NOISE_SEED, TWIN_NOISE_SEED = 20190602, 20190603
 
 
 @dataclass(frozen=True)
@@ -56,22 +47,35 @@ class FlightPlan:
         source: folder or wheel of the package `traffic`; None for the installed package.
         identities: of the flights; without any those of `SCORED`.
         tiers: names of the tiers; of the default flights only these are used.
-        deciders: keys of `DECIDERS`.
+        form: key of `FORMS`.
+        deciders: of that form; without any its default ones.
     """
 
     source: Path | None
     identities: tuple[str, ...]
     tiers: tuple[str, ...]
+    form: str
     deciders: tuple[str, ...]
+
+    @property
+    def seen(self) -> Form:
+        """How deciders see the flights."""
+        return FORMS[self.form]
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Names of the deciders in figures."""
+        return {name: self.seen.label(name) for name in self.deciders or self.seen.deciders}
 
     def check(self) -> None:
         """Raise `ArgumentError` if a name is unknown."""
         for name in self.tiers:
             if name not in TIERS:
                 raise reject("tier", name, ", ".join(TIERS))
-        for name in self.deciders:
-            if name not in DECIDERS:
-                raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights")
+        if self.form not in FORMS:
+            raise reject("form", self.form, ", ".join(FORMS))
+        if len(self.labels) < len(self.deciders):
+            raise reject("deciders", self.deciders, "different names")
 
     def read(self) -> list[Flight]:
         """Return the flights of the tiers.
@@ -128,12 +132,12 @@ class FlightComparison:
 
     Attributes:
         plan: settings.
-        flights: the flights.
+        flights: the flights, as the deciders see them.
         labels: of each flight.
         stated: of each decider and flight, (n,).
         counts: of each decider and flight.
         twin_counts: the same on simulated twins.
-        sensitivity: of the labels.
+        sensitivity: of the labels; none in the semi-real form, whose labels are those of the native one.
     """
 
     plan: FlightPlan
@@ -150,9 +154,14 @@ class FlightComparison:
         tiers = {
             name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name] for name in TIERS
         }
-        good = [k for name in "ABC" for k in tiers[name]]
-        together = {"A-C": good} if sum(bool(tiers[name]) for name in "ABC") > 1 else {}
+        good = [k for name in TOGETHER for k in tiers[name]]
+        together = {"A-C": good} if sum(bool(tiers[name]) for name in TOGETHER) > 1 else {}
         return {name: rows for name, rows in (tiers | together).items() if rows}
+
+    @cached_property
+    def counted(self) -> list[int]:
+        """Indices of the flights in the totals: all but those of the stress tier, if there are others."""
+        return without_stress(self.flights)
 
     def group(self, decider: str, name: str) -> Group:
         """Return the figures of a decider in a tier."""
@@ -162,35 +171,51 @@ class FlightComparison:
         return Group(figures(own), bootstrap(own), figures(twin))
 
 
+def without_stress(flights: Sequence[Flight]) -> list[int]:
+    """Return the indices of the flights that are not of the stress tier; of all if there are no others."""
+    return [k for k, flight in enumerate(flights) if flight.tier.name != "stress"] or list(
+        range(len(flights))
+    )
+
+
 def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightComparison:
-    """Compare deciders on flights; `note` is told what is done."""
+    """Compare deciders on flights; `note` is told what is done: `steps` texts."""
     plan.check()
     note("reading")
     flights = plan.read()
     note("labels")
-    smoothed = smoothed_rates(stack_flights(flights), LabelRules().jerk)
-    labels = label_flights(flights, smoothed=smoothed)
-    note("deciders")
-    deciders = {name: DECIDERS[name][1]() for name in plan.deciders}
-    stated, counts = _decide(deciders, flights, labels)
-    note("simulated twins")
+    labels = label_flights(flights)
     copies, copied = twins(flights, labels, np.random.default_rng(TWIN_SEED))
-    _, twin_counts = _decide(deciders, copies, copied)
+    seen = plan.seen.convert(flights, labels, NOISE_SEED)
+    stated, counts = _decide(plan, *seen, note)
+    _, twin_counts = _decide(plan, *plan.seen.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
     note("labels with other settings")
-    sensitivity = label_sensitivity(flights, labels, smoothed, stated[plan.deciders[0]])
-    return FlightComparison(plan, flights, labels, stated, counts, twin_counts, sensitivity)
+    sensitivity = []
+    if plan.form == "native":
+        rows, reference = without_stress(flights), stated[next(iter(plan.labels))]
+        sensitivity = label_sensitivity(
+            [flights[k] for k in rows], [labels[k] for k in rows], [reference[k] for k in rows]
+        )
+    return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity)
+
+
+def steps(plan: FlightPlan) -> int:
+    """Return how often `compare_on_flights` says what is done."""
+    return 3 + 2 * len(plan.labels)
 
 
 def _decide(
-    deciders: dict[str, FlightDecider], flights: Sequence[Flight], labels: Sequence[Labels]
+    plan: FlightPlan,
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    note: Callable[[str], None],
+    text: str = "",
 ) -> tuple[dict[str, list[IntArray]], dict[str, list[FlightCounts]]]:
-    batch = stack_flights(flights)
-    estimates = run_turn_imm(batch)
-    lengths = [len(flight.times) for flight in flights]
-    stated = {
-        name: unstack(batch, decider.state_modes(batch, estimates), lengths)
-        for name, decider in deciders.items()
-    }
+    run = plan.seen.run(flights)
+    stated = {}
+    for name, label in plan.labels.items():
+        note(f"{text}{label}")
+        stated[name] = run(name)
     return stated, {
         name: [
             count_flight(label, modes, flight.pieces)
@@ -201,19 +226,16 @@ def _decide(
 
 
 def label_sensitivity(
-    flights: Sequence[Flight],
-    used: Sequence[Labels],
-    smoothed: tuple[FloatArray, FloatArray],
-    stated: Sequence[IntArray],
+    flights: Sequence[Flight], used: Sequence[Labels], stated: Sequence[IntArray]
 ) -> list[Sensitivity]:
     """Return the effect of each setting of `VARIANTS`.
 
     Args:
         flights: the flights.
         used: their labels.
-        smoothed: turn rates and speeds from which the labels follow.
         stated: statements of one decider.
     """
+    smoothed = smoothed_rates(stack_flights(flights), LabelRules().jerk)
     results = []
     for name, rules in VARIANTS.items():
         labels = label_flights(flights, rules, smoothed if rules.jerk == LabelRules().jerk else None)

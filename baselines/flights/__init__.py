@@ -2,8 +2,10 @@
 
 `samples` reads the ADS-B reports of the package `traffic` where they are installed, `flight` cleans them and
 `tiers` says how good they are. `labels` finds the turns with a smoother that sees the whole flight.
-`turn_imm` is the filter that the rules of `statements` read, and `metrics` compares them with the labels.
-`simulated` makes flights that look like the recorded ones, and simulated twins of these.
+Rules of `statements` read the filter `turn_imm` or the semi-Markov posterior `turn_beam`, both made of the
+filters of `turn_filters`; `metrics` compares the rules with the labels. `simulated` makes flights that look
+like the recorded ones, and simulated twins of these. `semi_real` puts any of them into the setting of
+`HybridTrackQuickest-v0`, for the deciders of that environment.
 
     samples = Samples()                                     # or a folder or wheel
     flights = [samples.flight("samu31:39ac45:0")]
@@ -11,5 +13,6 @@
     batch = stack_flights(flights)                          # the pieces between gaps, as columns
     stated = Threshold().state_modes(batch, run_turn_imm(batch))
 
-May import: `hybrid_env`, `baselines.filters`, `baselines.recordings`. Never `agents`.
+May import: `hybrid_env`, `baselines.filters`, `baselines.recordings`, `baselines.online`,
+`baselines.deciders`. Never `agents`.
 """

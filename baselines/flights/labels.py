@@ -130,15 +130,20 @@ def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
 
 def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
     """Return turn rates [rad/s] and speeds [m/s], (T, B), of the smoother that sees the whole flight."""
+    states = smoothed_states(batch, jerk)
+    vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
+    squares = vx**2 + vy**2
+    return (vx * ay - vy * ax) / np.maximum(squares, 1e-12), np.sqrt(squares)
+
+
+def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
+    """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
     noises = measurement_covariances(local_velocities(batch), batch.across, batch.timing)
     model = MotionModel("CA", 2, jerk)
     filtered = run_filter(
         KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises
     )
-    states = smooth(model, filtered, batch.times).states
-    vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
-    squares = vx**2 + vy**2
-    return (vx * ay - vy * ax) / np.maximum(squares, 1e-12), np.sqrt(squares)
+    return np.asarray(smooth(model, filtered, batch.times).states)
 
 
 def make_labels(

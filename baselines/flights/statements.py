@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baselines.flights.batch import Batch
 from baselines.flights.labels import STRAIGHT
+from baselines.flights.turn_beam import run_turn_beam
 from baselines.flights.turn_imm import TurnEstimates
 
 FloatArray = NDArray[np.float64]
@@ -15,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 
 class FlightDecider(Protocol):
-    """A rule that reads the output of the filter."""
+    """A rule that reads positions and the output of the filter."""
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """Return the stated mode, (T, B), at each position; it may use positions up to this one only."""
@@ -36,6 +37,22 @@ class Threshold:
         best = estimates.probabilities.argmax(-1)
         sure = estimates.probabilities.max(-1) > self.threshold
         return held(best, sure)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beam:
+    """The same rule on the semi-Markov posterior of switch histories, `turn_beam`.
+
+    Attributes:
+        threshold: see `Threshold`.
+    """
+
+    threshold: float = 0.75
+
+    def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
+        """See `FlightDecider`; only the positions are used."""
+        probabilities = run_turn_beam(batch)
+        return held(probabilities.argmax(-1), probabilities.max(-1) > self.threshold)
 
 
 @dataclass(frozen=True, kw_only=True)

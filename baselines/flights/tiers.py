@@ -15,7 +15,7 @@ class Tier(NamedTuple):
     """Quality of recorded flights.
 
     Attributes:
-        name: A to D.
+        name: A to D, or stress.
         across: standard deviation of a position across the velocity [m].
         timing: standard deviation of the time of a position [s].
         text: what the reports are.
@@ -32,7 +32,13 @@ TIERS = {
     "B": Tier("B", 1.7, 0.2, "1 s, state vectors"),
     "C": Tier("C", 4.0, 0.4, "5 s"),
     "D": Tier("D", 6.0, 1.2, "5 to 12 s, resampled before publication; a stress test with weak labels"),
+    "stress": Tier(
+        "stress", 1.7, 0.2, "1 s, state vectors; flights with special manoeuvres, outside of the totals"
+    ),
 }
+
+TOGETHER = ("A", "B", "C")
+"""Tiers that are also scored together."""
 
 SCORED = {
     "A": (
@@ -52,11 +58,15 @@ SCORED = {
         "lisbon:4070f4:0", "mecsek_mountains:473f9a:0", "pixair_toulouse:39b861:0",
         "texas_longhorn:a7475a:0",
     ),
+    # parabolas of weightlessness, demonstration of low approaches, orbits of a tanker
+    "stress": ("zero_gravity:38cf9b:0", "belevingsvlucht:484506:0", "inflight_refuelling:3b7777:0"),
 }  # fmt: skip
 """Flights that are scored by default."""
 
 RESAMPLED = frozenset(identity.partition(":")[0] for identity in SCORED["D"])
 """Files of which most positions were computed by interpolation."""
+
+STRESSING = frozenset(SCORED["stress"])
 
 SPARSE = ("calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing")
 GLIDERS = (
@@ -75,6 +85,8 @@ def tier_of(identity: str, received: bool, times: NDArray[np.float64]) -> Tier:
         received: whether the times at which positions were received are known.
         times: (n,) of its reports [s].
     """
+    if identity in STRESSING:
+        return TIERS["stress"]
     name = identity.partition(":")[0]
     step = float(np.median(np.diff(times))) if len(times) > 1 else np.inf
     if name in RESAMPLED or step > 6.0:

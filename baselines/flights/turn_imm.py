@@ -1,9 +1,7 @@
 """The interacting multiple model filter over turn rates, with the noise of the flights and real time steps.
 
 Blom & Bar-Shalom 1988, with the coordinated turns of Bar-Shalom, Li & Kirubarajan 2001, section 11.7: each
-model moves at a known turn rate and is driven by white acceleration. The covariance of a measurement is
-across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t: the model weights
-a far measurement less, by (nu + 2) / (nu + NIS).
+model moves at a known turn rate and is driven by white acceleration.
 """
 
 from dataclasses import dataclass
@@ -14,11 +12,11 @@ from numpy.typing import NDArray
 
 from baselines.flights.batch import Batch, measurement_covariances
 from baselines.flights.labels import LEFT, RIGHT, STRAIGHT
+from baselines.flights.turn_filters import correct, mixtures, predict_turns, start_filters
 
 FloatArray = NDArray[np.float64]
 
 SMALLEST = 1e-12  # probability of a model
-START_SPEED = 100.0  # standard deviation of each component of the velocity at the start [m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +90,8 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
     groups = (modes == np.arange(3)[:, None]).astype(np.float64)  # (3, M)
     values, vectors = np.linalg.eig(settings.generator)
     inverse = np.linalg.inv(vectors)
-    density = np.where(modes == STRAIGHT, *settings.acceleration)[:, None]
-    state, covariance = _start(batch, count)
+    density = np.where(modes == STRAIGHT, *settings.acceleration)
+    state, covariance = start_filters(batch, count)
     probability = np.full((tracks, count), 0.1 / max(count - 1, 1))
     probability[:, 0] = 0.9 if count > 1 else 1.0
     output = TurnEstimates(
@@ -105,12 +103,12 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
         if k:
             chain = np.real((vectors * np.exp(values * steps[k][:, None])[:, None, :]) @ inverse)
             state, covariance, probability = _mixed(state, covariance, probability, chain)
-            state, covariance = _predicted(state, covariance, omega, density, steps[k])
+            state, covariance = predict_turns(state, covariance, omega, density, steps[k])
             mean = (probability[..., None] * state).sum(1)
             noise = measurement_covariances(mean[:, 2:], batch.across, batch.timing)
             used = present[k]
             z = np.where(used[:, None], batch.positions[k], 0.0)
-            new = _updated(state, covariance, z, noise, settings.freedom)
+            new = correct(state, covariance, z, noise, settings.freedom)
             log_likelihood = new[2] + np.log(probability)
             after = np.exp(log_likelihood - log_likelihood.max(1, keepdims=True))
             after = np.maximum(after / after.sum(1, keepdims=True), SMALLEST)
@@ -134,19 +132,6 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
     return output
 
 
-def _start(batch: Batch, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return states [x, y, vx, vy], (B, M, 4), and covariances at the first positions."""
-    tracks = batch.times.shape[1]
-    velocity = batch.positions[1] - batch.positions[0]
-    velocity = velocity / (batch.times[1] - batch.times[0])[:, None]
-    state = np.repeat(np.concatenate([batch.positions[0], velocity], axis=1)[:, None], count, axis=1)
-    covariance = np.zeros((tracks, count, 4, 4))
-    noise = measurement_covariances(velocity, batch.across, batch.timing)
-    covariance[:, :, :2, :2] = noise[:, None]
-    covariance[:, :, 2, 2] = covariance[:, :, 3, 3] = START_SPEED**2
-    return state, covariance
-
-
 def _mixed(
     state: FloatArray, covariance: FloatArray, probability: FloatArray, chain: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -154,62 +139,7 @@ def _mixed(
     joint = probability[:, :, None] * np.maximum(chain, 0.0)  # before, after
     after = np.maximum(joint.sum(1), SMALLEST)
     weights = (joint / after[:, None, :]).swapaxes(1, 2)  # after, before
-    mean = weights @ state
-    # sum of w (P + x x') less m m', with states relative to one of them, because positions are large
-    relative = state - state[:, :1]
-    centre = mean - state[:, :1]
-    square = covariance + relative[..., :, None] * relative[..., None, :]
-    tracks, count = probability.shape
-    mixed = (weights @ square.reshape(tracks, count, 16)).reshape(tracks, count, 4, 4)
-    return mean, mixed - centre[..., :, None] * centre[..., None, :], after / after.sum(1, keepdims=True)
-
-
-def _predicted(
-    state: FloatArray, covariance: FloatArray, omega: FloatArray, density: FloatArray, steps: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Predict coordinated turns with steps (B,) [s]; density is (M, 1)."""
-    angle = omega * steps[:, None]
-    safe = np.where(omega == 0.0, 1.0, omega)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    along = np.where(omega == 0.0, steps[:, None], sine / safe)
-    aside = np.where(omega == 0.0, 0.0, (1.0 - cosine) / safe)
-    matrix = np.zeros((*angle.shape, 4, 4))
-    matrix[..., 0, 0] = matrix[..., 1, 1] = 1.0
-    matrix[..., 0, 2] = matrix[..., 1, 3] = along
-    matrix[..., 1, 2], matrix[..., 0, 3] = aside, -aside
-    matrix[..., 2, 2] = matrix[..., 3, 3] = cosine
-    matrix[..., 3, 2], matrix[..., 2, 3] = sine, -sine
-    covariance = matrix @ covariance @ matrix.swapaxes(-1, -2)
-    dt = steps[:, None]
-    for axis in (0, 1):
-        covariance[..., axis, axis] += density.T * dt**3 / 3.0
-        covariance[..., axis, axis + 2] += density.T * dt**2 / 2.0
-        covariance[..., axis + 2, axis] += density.T * dt**2 / 2.0
-        covariance[..., axis + 2, axis + 2] += density.T * dt
-    return (matrix @ state[..., None])[..., 0], 0.5 * (covariance + covariance.swapaxes(-1, -2))
-
-
-def _inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return inverses and determinants of matrices (..., 2, 2)."""
-    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
-    determinant = a * d - b * c
-    adjugate = np.stack([np.stack([d, -b], -1), np.stack([-c, a], -1)], -2)
-    return adjugate / determinant[..., None, None], determinant
-
-
-def _updated(
-    state: FloatArray, covariance: FloatArray, z: FloatArray, noise: FloatArray, freedom: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return corrected states and covariances, and the log-likelihoods (B, M)."""
-    innovation = z[:, None] - state[..., :2]
-    inverse, determinant = _inverse(covariance[..., :2, :2] + noise[:, None])
-    nis = (innovation[..., None, :] @ inverse @ innovation[..., :, None])[..., 0, 0]
-    likelihood = -0.5 * np.log(determinant) - 0.5 * (freedom + 2.0) * np.log1p(nis / freedom)
-    weight = np.minimum((freedom + 2.0) / (freedom + nis), 1.0)
-    inverse, _ = _inverse(covariance[..., :2, :2] + noise[:, None] / weight[..., None, None])
-    gain = covariance[..., :, :2] @ inverse
-    state = state + (gain @ innovation[..., None])[..., 0]
-    return state, covariance - gain @ covariance[..., :2, :], likelihood
+    return *mixtures(state, covariance, weights), after / after.sum(1, keepdims=True)
 
 
 def _turned(

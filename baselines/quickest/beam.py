@@ -15,10 +15,9 @@ from baselines.quickest.beam_filters import (
     step_branches,
     step_memory,
 )
-from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured
+from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from baselines.quickest.threshold import ThresholdDecider
 from hybrid_env.checks import check_flag, check_integer
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.durations import Durations
 from hybrid_env.quickest_options import QuickestOptions
@@ -32,10 +31,12 @@ def hazards(laws: FloatArray) -> FloatArray:
     Args:
         laws: (rows, ticks) probabilities of 1, 2, ... ticks, as `QuickestOptions.duration_laws`.
     """
-    table = np.ones_like(laws)  # ages that are never reached
+    table = np.empty_like(laws)
     for row, ends in enumerate(laws):
         before = 1.0 - np.append(0.0, np.cumsum(ends)[:-1])
-        np.divide(ends, before, out=table[row], where=before > 1e-12)
+        reached = int(np.argmin(before > 1e-12)) or len(ends)
+        table[row, :reached] = ends[:reached] / before[:reached]
+        table[row, reached:] = table[row, reached - 1]  # of ages that are hardly ever or never reached
     return table.clip(0.0, 1.0)
 
 
@@ -99,19 +100,16 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
         """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
-        arguments = state.branches, track, start, self.model
-        prepare(begin_branches, *arguments)
-        begin_branches(*arguments)
+        run_compiled(begin_branches, state.branches, track, start, self.model)
         state.log_probability[track] = start[-self.hypotheses :]
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         children, innovations = step_memory(self.hypotheses, state.branches)
-        arguments = (
-            state.branches, children, innovations, measurements, state.log_probability, self.model,
+        run_compiled(
+            step_branches, state.branches, children, innovations, measurements, state.log_probability,
+            self.model,
         )  # fmt: skip
-        prepare(step_branches, *arguments)
-        step_branches(*arguments)
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""

@@ -1,12 +1,13 @@
 """Deciders that filter the measurements of the environment themselves, instead of reading its rows."""
 
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions
 from hybrid_env.checks import reject
+from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_world import QuickestWorld
 
@@ -22,6 +23,20 @@ def check_measured(options: QuickestOptions) -> None:
     for name, value in (("missed", options.missed), ("sensors", options.sensors)):
         if value:
             raise reject(name, value, "none for a decider with filters of its own")
+
+
+_prepared: set[Any] = set()
+
+
+def run_compiled(function: Any, *arguments: Any) -> None:
+    """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
+
+    To find the types of records takes far longer than one tick of one track.
+    """
+    if function not in _prepared:
+        prepare(function, *arguments)
+        _prepared.add(function)
+    function(*arguments)
 
 
 class MeasurementDecider(Generic[State]):

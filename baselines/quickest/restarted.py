@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.deciders.decider import Actions
-from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured
+from baselines.quickest.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from baselines.quickest.restarted_filters import (
     RestartedFilters,
     RestartModel,
@@ -20,7 +20,6 @@ from baselines.quickest.restarted_filters import (
     step_restarted,
 )
 from hybrid_env.checks import check_choice, check_integer, check_positive
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -66,15 +65,13 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
     def begin_track(self, state: RestartedFilters, track: int, start: FloatArray) -> None:
         """State the most probable mode and start its filter; see `MeasurementDecider.begin_track`."""
-        arguments = state, track, int(start[-self.hypotheses :].argmax()), start, self.model
-        prepare(begin_restarted, *arguments)
-        begin_restarted(*arguments)
+        run_compiled(
+            begin_restarted, state, track, int(start[-self.hypotheses :].argmax()), start, self.model
+        )
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""
-        arguments = state, measurements, self.model
-        prepare(step_restarted, *arguments)
-        step_restarted(*arguments)
+        run_compiled(step_restarted, state, measurements, self.model)
 
     def statements(self, state: RestartedFilters, starts: NDArray[np.bool_]) -> Actions:
         """Return the statements; see `MeasurementDecider.statements`."""

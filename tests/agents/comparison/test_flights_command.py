@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from agents.comparison.command import Compare
+from agents.comparison.flights_study import FlightPlan, compare_on_flights
+from baselines.flights import tiers
 from baselines.flights.simulated import simulate_flights
 from baselines.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError
@@ -32,11 +34,39 @@ def test_flights_are_compared(tmp_path, source, capsys):
     out = tmp_path / "out"
     Compare(flights=("two:abc120:0", "two:abc121:0"), source=source, out=out).run()
     result = json.loads((out / "flights.json").read_text())
-    assert set(result["tiers"]["B"]) == {"imm", "imm-careful", "cusum", "agent"}
+    assert set(result["tiers"]["B"]) == {"imm", "imm-careful", "cusum", "beam", "agent"}
     assert result["tiers"]["B"]["imm"]["agreement"] > 0.8
     assert len(result["flights"]) == 2
     assert (out / "two-abc120-0.png").stat().st_size > 10_000
     assert "IMM threshold" in capsys.readouterr().out
+
+
+def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
+    out = tmp_path / "out"
+    names = ("threshold", "beam:0.7", "glr", "shipped")
+    Compare(flights=("two:abc120:0",), source=source, form="semi-real", deciders=names, out=out).run()
+    result = json.loads((out / "flights.json").read_text())
+    assert result["form"] == "semi-real"
+    assert result["labels"] == []
+    figures = result["tiers"]["B"]
+    assert set(figures) == set(names)
+    for name in ("threshold", "shipped"):
+        assert figures[name]["agreement"] > 0.6
+        assert figures[name]["twins"]["agreement"] > 0.6
+    assert "beam 0.7" in capsys.readouterr().out
+
+
+def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monkeypatch):
+    monkeypatch.setattr(tiers, "STRESSING", frozenset({"two:abc121:0"}))
+    plan = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), tuple(TIERS), "native", ("imm",))
+    result = compare_on_flights(plan, lambda text: None)
+    assert result.groups == {"B": [0], "stress": [1]}
+    assert result.counted == [0]
+    turns = sum(mode != 0 for *_, mode in result.labels[0].pieces)
+    assert result.sensitivity[0].turns == turns
+    assert {field: getattr(TIERS["stress"], field) for field in ("across", "timing")} == {
+        field: getattr(TIERS["B"], field) for field in ("across", "timing")
+    }
 
 
 @pytest.mark.parametrize(
@@ -44,6 +74,9 @@ def test_flights_are_compared(tmp_path, source, capsys):
     [
         ({"flights": (), "tier": ("E",)}, "tier="),
         ({"flights": (), "deciders": ("ate",)}, "deciders="),
+        ({"flights": (), "form": "real"}, "form="),
+        ({"flights": (), "form": "semi-real", "deciders": ("imm",)}, "decider="),
+        ({"flights": (), "deciders": ("imm", "imm")}, "deciders="),
         ({"flights": (), "episodes": 7}, "episodes=7"),
         ({"flights": ("two:none:0",)}, "flight="),
         ({}, "source="),

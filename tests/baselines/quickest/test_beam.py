@@ -133,6 +133,12 @@ def test_hazards_give_back_the_law(text, start):
     np.testing.assert_allclose(survival * table, laws, atol=1e-12)
 
 
+def test_the_hazard_of_a_geometric_law_stays_the_same_in_very_long_segments():
+    """After 30 mean durations the probability of such a segment is below 1e-13."""
+    laws = QuickestOptions(durations="geometric 10", ticks=1000).duration_laws
+    np.testing.assert_allclose(hazards(laws), 0.1, rtol=1e-3)
+
+
 def test_episodes_that_begin_again_have_the_statements_of_fresh_ones():
     options = {"ticks": 30, "durations": "uniform 5-12", "radii": (3.0, 8.0)}
     env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)

@@ -1,0 +1,108 @@
+"""The two forms in which deciders see a recorded flight, and the deciders of each.
+
+Native: the positions as they were reported, with filters for turn rates. Semi-real: their smoothed path with
+white noise, in the setting of `HybridTrackQuickest-v0`, with the deciders of that environment.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.evaluation.deciders import split_threshold
+from agents.evaluation.statement_deciders import RULES, shipped_agents, statement_decider
+from agents.learned.flight_decider import shipped_flight_decider
+from baselines.flights.batch import stack_flights
+from baselines.flights.flight import Flight
+from baselines.flights.labels import Labels
+from baselines.flights.metrics import unstack
+from baselines.flights.semi_real import WORLD, semi_real_flights, state_semi_real
+from baselines.flights.statements import Beam, Cusum, FlightDecider, Threshold
+from baselines.flights.turn_imm import run_turn_imm
+from hybrid_env.checks import reject
+
+IntArray = NDArray[np.int64]
+
+DECIDERS: dict[str, tuple[str, Callable[[], FlightDecider]]] = {
+    "imm": ("IMM threshold", Threshold),
+    "imm-careful": ("IMM threshold 0.9", lambda: Threshold(threshold=0.9)),
+    "cusum": ("CUSUM", Cusum),
+    "beam": ("beam", Beam),
+    "agent": ("agent", shipped_flight_decider),
+}
+"""Name in figures and constructor of every native decider; none is fitted to a recorded flight."""
+
+
+class Form(Protocol):
+    """How deciders see flights.
+
+    Attributes:
+        deciders: names of the deciders that are compared by default.
+    """
+
+    deciders: tuple[str, ...]
+
+    def label(self, name: str) -> str:
+        """Return the name of a decider in figures.
+
+        Raises:
+            ArgumentError: there is no such decider.
+        """
+
+    def convert(
+        self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
+    ) -> tuple[list[Flight], list[Labels]]:
+        """Return flights and labels in this form; the seed is that of the noise."""
+
+    def run(self, flights: Sequence[Flight]) -> Callable[[str], list[IntArray]]:
+        """Return a function from the name of a decider to its statements on each flight, (n,)."""
+
+
+class Native:
+    """See `Form`."""
+
+    deciders = tuple(DECIDERS)
+
+    def label(self, name: str) -> str:
+        """See `Form`."""
+        if name not in DECIDERS:
+            raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights")
+        return DECIDERS[name][0]
+
+    def convert(
+        self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
+    ) -> tuple[list[Flight], list[Labels]]:
+        """See `Form`."""
+        return list(flights), list(labels)
+
+    def run(self, flights: Sequence[Flight]) -> Callable[[str], list[IntArray]]:
+        """See `Form`."""
+        batch = stack_flights(flights)
+        estimates = run_turn_imm(batch)
+        lengths = [len(flight.times) for flight in flights]
+        return lambda name: unstack(batch, DECIDERS[name][1]().state_modes(batch, estimates), lengths)
+
+
+class SemiReal:
+    """See `Form`. A decider is a name of `statement_decider`, with an optional threshold."""
+
+    deciders = (*RULES, *shipped_agents())
+
+    def label(self, name: str) -> str:
+        """See `Form`."""
+        family, threshold, _ = statement_decider(name, WORLD)
+        return family.name if split_threshold(name)[1] is None else f"{family.name} {threshold:g}"
+
+    def convert(
+        self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
+    ) -> tuple[list[Flight], list[Labels]]:
+        """See `Form`."""
+        return semi_real_flights(flights, labels, np.random.default_rng(seed))
+
+    def run(self, flights: Sequence[Flight]) -> Callable[[str], list[IntArray]]:
+        """See `Form`."""
+        return lambda name: state_semi_real(statement_decider(name, WORLD)[2], flights)
+
+
+FORMS: dict[str, Form] = {"native": Native(), "semi-real": SemiReal()}
