@@ -140,7 +140,7 @@ def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
 
 
 def row_table(tracked: TrackedRecording) -> dict[str, Any]:
-    """Columns of estimates.csv, with nan where there is no number. The first three are those of a recording."""
+    """Columns of estimates.csv, nan where there is no number. The first three are those of a recording."""
     recording, radii = tracked.recording, tracked.model.radii
     triangle = [(i, j) for i in range(4) for j in range(i, 4)]
     letters = np.array(["SLR"[_kind(mode, len(radii))] for mode in range(2 * len(radii) + 1)] + [""])
