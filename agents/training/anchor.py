@@ -67,15 +67,10 @@ class AnchorRun(OwnNetworkRun):
         self._streams = self._draw_streams()
         self._tracks = sum(stream.tracks for stream in self._streams)
 
-    @property
-    def num_timesteps(self) -> int:
-        """Environment steps so far. A new generation of random worlds begins after a number of them."""
-        return self._num_timesteps
-
-    @num_timesteps.setter
-    def num_timesteps(self, steps: int) -> None:
-        self._num_timesteps = steps
-        generation = steps // (self.settings.n_steps * self._tracks) // self.settings.updates_per_world
+    def steps_changed(self) -> None:
+        """Draw new random worlds, when a new generation of them begins."""
+        updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
+        generation = updates // self.settings.updates_per_world
         if self.settings.drawn_worlds and generation != self._generation:
             self._generation = generation
             self._streams = self._draw_streams()

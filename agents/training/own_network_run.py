@@ -38,6 +38,10 @@ class OwnNetworkRun(Run):
     @num_timesteps.setter
     def num_timesteps(self, steps: int) -> None:
         self._num_timesteps = steps
+        self.steps_changed()
+
+    def steps_changed(self) -> None:
+        """Called after `num_timesteps` has been set, also by a checkpoint."""
 
     @property
     def network(self) -> nn.Module:
