@@ -46,7 +46,8 @@ class Evaluate(WorldArguments, ParallelArguments):
     """Seed of the first episode; later episodes use consecutive seeds."""
     shifted: bool = False
     """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
-    with the best reward in each environment and in the nominal one; the names then take no thresholds."""
+    with the best reward on as many other episodes, at most 1,000, of each environment and of the nominal
+    one. The names then take no thresholds."""
     drawn: int = 0
     """Evaluate in this many random worlds, and in the nominal one, as with --shifted."""
     noises: tuple[str, ...] = ()

@@ -182,7 +182,7 @@ def _evaluate_shift(
 ) -> ShiftResult:
     """Evaluate a decider in one environment; a nominal threshold of NaN is that of this environment."""
     family = decider_family(name, make_vector_env(env_id, 1, **options).options)
-    threshold = _best_threshold(family, env_id, options)
+    threshold = _best_threshold(family, env_id, options, min(episodes, seeds.SELECTION_EPISODES))
     if math.isnan(nominal_threshold):
         nominal_threshold = threshold
     decisions = {
@@ -193,11 +193,11 @@ def _evaluate_shift(
     return _result(shift, family.name, own, nominal)
 
 
-def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any]) -> float:
-    """Return the threshold with the best reward on the selection episodes."""
+def _best_threshold(family: DeciderFamily, env_id: str, options: dict[str, Any], episodes: int) -> float:
+    """Return the threshold with the best reward on a number of selection episodes."""
     thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds
     thresholds = thresholds[:: -(-len(thresholds) // MOST_THRESHOLDS)]
-    curve = sweep(family, env_id, seeds.SELECTION_EPISODES, seeds.SELECTION, thresholds=thresholds, **options)
+    curve = sweep(family, env_id, episodes, seeds.SELECTION, thresholds=thresholds, **options)
     return thresholds[curve.best_index()]
 
 

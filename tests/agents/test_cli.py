@@ -5,7 +5,7 @@ import json
 import pytest
 
 from agents.cli import main
-from agents.evaluation import seeds, shifted_worlds
+from agents.evaluation import shifted_worlds
 from hybrid_env import WorldOptions
 
 
@@ -135,7 +135,6 @@ def test_an_anchor_agent_is_trained_resumed_and_evaluated_in_its_own_environment
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 10)
     monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted --episodes 10 --scheme random\\ 2x20-30 --out {out}"
@@ -160,7 +159,6 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
 
 
 def test_evaluate_draws_random_worlds(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 5)
     monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 2)
     out = tmp_path / "drawn.json"
     assert main(["evaluate", "fixed", "--drawn", "3", "--episodes", "5", "--out", str(out)]) == 0
