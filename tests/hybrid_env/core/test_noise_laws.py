@@ -75,7 +75,7 @@ def test_the_coordinates_of_a_stable_error_are_independent():
 def test_errors_are_clipped():
     drawn = np.abs(errors(seeded(7), 1000, setting_of("levy 0.5 1 3"))[:, 2:4])
     assert drawn.max() == 3.0
-    assert np.isfinite(errors(seeded(7), 100_000, setting_of("levy 0.5"))).all()
+    assert np.isfinite(errors(seeded(7), 100_000, setting_of("levy 0.5"))[:, :4]).all()
     assert np.abs(errors(seeded(8), 100_000, setting_of("student_t 1"))[:, 2:4]).max() <= 1e6
 
 
