@@ -189,9 +189,9 @@ def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightC
     seen = plan.seen.convert(flights, labels, NOISE_SEED)
     stated, counts = _decide(plan, *seen, note)
     _, twin_counts = _decide(plan, *plan.seen.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
-    note("labels with other settings")
     sensitivity = []
     if plan.form == "native":
+        note("labels with other settings")
         rows, reference = without_stress(flights), stated[next(iter(plan.labels))]
         sensitivity = label_sensitivity(
             [flights[k] for k in rows], [labels[k] for k in rows], [reference[k] for k in rows]
@@ -201,7 +201,7 @@ def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightC
 
 def steps(plan: FlightPlan) -> int:
     """Return how often `compare_on_flights` says what is done."""
-    return 3 + 2 * len(plan.labels)
+    return 2 + 2 * len(plan.labels) + (plan.form == "native")
 
 
 def _decide(

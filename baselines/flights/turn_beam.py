@@ -60,7 +60,7 @@ def run_turn_beam(
     settings = TurnModel() if model is None else model
     beam = TurnHistories() if histories is None else histories
     omega, modes = np.radians(settings.rates), settings.modes
-    density = np.where(modes == STRAIGHT, *settings.acceleration)
+    density = settings.density
     present, steps = batch.present, batch.steps
     now = _begin(batch, settings, beam)
     output = np.empty((*batch.times.shape, 3))
@@ -86,12 +86,10 @@ def run_turn_beam(
 def _begin(batch: Batch, model: TurnModel, beam: TurnHistories) -> Histories:
     """Return one history of each turn rate, in the midst of its mode."""
     tracks, count = batch.times.shape[1], len(model.rates)
-    weights = np.full(count, 0.1 / max(count - 1, 1))
-    weights[0] = 0.9 if count > 1 else 1.0
     age = np.where(model.modes == STRAIGHT, *beam.shortest)
     return Histories(
         *start_filters(batch, count), np.tile(np.arange(count), (tracks, 1)), np.tile(age, (tracks, 1)),
-        np.tile(np.log(weights), (tracks, 1)),
+        np.tile(np.log(model.start), (tracks, 1)),
     )  # fmt: skip
 
 

@@ -45,6 +45,17 @@ class TurnModel:
         return np.where(rates > 0.0, LEFT, np.where(rates < 0.0, RIGHT, STRAIGHT))
 
     @property
+    def density(self) -> FloatArray:
+        """(M,) spectral density of the acceleration of each model [m^2/s^3]."""
+        return np.where(self.modes == STRAIGHT, *self.acceleration)
+
+    @property
+    def start(self) -> FloatArray:
+        """(M,) probabilities of the models at the start of a piece: straight motion is likely."""
+        others = len(self.rates) - 1
+        return np.array([0.9, *[0.1 / others] * others]) if others else np.ones(1)
+
+    @property
     def generator(self) -> FloatArray:
         """(M, M) rates of change between the models [1/s]; rows sum to 0."""
         modes = self.modes
@@ -90,10 +101,9 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
     groups = (modes == np.arange(3)[:, None]).astype(np.float64)  # (3, M)
     values, vectors = np.linalg.eig(settings.generator)
     inverse = np.linalg.inv(vectors)
-    density = np.where(modes == STRAIGHT, *settings.acceleration)
+    density = settings.density
     state, covariance = start_filters(batch, count)
-    probability = np.full((tracks, count), 0.1 / max(count - 1, 1))
-    probability[:, 0] = 0.9 if count > 1 else 1.0
+    probability = np.tile(settings.start, (tracks, 1))
     output = TurnEstimates(
         np.empty((total, tracks, 3)), np.zeros((total, tracks, 3)), np.zeros((total, tracks)),
         np.empty((total, tracks)), np.zeros((total, tracks, 2)),
