@@ -24,14 +24,13 @@ from hybrid_env.checks import reject
 
 IntArray = NDArray[np.int64]
 
-DECIDERS: dict[str, tuple[str, Callable[[], FlightDecider]]] = {
+DECIDERS: dict[str, tuple[str, Callable[..., FlightDecider]]] = {
     "imm": ("IMM threshold", Threshold),
-    "imm-careful": ("IMM threshold 0.9", lambda: Threshold(threshold=0.9)),
     "cusum": ("CUSUM", Cusum),
     "beam": ("beam", Beam),
     "agent": ("agent", shipped_flight_decider),
 }
-"""Name in figures and constructor of every native decider; none is fitted to a recorded flight."""
+"""Name in figures and constructor (with a threshold) of the native deciders. None is fitted to a flight."""
 
 
 class Form(Protocol):
@@ -60,15 +59,22 @@ class Form(Protocol):
 
 
 class Native:
-    """See `Form`."""
+    """See `Form`. A decider is a name of `DECIDERS`, with an optional threshold."""
 
-    deciders = tuple(DECIDERS)
+    deciders: tuple[str, ...] = ("imm", "imm:0.8", "cusum", "beam", "agent", "agent:8")
 
     def label(self, name: str) -> str:
         """See `Form`."""
-        if name not in DECIDERS:
+        base, threshold = split_threshold(name)
+        if base not in DECIDERS:
             raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights")
-        return DECIDERS[name][0]
+        self._decider(name)
+        return DECIDERS[base][0] if threshold is None else f"{DECIDERS[base][0]} {threshold:g}"
+
+    @staticmethod
+    def _decider(name: str) -> FlightDecider:
+        base, threshold = split_threshold(name)
+        return DECIDERS[base][1](*() if threshold is None else (threshold,))
 
     def convert(
         self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
@@ -81,7 +87,7 @@ class Native:
         batch = stack_flights(flights)
         estimates = run_turn_imm(batch)
         lengths = [len(flight.times) for flight in flights]
-        return lambda name: unstack(batch, DECIDERS[name][1]().state_modes(batch, estimates), lengths)
+        return lambda name: unstack(batch, self._decider(name).state_modes(batch, estimates), lengths)
 
 
 class SemiReal:

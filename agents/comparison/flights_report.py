@@ -7,6 +7,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from agents.comparison.flights_bounds import POSITIONS_LATE
 from agents.comparison.flights_study import FlightComparison
 from baselines.flights.metrics import FlightFigures, figures
 
@@ -14,10 +15,10 @@ COLUMNS = {
     "agreement": ("agreement", 3, 1.0),
     "delay": ("delay\ns", 1, 1.0),
     "misses": ("misses\n%", 1, 100.0),
-    "false_per_hour": ("false\nper hour", 1, 1.0),
+    "false_per_hour": ("false/h\n(turns)", 1, 1.0),
     "changes_per_label": ("changes\nper label", 2, 1.0),
 }
-"""Heading, digits and scale of each figure."""
+"""Heading, digits and scale of each figure of the table."""
 
 
 def flights_table(result: FlightComparison) -> Table:
@@ -31,7 +32,8 @@ def flights_table(result: FlightComparison) -> Table:
             "Second lines: 95 % interval, flights drawn with replacement.\n"
             "Twins: agreement on simulated flights with the same steps, speeds and labels.\n"
             "Delay: from a change of the label to the first right statement.\n"
-            "False: a change to a mode that is not the label until the next change."
+            "False: a change to a mode that is not the label until the next change;\n"
+            "in brackets those of them to a turn while the label is straight motion."
         ),
         caption_justify="left",
         box=box.SIMPLE_HEAD,
@@ -45,12 +47,13 @@ def flights_table(result: FlightComparison) -> Table:
     for name, rows in result.groups.items():
         for number, (decider, label) in enumerate(result.plan.labels.items()):
             group = result.group(decider, name)
-            cells = [
-                f"{scale * value:.{digits}f}\n{scale * low:.{digits}f}-{scale * high:.{digits}f}"
-                for value, (low, high), (_, digits, scale) in zip(
-                    group.figures, group.intervals, COLUMNS.values(), strict=True
-                )
-            ]
+            cells = []
+            for key, (_, digits, scale) in COLUMNS.items():
+                low, high = group.intervals[key]
+                text = f"{scale * getattr(group.figures, key):.{digits}f}"
+                if key == "false_per_hour":
+                    text += f" ({group.figures.false_turns_per_hour:.1f})"
+                cells.append(f"{text}\n{scale * low:.{digits}f}-{scale * high:.{digits}f}")
             head = f"{name}\n({len(rows)})" if number == 0 else ""
             table.add_row(head, escape(label), *cells, f"{group.twin.agreement:.3f}")
         table.add_section()
@@ -77,6 +80,34 @@ def sensitivity_table(result: FlightComparison) -> Table:
     return table
 
 
+def bounds_table(result: FlightComparison) -> Table:
+    """Figures of the labels, stated late."""
+    table = Table(
+        title="The labels themselves, stated late",
+        caption=(
+            "Late: figures of a decider that states labels so many positions late.\n"
+            "Truth: share of the time in which labels of twins are the true modes."
+        ),
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("tier")
+    table.add_column("truth", justify="right")
+    for count in POSITIONS_LATE:
+        table.add_column(f"{count} late:\nagreement", justify="right")
+        table.add_column("delay\ns", justify="right")
+        table.add_column("false\nper hour", justify="right")
+    for bound in result.bounds:
+        cells = [
+            text
+            for one in bound.late
+            for text in (f"{one.agreement:.3f}", f"{one.delay:.1f}", f"{one.false_per_hour:.1f}")
+        ]
+        table.add_row(bound.tier, f"{bound.truth:.3f}", *cells)
+    return table
+
+
 def flights_json(result: FlightComparison) -> dict[str, Any]:
     """Contents of the tables, and the figures of every flight."""
     return {
@@ -88,9 +119,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                 | {
                     "intervals": {
                         key: [_number(low), _number(high)]
-                        for key, (low, high) in zip(
-                            COLUMNS, result.group(decider, name).intervals, strict=True
-                        )
+                        for key, (low, high) in result.group(decider, name).intervals.items()
                     },
                     "twins": _figures_json(result.group(decider, name).twin),
                 }
@@ -99,6 +128,17 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
             for name in result.groups
         },
         "labels": [one._asdict() for one in result.sensitivity],
+        "bounds": [
+            {
+                "tier": bound.tier,
+                "truth": bound.truth,
+                "late": {
+                    str(count): _figures_json(one)
+                    for count, one in zip(POSITIONS_LATE, bound.late, strict=True)
+                },
+            }
+            for bound in result.bounds
+        ],
         "flights": [
             {
                 "id": flight.identity,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.comparison.flights_bounds import Bound, flight_bounds
 from agents.comparison.flights_forms import FORMS, Form
 from baselines.flights.batch import stack_flights
 from baselines.flights.flight import Flight
@@ -104,7 +105,7 @@ class Group(NamedTuple):
     """
 
     figures: FlightFigures
-    intervals: list[tuple[float, float]]
+    intervals: dict[str, tuple[float, float]]
     twin: FlightFigures
 
 
@@ -138,6 +139,7 @@ class FlightComparison:
         counts: of each decider and flight.
         twin_counts: the same on simulated twins.
         sensitivity: of the labels; none in the semi-real form, whose labels are those of the native one.
+        bounds: of any decider in each tier; none in the semi-real form.
     """
 
     plan: FlightPlan
@@ -147,16 +149,12 @@ class FlightComparison:
     counts: dict[str, list[FlightCounts]]
     twin_counts: dict[str, list[FlightCounts]]
     sensitivity: list[Sensitivity]
+    bounds: list[Bound]
 
     @cached_property
     def groups(self) -> dict[str, list[int]]:
         """Indices of the flights of each tier, and of the tiers A to C together."""
-        tiers = {
-            name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name] for name in TIERS
-        }
-        good = [k for name in TOGETHER for k in tiers[name]]
-        together = {"A-C": good} if sum(bool(tiers[name]) for name in TOGETHER) > 1 else {}
-        return {name: rows for name, rows in (tiers | together).items() if rows}
+        return group_flights(self.flights)
 
     @cached_property
     def counted(self) -> list[int]:
@@ -169,6 +167,14 @@ class FlightComparison:
             [counts[decider][k] for k in self.groups[name]] for counts in (self.counts, self.twin_counts)
         )
         return Group(figures(own), bootstrap(own), figures(twin))
+
+
+def group_flights(flights: Sequence[Flight]) -> dict[str, list[int]]:
+    """Return the indices of the flights of each tier, and of the tiers A to C together."""
+    tiers = {name: [k for k, flight in enumerate(flights) if flight.tier.name == name] for name in TIERS}
+    good = [k for name in TOGETHER for k in tiers[name]]
+    together = {"A-C": good} if sum(bool(tiers[name]) for name in TOGETHER) > 1 else {}
+    return {name: rows for name, rows in (tiers | together).items() if rows}
 
 
 def without_stress(flights: Sequence[Flight]) -> list[int]:
@@ -185,18 +191,20 @@ def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightC
     flights = plan.read()
     note("labels")
     labels = label_flights(flights)
-    copies, copied = twins(flights, labels, np.random.default_rng(TWIN_SEED))
+    copies, truth = twins(flights, labels, np.random.default_rng(TWIN_SEED))
+    copied = label_flights(copies)
     seen = plan.seen.convert(flights, labels, NOISE_SEED)
     stated, counts = _decide(plan, *seen, note)
     _, twin_counts = _decide(plan, *plan.seen.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
-    sensitivity = []
+    sensitivity, bounds = [], []
     if plan.form == "native":
         note("labels with other settings")
         rows, reference = without_stress(flights), stated[next(iter(plan.labels))]
         sensitivity = label_sensitivity(
             [flights[k] for k in rows], [labels[k] for k in rows], [reference[k] for k in rows]
         )
-    return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity)
+        bounds = flight_bounds(group_flights(flights), flights, labels, copied, truth)
+    return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity, bounds)
 
 
 def steps(plan: FlightPlan) -> int:

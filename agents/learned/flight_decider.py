@@ -82,6 +82,10 @@ def load_flight_agent(folder: Path) -> StatementNet:
     return net.eval()
 
 
-def shipped_flight_decider() -> FlightAgent:
-    """Return the agent whose weights are part of the package."""
-    return FlightAgent(load_flight_agent(SHIPPED))
+def shipped_flight_decider(margin: float = 0.0) -> FlightAgent:
+    """Return the agent whose weights are part of the package.
+
+    Args:
+        margin: see `FlightAgent`; a larger one gives fewer false changes and longer delays.
+    """
+    return FlightAgent(load_flight_agent(SHIPPED), margin)

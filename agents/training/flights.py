@@ -1,7 +1,8 @@
 """Training of the agent for flights, in simulation only: `python -m agents.training.flights --out FOLDER`.
 
-Every round simulates new flights of the tiers A, B and C, and makes one step of the optimizer for every
-piece of them, on the expected reward of its statements.
+Every round simulates new flights of all tiers, each with settings of its own, and makes one step of the
+optimizer for every piece of them, on the expected reward of its statements. The labels are those of the
+smoother, as for recorded flights, and positions that they do not score have no reward.
 """
 
 import time
@@ -22,13 +23,14 @@ from agents.learned.policy_file import package_versions
 from agents.learned.statement_net import StatementNet
 from agents.training.statement_reward import expected_reward
 from baselines.flights.batch import stack_flights
-from baselines.flights.simulated import FlightWorld, simulate_flights
+from baselines.flights.labels import label_flights
+from baselines.flights.simulated import draw_world, simulate_flights
 from baselines.flights.tiers import TIERS
 from baselines.flights.turn_imm import TurnModel, run_turn_imm
 
 LARGEST_GRADIENT = 0.5  # norm
 MIN_LEARNING_RATE_FACTOR = 0.05
-ROWS = {"A": 1.2, "B": 1.2, "C": 5.2}  # time between two positions [s], about
+ROWS = {"A": 1.2, "B": 1.2, "C": 5.2, "D": 8.3}  # time between two positions [s], about
 
 
 @dataclass(kw_only=True)
@@ -37,22 +39,22 @@ class FlightTraining:
 
     out: Path = Path("runs/flights")
     """Folder for the weights and their card; they are written after every round."""
-    rounds: int = 20
+    rounds: int = 250
     """Number of rounds."""
     passes: int = 2
     """Times that the flights of a round are used."""
-    flights: tuple[int, int, int] = (24, 32, 40)
-    """Flights of the tiers A, B and C in a round."""
+    flights: tuple[int, int, int, int] = (24, 32, 40, 16)
+    """Flights of the tiers A to D in a round."""
     rows: int = 1200
     """Positions of a flight, about."""
     n_steps: int = 150
     """Positions of an update. Gradients do not reach back beyond its first one."""
-    hidden: int = 32
+    hidden: int = 64
     """Units of the recurrent layer."""
     learning_rate: float = 4e-3
     """At the beginning; it decays linearly."""
-    change_cost: float = 10.0
-    """Cost of a change to a wrong mode, in positions with a right statement."""
+    change_cost: float = 3.0
+    """Cost of a change to a wrong mode: as much as a wrong statement for this time [s]."""
     belief_weight: float = 0.3
     """Weight of the cross-entropy of the present mode, in addition to the reward."""
     seed: int = 0
@@ -86,33 +88,42 @@ class FlightTraining:
 
     def _settings(self) -> dict[str, Any]:
         settings = {name: value for name, value in asdict(self).items() if name != "out"}
-        return settings | {"world": asdict(FlightWorld()), "filter": asdict(TurnModel())}
+        return settings | {"filter": asdict(TurnModel())}
 
-    def _simulate(self, generator: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
-        """Return inputs (T, N, 2, 16), log-probabilities (T, N, 3) and true modes (T, N) of new flights."""
-        flights, labels = [], []
+    def _simulate(self, generator: np.random.Generator) -> tuple[Tensor, ...]:
+        """Return inputs (T, N, 2, 16), log-probabilities (T, N, 3), labels, weights and costs (T, N).
+
+        Weights are the times that are scored, and costs those of a wrong change, both in steps.
+        """
+        flights = []
         for (name, step), count in zip(ROWS.items(), self.flights, strict=True):
-            new = simulate_flights(TIERS[name], count, step * self.rows, generator)
-            flights += new[0]
-            labels += new[1]
+            for _ in range(count):
+                world = draw_world(generator)
+                flights += simulate_flights(TIERS[name], 1, step * self.rows, generator, world)[0]
         batch = stack_flights(flights)
-        estimates = run_turn_imm(batch)
+        estimates, labels = run_turn_imm(batch), label_flights(flights)
         modes = np.zeros(batch.times.shape, np.int64)
+        weights, costs = np.zeros((2, *batch.times.shape), np.float32)
         for column, (k, first, end) in enumerate(batch.pieces):
-            modes[: end - first, column] = labels[k].modes[first:end]
-        rows = int(np.quantile(batch.present.sum(0), 0.1))  # what almost all flights have
-        arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes
-        kept = batch.present[rows - 1]
-        return tuple(torch.from_numpy(one[:rows, kept]) for one in arrays)  # type: ignore[return-value]
+            rows, step = slice(end - first), ROWS[flights[k].tier.name]
+            modes[rows, column] = labels[k].modes[first:end]
+            weights[rows, column] = labels[k].weights[first:end] / step
+            costs[:, column] = self.change_cost / step
+        shortest = int(np.quantile(batch.present.sum(0), 0.1))  # what almost all flights have
+        kept = batch.present[shortest - 1]
+        arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes, weights, costs
+        return tuple(torch.from_numpy(one[:shortest, kept]) for one in arrays)
 
     def _step(
         self, net: StatementNet, optimizer: torch.optim.Optimizer, piece: tuple[Tensor, ...],
         memory: Tensor | None, last: Tensor | None,
     ) -> tuple[float, Tensor, Tensor]:  # fmt: skip
-        inputs, logs, modes = piece
+        inputs, logs, modes, weights, costs = piece
         outputs = net(inputs, logs, memory)
-        rewards, last = expected_reward(outputs.utility, outputs.stay, modes, self.change_cost, last)
-        entropy = nn.functional.cross_entropy(outputs.belief.flatten(0, 1), modes.flatten())
+        rewards, last = expected_reward(outputs.utility, outputs.stay, modes, costs, last, weights)
+        beliefs = outputs.belief.flatten(0, 1)
+        entropies = nn.functional.cross_entropy(beliefs, modes.flatten(), reduction="none")
+        entropy = (weights.flatten() * entropies).mean()
         optimizer.zero_grad()
         (self.belief_weight * entropy - rewards.mean()).backward()
         nn.utils.clip_grad_norm_(net.parameters(), LARGEST_GRADIENT)

@@ -20,15 +20,21 @@ def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
 
 
 def expected_reward(
-    utility: Tensor, stay: Tensor, true_modes: Tensor, change_cost: float, last: Tensor | None
+    utility: Tensor,
+    stay: Tensor,
+    true_modes: Tensor,
+    change_cost: float | Tensor,
+    last: Tensor | None,
+    weight: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Return the expected mean reward of a tick (N,), and the probabilities of the last statement (N, M).
 
     Args:
         utility, stay: see `change_probabilities`.
         true_modes: (T, N).
-        change_cost: cost of a change to a wrong mode.
+        change_cost: cost of a change to a wrong mode, a number or (T, N).
         last: (N, M) probabilities of the statement before the first tick; None where an episode begins.
+        weight: (T, N) of the reward of each tick; None for 1.
     """
     M = utility.shape[-1]
     change = change_probabilities(utility, stay)
@@ -46,4 +52,4 @@ def expected_reward(
         after.append(probability)
     stated, previous = torch.stack(after), torch.stack(before)
     reward = (stated * right).sum(-1) - change_cost * (previous * wrong_changes).sum(-1)
-    return reward.mean(0), probability
+    return (reward if weight is None else weight * reward).mean(0), probability

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flights.batch import Batch
-from baselines.flights.labels import Labels
+from baselines.flights.labels import STRAIGHT, Labels
 
 IntArray = NDArray[np.int64]
 
@@ -23,8 +23,9 @@ class FlightCounts(NamedTuple):
         missed: of them, those whose mode is not stated before the next one.
         delay: sum of the times from each other change to the first right statement [s].
         false: changes of the statement to a mode that is not the label in any row until the next change.
-        changes: changes of the statement. Of both, those are counted after which more than half of the rows
-            until the next change are scored.
+        false_turns: of them, those to a turn while the label is straight motion in all of these rows.
+        changes: changes of the statement. Of all three, those are counted after which more than half of the
+            rows until the next change are scored.
     """
 
     scored: float
@@ -33,6 +34,7 @@ class FlightCounts(NamedTuple):
     missed: int
     delay: float
     false: int
+    false_turns: int
     changes: int
 
 
@@ -44,6 +46,7 @@ class FlightFigures(NamedTuple):
         delay: mean delay of the detected changes [s].
         misses: share of the changes of the label that are missed.
         false_per_hour: false changes in an hour of scored time.
+        false_turns_per_hour: of them, those to a turn in straight motion.
         changes_per_label: changes of the statement for each change of the label.
     """
 
@@ -51,12 +54,13 @@ class FlightFigures(NamedTuple):
     delay: float
     misses: float
     false_per_hour: float
+    false_turns_per_hour: float
     changes_per_label: float
 
 
 def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, int]]) -> FlightCounts:
     """Compare the statements of one flight, (n,), with its labels, in each of its pieces."""
-    total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0)
+    total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0, 0)
     for first, end in pieces:
         rows = slice(first, end)
         part = _count_piece(
@@ -92,21 +96,27 @@ def _count_piece(
             missed += 1
     return FlightCounts(
         float(weights.sum()), float(weights[right].sum()), labels, missed, delay,
-        *_count_changes(changed, right, scored),
+        *_count_changes(changed, right, scored, (stated != STRAIGHT) & (modes == STRAIGHT)),
     )  # fmt: skip
 
 
 def _count_changes(
-    changed: NDArray[np.bool_], right: NDArray[np.bool_], scored: NDArray[np.bool_]
-) -> tuple[int, int]:
-    """Return the false changes and all changes."""
+    changed: NDArray[np.bool_],
+    right: NDArray[np.bool_],
+    scored: NDArray[np.bool_],
+    false_turn: NDArray[np.bool_],
+) -> tuple[int, int, int]:
+    """Return the false changes, those of them to a turn in straight motion, and all changes."""
     begins = np.flatnonzero(changed)
     if not begins.size:
-        return 0, 0
+        return 0, 0, 0
     rows = np.append(begins, len(changed))[1:] - begins
-    ever_right, certain = (np.add.reduceat(flags.astype(np.int64), begins) for flags in (right, scored))
+    ever_right, certain, turning = (
+        np.add.reduceat(flags.astype(np.int64), begins) for flags in (right, scored, false_turn)
+    )
     counted = 2 * certain > rows
-    return int((counted & (ever_right == 0)).sum()), int(counted.sum())
+    false = counted & (ever_right == 0)
+    return int(false.sum()), int((false & (turning == rows)).sum()), int(counted.sum())
 
 
 def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
@@ -114,19 +124,23 @@ def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
     return FlightFigures(*(float(one) for one in _figures(np.array(counts, np.float64).sum(0))))
 
 
-def bootstrap(counts: Sequence[FlightCounts], draws: int = 2000, seed: int = 0) -> list[tuple[float, float]]:
+def bootstrap(
+    counts: Sequence[FlightCounts], draws: int = 2000, seed: int = 0
+) -> dict[str, tuple[float, float]]:
     """Return a 95 % interval of each figure: flights are drawn with replacement (Efron 1979)."""
     values = np.array(counts, np.float64)
     chosen = np.random.default_rng(seed).integers(len(values), size=(draws, len(values)))
     drawn = _figures(values[chosen].sum(1).T)
-    return [
-        (float("nan"),) * 2 if np.isnan(one).all() else tuple(np.nanquantile(one, (0.025, 0.975)).tolist())
-        for one in drawn
-    ]
+    return {
+        name: (float("nan"),) * 2
+        if np.isnan(one).all()
+        else tuple(np.nanquantile(one, (0.025, 0.975)).tolist())
+        for name, one in zip(FlightFigures._fields, drawn, strict=True)
+    }
 
 
 def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    scored, agreed, labels, missed, delay, false, changes = sums
+    scored, agreed, labels, missed, delay, false, false_turns, changes = sums
 
     def over(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
@@ -136,6 +150,7 @@ def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         over(delay, labels - missed),
         over(missed, labels),
         over(3600.0 * false, scored),
+        over(3600.0 * false_turns, scored),
         over(changes, labels),
     ]
 

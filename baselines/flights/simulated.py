@@ -57,6 +57,21 @@ class FlightWorld:
     freedom: float = 5.0
 
 
+def draw_world(generator: np.random.Generator) -> FlightWorld:
+    """Return settings of one flight, drawn from ranges around the default ones."""
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+
+    straight = between(30.0, 900.0)
+    return FlightWorld(
+        rates=(0.01, 0.055), turns=(12.0, 120.0), straight=tuple((name, straight) for name in "ABCD"),
+        reversal=between(0.05, 0.3), roll=between(2.0, 7.0), jitter=between(0.08, 0.3),
+        jitter_time=between(4.0, 20.0), wander=between(0.0007, 0.007), wander_time=between(8.0, 40.0),
+        speeds=(25.0, 250.0), freedom=between(3.5, 12.0),
+    )  # fmt: skip
+
+
 def simulate_flights(
     tier: Tier, count: int, duration: float, generator: np.random.Generator, world: FlightWorld | None = None
 ) -> tuple[list[Flight], list[Labels]]:
@@ -90,7 +105,10 @@ def twins(
     generator: np.random.Generator,
     world: FlightWorld | None = None,
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return simulated flights with the steps, speeds and sequences of labels of recorded ones."""
+    """Return simulated flights with the steps, speeds and sequences of labels of recorded ones.
+
+    Their labels follow from their true turn rates.
+    """
     settings = FlightWorld() if world is None else world
     results = []
     for flight, label in zip(flights, labels, strict=True):

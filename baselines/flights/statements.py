@@ -10,6 +10,7 @@ from baselines.flights.batch import Batch
 from baselines.flights.labels import STRAIGHT
 from baselines.flights.turn_beam import run_turn_beam
 from baselines.flights.turn_imm import TurnEstimates
+from hybrid_env.checks import check_between, check_positive
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,15 +23,18 @@ class FlightDecider(Protocol):
         """Return the stated mode, (T, B), at each position; it may use positions up to this one only."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Threshold:
     """States the most probable mode when its probability exceeds a threshold, else what was stated before.
 
     Attributes:
-        threshold: probability above which the statement changes; 0 states the most probable mode.
+        threshold: probability above which the statement changes, between 0 and 1.
     """
 
-    threshold: float = 0.75
+    threshold: float = 0.6
+
+    def __post_init__(self) -> None:
+        check_between("threshold", self.threshold, 0.0, 1.0)
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """See `FlightDecider`."""
@@ -39,7 +43,7 @@ class Threshold:
         return held(best, sure)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Beam:
     """The same rule on the semi-Markov posterior of switch histories, `turn_beam`.
 
@@ -47,7 +51,10 @@ class Beam:
         threshold: see `Threshold`.
     """
 
-    threshold: float = 0.75
+    threshold: float = 0.6
+
+    def __post_init__(self) -> None:
+        check_between("threshold", self.threshold, 0.0, 1.0)
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """See `FlightDecider`; only the positions are used."""
@@ -55,7 +62,7 @@ class Beam:
         return held(probabilities.argmax(-1), probabilities.max(-1) > self.threshold)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Cusum:
     """Page's CUSUM of the likelihoods of the modes against that of the stated one. Page 1954.
 
@@ -66,7 +73,10 @@ class Cusum:
         threshold: of the sum, in units of log-likelihood.
     """
 
-    threshold: float = 5.0
+    threshold: float = 3.5
+
+    def __post_init__(self) -> None:
+        check_positive("threshold", self.threshold)
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """See `FlightDecider`."""

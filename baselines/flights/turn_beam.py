@@ -31,7 +31,7 @@ class TurnHistories:
         branches: largest number of histories.
     """
 
-    shortest: tuple[float, float] = (0.0, 12.0)
+    shortest: tuple[float, float] = (0.0, 6.0)
     branches: int = 40
 
 
@@ -60,14 +60,15 @@ def run_turn_beam(
     settings = TurnModel() if model is None else model
     beam = TurnHistories() if histories is None else histories
     omega, modes = np.radians(settings.rates), settings.modes
-    density = settings.density
     present, steps = batch.present, batch.steps
     now = _begin(batch, settings, beam)
     output = np.empty((*batch.times.shape, 3))
     for k in range(len(output)):
         if k:
             now = _branch(now, steps[k], settings, beam)
-            moved = predict_turns(now.state, now.covariance, omega[now.model], density[now.model], steps[k])
+            moved = predict_turns(
+                now.state, now.covariance, omega[now.model], settings.acceleration, steps[k]
+            )
             mean = (np.exp(now.log_weight)[..., None] * moved[0]).sum(1)
             noise = measurement_covariances(mean[:, 2:], batch.across, batch.timing)
             used = present[k][:, None]

@@ -41,7 +41,7 @@ def mixtures(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> 
 
 
 def predict_turns(
-    state: FloatArray, covariance: FloatArray, omega: FloatArray, density: FloatArray, steps: FloatArray
+    state: FloatArray, covariance: FloatArray, omega: FloatArray, density: float, steps: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Predict coordinated turns.
 
@@ -49,7 +49,7 @@ def predict_turns(
         state: (B, K, 4).
         covariance: (B, K, 4, 4).
         omega: (B, K) or (K,) turn rates [rad/s], anticlockwise positive.
-        density: (B, K) or (K,) spectral density of the white acceleration [m^2/s^3].
+        density: spectral density of the white acceleration [m^2/s^3].
         steps: (B,) [s].
     """
     angle = omega * steps[:, None]

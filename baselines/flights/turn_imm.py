@@ -25,29 +25,24 @@ class TurnModel:
 
     Attributes:
         rates: turn rates [deg/s], straight motion first, anticlockwise positive.
-        acceleration: spectral density of the white acceleration in straight motion and in turns [m^2/s^3].
+        acceleration: spectral density of the white acceleration [m^2/s^3].
         straight, turn: mean time in straight motion and in a turn [s].
         within: mean time between two turn rates of one direction [s].
         freedom: degrees of freedom nu of the Student t.
     """
 
-    rates: tuple[float, ...] = (0.0, 1.5, 3.0, -1.5, -3.0)
-    acceleration: tuple[float, float] = (0.1, 2.0)
-    straight: float = 150.0
+    rates: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, -0.75, -1.5, -3.0)
+    acceleration: float = 0.2
+    straight: float = 60.0
     turn: float = 40.0
-    within: float = 20.0
-    freedom: float = 4.0
+    within: float = 15.0
+    freedom: float = 5.0
 
     @property
     def modes(self) -> NDArray[np.int64]:
         """(M,) straight, left or right, of each model."""
         rates = np.array(self.rates)
         return np.where(rates > 0.0, LEFT, np.where(rates < 0.0, RIGHT, STRAIGHT))
-
-    @property
-    def density(self) -> FloatArray:
-        """(M,) spectral density of the acceleration of each model [m^2/s^3]."""
-        return np.where(self.modes == STRAIGHT, *self.acceleration)
 
     @property
     def start(self) -> FloatArray:
@@ -101,7 +96,6 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
     groups = (modes == np.arange(3)[:, None]).astype(np.float64)  # (3, M)
     values, vectors = np.linalg.eig(settings.generator)
     inverse = np.linalg.inv(vectors)
-    density = settings.density
     state, covariance = start_filters(batch, count)
     probability = np.tile(settings.start, (tracks, 1))
     output = TurnEstimates(
@@ -113,7 +107,7 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
         if k:
             chain = np.real((vectors * np.exp(values * steps[k][:, None])[:, None, :]) @ inverse)
             state, covariance, probability = _mixed(state, covariance, probability, chain)
-            state, covariance = predict_turns(state, covariance, omega, density, steps[k])
+            state, covariance = predict_turns(state, covariance, omega, settings.acceleration, steps[k])
             mean = (probability[..., None] * state).sum(1)
             noise = measurement_covariances(mean[:, 2:], batch.across, batch.timing)
             used = present[k]

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from agents.comparison.command import Compare
+from agents.comparison.flights_bounds import flight_bounds, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights
 from baselines.flights import tiers
+from baselines.flights.labels import label_flights
 from baselines.flights.simulated import simulate_flights
 from baselines.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError
@@ -34,11 +36,25 @@ def test_flights_are_compared(tmp_path, source, capsys):
     out = tmp_path / "out"
     Compare(flights=("two:abc120:0", "two:abc121:0"), source=source, out=out).run()
     result = json.loads((out / "flights.json").read_text())
-    assert set(result["tiers"]["B"]) == {"imm", "imm-careful", "cusum", "beam", "agent"}
+    assert set(result["tiers"]["B"]) == {"imm", "imm:0.8", "cusum", "beam", "agent", "agent:8"}
     assert result["tiers"]["B"]["imm"]["agreement"] > 0.8
     assert len(result["flights"]) == 2
     assert (out / "two-abc120-0.png").stat().st_size > 10_000
     assert "IMM threshold" in capsys.readouterr().out
+
+
+def test_late_labels_bound_the_delay(source):
+    flights = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), ("B",), "native", ("imm",)).read()
+    labels = label_flights(flights)
+    (bound,) = flight_bounds({"B": [0, 1]}, flights, labels, labels, labels)
+    assert bound.truth == 1.0
+    steps = np.concatenate([np.diff(flight.times) for flight in flights])
+    one, two = bound.late
+    assert steps.min() <= one.delay < two.delay <= 2.0 * steps.max()
+    assert one.agreement > two.agreement > 0.9
+    modes = late_modes(flights[0], labels[0], 1)
+    np.testing.assert_array_equal(modes[1:], labels[0].modes[:-1])  # a flight of one piece
+    assert modes[0] == labels[0].modes[0]
 
 
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
@@ -74,6 +90,7 @@ def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monke
     [
         ({"flights": (), "tier": ("E",)}, "tier="),
         ({"flights": (), "deciders": ("ate",)}, "deciders="),
+        ({"flights": (), "deciders": ("imm:1.5",)}, "threshold="),
         ({"flights": (), "form": "real"}, "form="),
         ({"flights": (), "form": "semi-real", "deciders": ("imm",)}, "decider="),
         ({"flights": (), "deciders": ("imm", "imm")}, "deciders="),

@@ -13,7 +13,7 @@ def train(folder: Path, seed: int, passes: int = 1) -> tuple[dict[str, torch.Ten
     """Return the saved weights, and the mean reward of all passes over the flights of the only round."""
     notes: list[str] = []
     training = FlightTraining(
-        out=folder, rounds=1, passes=passes, flights=(3, 3, 3), rows=200, n_steps=50, hidden=8, seed=seed
+        out=folder, rounds=1, passes=passes, flights=(3, 3, 3, 1), rows=200, n_steps=50, hidden=8, seed=seed
     )
     net = training.run(notes.append)
     saved = load_flight_agent(folder).state_dict()

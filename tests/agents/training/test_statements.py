@@ -57,6 +57,20 @@ def test_pieces_have_the_reward_of_the_whole():
     torch.testing.assert_close(end, last)
 
 
+def test_the_reward_of_a_tick_has_its_weight_and_its_cost():
+    utility, stay, true_modes = random_outputs(ticks=3)
+    each = torch.stack(
+        [
+            3.0 * expected_reward(utility, stay, true_modes, cost, None, weight)[0]
+            for cost, weight in zip((2.0, 0.5, 4.0), torch.eye(3)[..., None].expand(3, 3, 2), strict=True)
+        ]
+    )  # (3, N): the reward of each tick alone, with a cost of its own
+    costs = torch.tensor([2.0, 0.5, 4.0])[:, None].expand(3, 2)
+    weights = torch.tensor([0.0, 2.0, 1.0])[:, None].expand(3, 2)
+    whole, _ = expected_reward(utility, stay, true_modes, costs, None, weights)
+    torch.testing.assert_close(whole, (2.0 * each[1] + each[2]) / 3.0)
+
+
 def test_simulated_inputs_count_the_ticks_of_the_most_probable_mode():
     inputs, log_probability, true_modes = simulate(QuickestOptions(**OPTIONS), 5, 0)
     assert inputs.shape == (40, 5, 2, 26)

@@ -12,7 +12,7 @@ from baselines.flights.batch import stack_flights
 from baselines.flights.labels import LEFT, RIGHT, STRAIGHT, LabelRules, find_turns, label_flights, row_edges
 from baselines.flights.metrics import bootstrap, count_flight, figures, unstack
 from baselines.flights.samples import Samples, installed_samples
-from baselines.flights.simulated import simulate_flights, twins
+from baselines.flights.simulated import draw_world, simulate_flights, twins
 from baselines.flights.statements import Cusum, Threshold, held
 from baselines.flights.tiers import SCORED, TIERS
 from baselines.flights.turn_imm import TurnModel, run_turn_imm
@@ -130,7 +130,7 @@ def test_the_deciders_find_known_turns(flight):
 def test_the_filter_with_one_model_is_a_kalman_filter(flight):
     # isotropic noise and a Gaussian likelihood: the Kalman filter of constant velocity
     batch = stack_flights([flight])._replace(timing=np.zeros(1))
-    model = TurnModel(rates=(0.0,), acceleration=(0.1, 0.1), freedom=1e9)
+    model = TurnModel(rates=(0.0,), acceleration=0.1, freedom=1e9)
     estimates = run_turn_imm(batch, model)
     across = float(batch.across[0])
     kalman = KalmanFilter(MotionModel("CV", 2, 0.1), across**2)
@@ -164,9 +164,14 @@ def test_counts_by_hand(flight):
     stated[labels.modes == RIGHT] = STRAIGHT  # a miss
     stated[100:110] = LEFT  # two changes, one of them false
     wrong = count_flight(labels, stated, flight.pieces)
-    assert (wrong.missed, wrong.false) == (1, 1)
+    assert (wrong.missed, wrong.false, wrong.false_turns) == (1, 1, 1)
+    stated = labels.modes.copy()
+    stated[215:222] = STRAIGHT  # a turn with a gap: two changes, one of them false
+    gap = count_flight(labels, stated, flight.pieces)
+    assert (gap.missed, gap.false, gap.false_turns, gap.changes) == (0, 1, 0, 6)
     assert [
-        low <= value <= high for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]), strict=True)
+        low <= value <= high
+        for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]).values(), strict=True)
     ]
 
 
@@ -180,6 +185,16 @@ def test_simulated_flights_have_the_noise_of_their_tier():
         assert np.median(speed) == pytest.approx(np.median(label.speeds), rel=0.1)
     same = [np.mean(one.modes == other.modes) for one, other in zip(labels, copied, strict=True)]
     assert min(same) > 0.9
+
+
+def test_drawn_settings_differ_and_give_flights_with_turns():
+    generator = np.random.default_rng(4)
+    worlds = [draw_world(generator) for _ in range(20)]
+    assert len({world.wander for world in worlds}) == 20
+    assert all(0.0 < world.jitter < 1.0 and world.freedom > 2.0 for world in worlds)
+    flights = [simulate_flights(TIERS["C"], 1, 4000.0, generator, world)[0][0] for world in worlds]
+    turning = [np.mean(labels.modes != STRAIGHT) for labels in label_flights(flights)]
+    assert 0.1 < np.mean(turning) < 0.6
 
 
 def test_covariances_stay_symmetric_with_turned_noise():

@@ -11,8 +11,6 @@ from baselines.flights.turn_beam import TurnHistories, run_turn_beam
 from baselines.flights.turn_filters import correct, predict_turns, start_filters
 from baselines.flights.turn_imm import TurnModel, run_turn_imm
 
-MODEL = TurnModel(rates=(0.0, 2.0, -2.0))
-
 
 def one_piece(positions, times, across, timing=0.0):
     return Batch(
@@ -50,7 +48,7 @@ def test_all_histories_of_a_few_positions():
     batch = one_piece(positions, times, 2.0)
     model = TurnModel(rates=(0.0, 2.0, -2.0), straight=10.0, turn=6.0)
     found = run_turn_beam(batch, model, TurnHistories(shortest=(0.0, 1e-9), branches=60))[-1, 0]
-    omega, density = np.radians(model.rates), np.array([0.1, 2.0, 2.0])
+    omega = np.radians(model.rates)
     leave = 1.0 / np.array([10.0, 6.0, 6.0])
     share = np.array([[0.0, 0.5, 0.5], [0.9, 0.0, 0.1], [0.9, 0.1, 0.0]])
     weights = np.zeros(3)
@@ -61,7 +59,7 @@ def test_all_histories_of_a_few_positions():
             step = np.diff(times)[row - 1 : row]
             ends = -np.expm1(-leave[last] * step[0])
             log_weight += np.log(1.0 - ends if mode == last else ends * share[last, mode])
-            state, covariance = predict_turns(state, covariance, omega[[mode]], density[[mode]], step)
+            state, covariance = predict_turns(state, covariance, omega[[mode]], model.acceleration, step)
             state, covariance, likelihood = correct(
                 state, covariance, positions[row, None], 4.0 * np.eye(2)[None], model.freedom
             )
@@ -76,8 +74,8 @@ def batch():
 
 
 def test_exponential_durations_give_about_the_filter_bank(batch):
-    beam = run_turn_beam(batch, MODEL, TurnHistories(shortest=(0.0, 0.0)))
-    bank = run_turn_imm(batch, MODEL).probabilities
+    beam = run_turn_beam(batch, None, TurnHistories(shortest=(0.0, 0.0)))
+    bank = run_turn_imm(batch).probabilities
     same = (beam.argmax(-1) == bank.argmax(-1))[batch.present]
     assert same.mean() > 0.98
     np.testing.assert_allclose(beam.sum(-1), 1.0)

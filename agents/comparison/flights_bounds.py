@@ -1,0 +1,79 @@
+"""What any decider can reach on recorded flights: the labels themselves, true at once or stated late.
+
+A decider sees a change of mode in the positions after it. If it could state every label one position after
+the first one that has it, its figures would be those of `late_labels` with 1.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.flights.flight import Flight
+from baselines.flights.labels import Labels
+from baselines.flights.metrics import FlightCounts, FlightFigures, count_flight, figures
+
+POSITIONS_LATE = (1, 2)
+
+
+class Bound(NamedTuple):
+    """Figures on the flights of one tier.
+
+    Attributes:
+        tier: name.
+        truth: share of the scored time in which the labels of the simulated twins are their true modes.
+        late: figures of the labels, stated as many positions late as `POSITIONS_LATE` says.
+    """
+
+    tier: str
+    truth: float
+    late: list[FlightFigures]
+
+
+def flight_bounds(
+    groups: dict[str, list[int]],
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    twin_labels: Sequence[Labels],
+    true_labels: Sequence[Labels],
+) -> list[Bound]:
+    """Return the bounds of each tier.
+
+    Args:
+        groups: indices of the flights of each tier.
+        flights: recorded flights.
+        labels: of them.
+        twin_labels: of their simulated twins, from the smoother.
+        true_labels: the same from the true turn rates.
+    """
+    truth = _count(flights, twin_labels, [one.modes for one in true_labels])
+    late = [
+        _count(flights, labels, [late_modes(*one, count) for one in zip(flights, labels, strict=True)])
+        for count in POSITIONS_LATE
+    ]
+    return [
+        Bound(
+            name,
+            figures([truth[k] for k in rows]).agreement,
+            [figures([counts[k] for k in rows]) for counts in late],
+        )
+        for name, rows in groups.items()
+    ]
+
+
+def late_modes(flight: Flight, labels: Labels, count: int) -> NDArray[np.int64]:
+    """Return the labels (n,), stated `count` positions late in each piece of the flight."""
+    rows = np.arange(len(flight.times))
+    for first, end in flight.pieces:
+        rows[first:end] = np.maximum(rows[first:end] - count, first)
+    return labels.modes[rows]
+
+
+def _count(
+    flights: Sequence[Flight], labels: Sequence[Labels], modes: Sequence[NDArray[np.int64]]
+) -> list[FlightCounts]:
+    return [
+        count_flight(label, one, flight.pieces)
+        for flight, label, one in zip(flights, labels, modes, strict=True)
+    ]
