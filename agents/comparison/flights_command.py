@@ -5,7 +5,13 @@ from pathlib import Path
 from rich.console import Console
 
 from agents.comparison.flights_figure import draw_flight
-from agents.comparison.flights_report import bounds_table, flights_json, flights_table, sensitivity_table
+from agents.comparison.flights_report import (
+    bounds_table,
+    differences_table,
+    flights_json,
+    flights_table,
+    sensitivity_table,
+)
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, steps
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.progress import progress_display
@@ -40,6 +46,8 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
             )
     write_json(folder / "flights.json", flights_json(result))
     console.print(flights_table(result))
+    if len(plan.labels) > 1:
+        console.print(differences_table(result))
     if result.sensitivity:
         console.print(bounds_table(result))
         console.print(sensitivity_table(result))

@@ -61,7 +61,7 @@ class Form(Protocol):
 class Native:
     """See `Form`. A decider is a name of `DECIDERS`, with an optional threshold."""
 
-    deciders: tuple[str, ...] = ("imm", "imm:0.8", "cusum", "beam", "agent", "agent:8")
+    deciders: tuple[str, ...] = ("imm", "imm:0.8", "cusum", "beam", "agent:8", "agent")
 
     def label(self, name: str) -> str:
         """See `Form`."""

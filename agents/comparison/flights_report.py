@@ -49,11 +49,14 @@ def flights_table(result: FlightComparison) -> Table:
             group = result.group(decider, name)
             cells = []
             for key, (_, digits, scale) in COLUMNS.items():
-                low, high = group.intervals[key]
-                text = f"{scale * getattr(group.figures, key):.{digits}f}"
+                shown = [
+                    _short(scale * one, digits)
+                    for one in (getattr(group.figures, key), *group.intervals[key])
+                ]
+                turns = ""
                 if key == "false_per_hour":
-                    text += f" ({group.figures.false_turns_per_hour:.1f})"
-                cells.append(f"{text}\n{scale * low:.{digits}f}-{scale * high:.{digits}f}")
+                    turns = f" ({_short(group.figures.false_turns_per_hour, digits)})"
+                cells.append(f"{shown[0]}{turns}\n{shown[1]}-{shown[2]}")
             head = f"{name}\n({len(rows)})" if number == 0 else ""
             table.add_row(head, escape(label), *cells, f"{group.twin.agreement:.3f}")
         table.add_section()
@@ -77,6 +80,28 @@ def sensitivity_table(result: FlightComparison) -> Table:
         table.add_row(
             one.name, f"{one.same:.3f}", f"{one.scored:.3f}", f"{one.turns}", f"{one.agreement:.3f}"
         )
+    return table
+
+
+def differences_table(result: FlightComparison) -> Table:
+    """Paired differences of the agreement to the first decider."""
+    first, *others = result.plan.labels.items()
+    table = Table(
+        title=f"Agreement less that of {escape(first[1])}, in %",
+        caption="Second lines: 95 % interval, flights drawn with replacement.",
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("tier")
+    for _, label in others:
+        table.add_column(escape(label), justify="right", min_width=13)
+    for name in result.groups:
+        cells = []
+        for decider, _ in others:
+            value, low, high = (100.0 * one for one in result.difference(decider, name))
+            cells.append(f"{value:+.1f}\n{low:.1f} to {high:.1f}")
+        table.add_row(name, *cells)
     return table
 
 
@@ -122,6 +147,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                         for key, (low, high) in result.group(decider, name).intervals.items()
                     },
                     "twins": _figures_json(result.group(decider, name).twin),
+                    "agreement_less_first": [_number(one) for one in result.difference(decider, name)],
                 }
                 for decider in result.plan.labels
             }
@@ -157,6 +183,11 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
             for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
         ],
     }
+
+
+def _short(value: float, digits: int) -> str:
+    """Return a number with one digit less from 10 on."""
+    return f"{value:.{digits - (round(abs(value), digits) >= 10.0)}f}"
 
 
 def _figures_json(values: FlightFigures) -> dict[str, float | None]:

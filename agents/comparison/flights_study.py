@@ -14,7 +14,14 @@ from agents.comparison.flights_forms import FORMS, Form
 from baselines.flights.batch import stack_flights
 from baselines.flights.flight import Flight
 from baselines.flights.labels import LabelRules, Labels, label_flights, smoothed_rates
-from baselines.flights.metrics import FlightCounts, FlightFigures, bootstrap, count_flight, figures
+from baselines.flights.metrics import (
+    FlightCounts,
+    FlightFigures,
+    bootstrap,
+    count_flight,
+    figures,
+    paired_agreement,
+)
 from baselines.flights.samples import Samples
 from baselines.flights.simulated import twins
 from baselines.flights.tiers import SCORED, TIERS, TOGETHER
@@ -168,12 +175,19 @@ class FlightComparison:
         )
         return Group(figures(own), bootstrap(own), figures(twin))
 
+    def difference(self, decider: str, name: str) -> tuple[float, float, float]:
+        """Return the agreement in a tier less that of the first decider, and its 95 % interval."""
+        first = next(iter(self.counts))
+        own, other = ([self.counts[one][k] for k in self.groups[name]] for one in (decider, first))
+        return paired_agreement(own, other)
+
 
 def group_flights(flights: Sequence[Flight]) -> dict[str, list[int]]:
-    """Return the indices of the flights of each tier, and of the tiers A to C together."""
+    """Return the indices of the flights of each tier, and of those of the tiers A to C together."""
     tiers = {name: [k for k, flight in enumerate(flights) if flight.tier.name == name] for name in TIERS}
-    good = [k for name in TOGETHER for k in tiers[name]]
-    together = {"A-C": good} if sum(bool(tiers[name]) for name in TOGETHER) > 1 else {}
+    found = [name for name in TOGETHER if tiers[name]]
+    title = "A-C" if len(found) == len(TOGETHER) else "+".join(found)
+    together = {title: [k for name in found for k in tiers[name]]} if len(found) > 1 else {}
     return {name: rows for name, rows in (tiers | together).items() if rows}
 
 

@@ -128,15 +128,30 @@ def bootstrap(
     counts: Sequence[FlightCounts], draws: int = 2000, seed: int = 0
 ) -> dict[str, tuple[float, float]]:
     """Return a 95 % interval of each figure: flights are drawn with replacement (Efron 1979)."""
-    values = np.array(counts, np.float64)
-    chosen = np.random.default_rng(seed).integers(len(values), size=(draws, len(values)))
-    drawn = _figures(values[chosen].sum(1).T)
+    drawn = _figures(_drawn(counts, draws, seed))
     return {
         name: (float("nan"),) * 2
         if np.isnan(one).all()
         else tuple(np.nanquantile(one, (0.025, 0.975)).tolist())
         for name, one in zip(FlightFigures._fields, drawn, strict=True)
     }
+
+
+def paired_agreement(
+    counts: Sequence[FlightCounts], others: Sequence[FlightCounts], draws: int = 2000, seed: int = 0
+) -> tuple[float, float, float]:
+    """Return the agreement less that of others on the same flights, and its interval as in `bootstrap`."""
+    low, high = np.nanquantile(
+        _figures(_drawn(counts, draws, seed))[0] - _figures(_drawn(others, draws, seed))[0], (0.025, 0.975)
+    )
+    return figures(counts).agreement - figures(others).agreement, float(low), float(high)
+
+
+def _drawn(counts: Sequence[FlightCounts], draws: int, seed: int) -> NDArray[np.float64]:
+    """Return sums (fields, draws) over as many flights, drawn with replacement; a seed draws the same."""
+    values = np.array(counts, np.float64)
+    chosen = np.random.default_rng(seed).integers(len(values), size=(draws, len(values)))
+    return np.asarray(values[chosen].sum(1).T)
 
 
 def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:

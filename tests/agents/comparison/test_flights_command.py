@@ -1,12 +1,13 @@
 import gzip
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from agents.comparison.command import Compare
 from agents.comparison.flights_bounds import flight_bounds, late_modes
-from agents.comparison.flights_study import FlightPlan, compare_on_flights
+from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
 from baselines.flights import tiers
 from baselines.flights.labels import label_flights
 from baselines.flights.simulated import simulate_flights
@@ -55,6 +56,16 @@ def test_late_labels_bound_the_delay(source):
     modes = late_modes(flights[0], labels[0], 1)
     np.testing.assert_array_equal(modes[1:], labels[0].modes[:-1])  # a flight of one piece
     assert modes[0] == labels[0].modes[0]
+
+
+def test_tiers_together_are_named_by_those_that_are_there(source):
+    plan = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), ("B",), "native", ("imm",))
+    one, other = plan.read()
+    other = replace(other, tier=TIERS["C"])
+    assert group_flights([one, other]) == {"B": [0], "C": [1], "B+C": [0, 1]}
+    third = replace(other, tier=TIERS["A"])
+    assert group_flights([one, other, third])["A-C"] == [2, 0, 1]
+    assert list(group_flights([one])) == ["B"]
 
 
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):

@@ -10,7 +10,14 @@ from baselines.filters.motion_models import MotionModel
 from baselines.filters.run_filter import run_filter
 from baselines.flights.batch import stack_flights
 from baselines.flights.labels import LEFT, RIGHT, STRAIGHT, LabelRules, find_turns, label_flights, row_edges
-from baselines.flights.metrics import bootstrap, count_flight, figures, unstack
+from baselines.flights.metrics import (
+    FlightCounts,
+    bootstrap,
+    count_flight,
+    figures,
+    paired_agreement,
+    unstack,
+)
 from baselines.flights.samples import Samples, installed_samples
 from baselines.flights.simulated import draw_world, simulate_flights, twins
 from baselines.flights.statements import Cusum, Threshold, held
@@ -173,6 +180,14 @@ def test_counts_by_hand(flight):
         low <= value <= high
         for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]).values(), strict=True)
     ]
+
+
+def test_paired_agreement_of_flights_that_differ_equally():
+    counts = [FlightCounts(100.0, 100.0 - k, 1, 0, 0.0, 0, 0, 0) for k in (5.0, 20.0, 40.0)]
+    better = [one._replace(agreed=one.agreed + 3.0) for one in counts]
+    np.testing.assert_allclose(paired_agreement(better, counts), 0.03)  # the same in every draw
+    low, high = bootstrap(counts)["agreement"]
+    assert high - low > 0.1
 
 
 def test_simulated_flights_have_the_noise_of_their_tier():
