@@ -6,10 +6,10 @@ from rich.console import Console
 
 from agents.comparison.flights_figure import draw_flight
 from agents.comparison.flights_report import (
-    bounds_table,
     differences_table,
     flights_json,
     flights_table,
+    late_table,
     sensitivity_table,
 )
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, steps
@@ -48,7 +48,7 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
     console.print(flights_table(result))
     if len(plan.labels) > 1:
         console.print(differences_table(result))
-    if result.sensitivity:
-        console.print(bounds_table(result))
+    if result.plan.form == "native":
+        console.print(late_table(result))
         console.print(sensitivity_table(result))
     console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)

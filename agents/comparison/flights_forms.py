@@ -24,13 +24,13 @@ from hybrid_env.checks import reject
 
 IntArray = NDArray[np.int64]
 
-DECIDERS: dict[str, tuple[str, Callable[..., FlightDecider]]] = {
-    "imm": ("IMM threshold", Threshold),
-    "cusum": ("CUSUM", Cusum),
-    "beam": ("beam", Beam),
-    "agent": ("agent", shipped_flight_decider),
+DECIDERS: dict[str, tuple[str, str, Callable[..., FlightDecider]]] = {
+    "imm": ("IMM threshold", "IMM threshold {:g}", Threshold),
+    "cusum": ("CUSUM", "CUSUM {:g}", Cusum),
+    "beam": ("beam", "beam {:g}", Beam),
+    "agent": ("agent", "agent, margin {:g}", shipped_flight_decider),
 }
-"""Name in figures and constructor (with a threshold) of the native deciders. None is fitted to a flight."""
+"""Names in figures without and with a threshold, and constructor, of the native deciders."""
 
 
 class Form(Protocol):
@@ -69,12 +69,13 @@ class Native:
         if base not in DECIDERS:
             raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights")
         self._decider(name)
-        return DECIDERS[base][0] if threshold is None else f"{DECIDERS[base][0]} {threshold:g}"
+        plain, with_threshold, _ = DECIDERS[base]
+        return plain if threshold is None else with_threshold.format(threshold)
 
     @staticmethod
     def _decider(name: str) -> FlightDecider:
         base, threshold = split_threshold(name)
-        return DECIDERS[base][1](*() if threshold is None else (threshold,))
+        return DECIDERS[base][2](*() if threshold is None else (threshold,))
 
     def convert(
         self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int

@@ -7,7 +7,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from agents.comparison.flights_bounds import POSITIONS_LATE
+from agents.comparison.flights_late import POSITIONS_LATE
 from agents.comparison.flights_study import FlightComparison
 from baselines.flights.metrics import FlightFigures, figures
 
@@ -26,18 +26,13 @@ def flights_table(result: FlightComparison) -> Table:
     counts = next(iter(result.counts.values()))
     hours = sum(counts[k].scored for k in result.counted) / 3600.0
     form = "" if result.plan.form == "native" else f", {result.plan.form}"
-    table = Table(
-        title=f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
-        caption=(
-            "Second lines: 95 % interval, flights drawn with replacement.\n"
-            "Twins: agreement on simulated flights with the same steps, speeds and labels.\n"
-            "Delay: from a change of the label to the first right statement.\n"
-            "False: a change to a mode that is not the label until the next change;\n"
-            "in brackets those of them to a turn while the label is straight motion."
-        ),
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+    table = _table(
+        f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
+        "Second lines: 95 % interval, flights drawn with replacement.\n"
+        "Twins: agreement on simulated flights with the same steps, speeds and turns.\n"
+        "Delay: from a change of the label to the first right statement.\n"
+        "False: a change to a mode that is not the label until the next change;\n"
+        "in brackets those of them to a turn while the label is straight motion.",
     )
     table.add_column("tier")
     table.add_column("decider", min_width=9, overflow="fold")
@@ -65,12 +60,9 @@ def flights_table(result: FlightComparison) -> Table:
 
 def sensitivity_table(result: FlightComparison) -> Table:
     """Effect of the settings of the labels."""
-    table = Table(
-        title="Labels with other settings",
-        caption="same: share of the time with the label as used, where both are scored.",
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+    table = _table(
+        "Labels with other settings",
+        "same: share of the time with the label as used, where both are scored.",
     )
     table.add_column("setting")
     decider = next(iter(result.plan.labels.values()))
@@ -86,12 +78,9 @@ def sensitivity_table(result: FlightComparison) -> Table:
 def differences_table(result: FlightComparison) -> Table:
     """Paired differences of the agreement to the first decider."""
     first, *others = result.plan.labels.items()
-    table = Table(
-        title=f"Agreement less that of {escape(first[1])}, in %",
-        caption="Second lines: 95 % interval, flights drawn with replacement.",
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+    table = _table(
+        f"Agreement less that of {escape(first[1])}, percentage points",
+        "Second lines: 95 % interval, flights drawn with replacement.",
     )
     table.add_column("tier")
     for _, label in others:
@@ -99,23 +88,18 @@ def differences_table(result: FlightComparison) -> Table:
     for name in result.groups:
         cells = []
         for decider, _ in others:
-            value, low, high = (100.0 * one for one in result.difference(decider, name))
-            cells.append(f"{value:+.1f}\n{low:.1f} to {high:.1f}")
+            value, (low, high) = result.difference(decider, name)
+            cells.append(f"{100.0 * value:+.1f}\n{100.0 * low:.1f} to {100.0 * high:.1f}")
         table.add_row(name, *cells)
     return table
 
 
-def bounds_table(result: FlightComparison) -> Table:
+def late_table(result: FlightComparison) -> Table:
     """Figures of the labels, stated late."""
-    table = Table(
-        title="The labels themselves, stated late",
-        caption=(
-            "Late: figures of a decider that states labels so many positions late.\n"
-            "Truth: share of the time in which labels of twins are the true modes."
-        ),
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+    table = _table(
+        "The labels themselves, stated late",
+        "Late: figures of a decider that states labels so many positions late.\n"
+        "Truth: share of the time in which labels of twins are the true modes.",
     )
     table.add_column("tier")
     table.add_column("truth", justify="right")
@@ -123,14 +107,20 @@ def bounds_table(result: FlightComparison) -> Table:
         table.add_column(f"{count} late:\nagreement", justify="right")
         table.add_column("delay\ns", justify="right")
         table.add_column("false\nper hour", justify="right")
-    for bound in result.bounds:
+    for one in result.late_labels:
         cells = [
             text
-            for one in bound.late
-            for text in (f"{one.agreement:.3f}", f"{one.delay:.1f}", f"{one.false_per_hour:.1f}")
+            for late in one.late
+            for text in (f"{late.agreement:.3f}", f"{late.delay:.1f}", f"{late.false_per_hour:.1f}")
         ]
-        table.add_row(bound.tier, f"{bound.truth:.3f}", *cells)
+        table.add_row(one.tier, f"{one.truth:.3f}", *cells)
     return table
+
+
+def _table(title: str, caption: str) -> Table:
+    return Table(
+        title=title, caption=caption, caption_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
 
 
 def flights_json(result: FlightComparison) -> dict[str, Any]:
@@ -139,31 +129,20 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
         "source": str(result.plan.source) if result.plan.source else "package traffic",
         "form": result.plan.form,
         "tiers": {
-            name: {
-                decider: _figures_json(result.group(decider, name).figures)
-                | {
-                    "intervals": {
-                        key: [_number(low), _number(high)]
-                        for key, (low, high) in result.group(decider, name).intervals.items()
-                    },
-                    "twins": _figures_json(result.group(decider, name).twin),
-                    "agreement_less_first": [_number(one) for one in result.difference(decider, name)],
-                }
-                for decider in result.plan.labels
-            }
+            name: {decider: _group_json(result, decider, name) for decider in result.plan.labels}
             for name in result.groups
         },
         "labels": [one._asdict() for one in result.sensitivity],
-        "bounds": [
+        "late_labels": [
             {
-                "tier": bound.tier,
-                "truth": bound.truth,
+                "tier": one.tier,
+                "truth": one.truth,
                 "late": {
-                    str(count): _figures_json(one)
-                    for count, one in zip(POSITIONS_LATE, bound.late, strict=True)
+                    str(count): _figures_json(late)
+                    for count, late in zip(POSITIONS_LATE, one.late, strict=True)
                 },
             }
-            for bound in result.bounds
+            for one in result.late_labels
         ],
         "flights": [
             {
@@ -183,6 +162,20 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
             for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
         ],
     }
+
+
+def _group_json(result: FlightComparison, decider: str, name: str) -> dict[str, Any]:
+    group = result.group(decider, name)
+    found: dict[str, Any] = _figures_json(group.figures) | {
+        "intervals": {key: [_number(low), _number(high)] for key, (low, high) in group.intervals.items()},
+        "twins": _figures_json(group.twin),
+    }
+    if decider != next(iter(result.plan.labels)):
+        value, interval = result.difference(decider, name)
+        found["agreement_less_first"] = {
+            "value": _number(value), "interval": [_number(one) for one in interval]
+        }  # fmt: skip
+    return found
 
 
 def _short(value: float, digits: int) -> str:

@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.comparison.flights_bounds import Bound, flight_bounds
 from agents.comparison.flights_forms import FORMS, Form
+from agents.comparison.flights_late import LateLabels, late_figures
 from baselines.flights.batch import stack_flights
 from baselines.flights.flight import Flight
-from baselines.flights.labels import LabelRules, Labels, label_flights, smoothed_rates
+from baselines.flights.labels import LabelRules, Labels, label_flights, scored_alike, smoothed_rates
 from baselines.flights.metrics import (
     FlightCounts,
     FlightFigures,
     bootstrap,
-    count_flight,
+    count_flights,
     figures,
     paired_agreement,
 )
@@ -146,7 +146,7 @@ class FlightComparison:
         counts: of each decider and flight.
         twin_counts: the same on simulated twins.
         sensitivity: of the labels; none in the semi-real form, whose labels are those of the native one.
-        bounds: of any decider in each tier; none in the semi-real form.
+        late_labels: figures of the labels, stated late, in each tier; none in the semi-real form.
     """
 
     plan: FlightPlan
@@ -156,7 +156,7 @@ class FlightComparison:
     counts: dict[str, list[FlightCounts]]
     twin_counts: dict[str, list[FlightCounts]]
     sensitivity: list[Sensitivity]
-    bounds: list[Bound]
+    late_labels: list[LateLabels]
 
     @cached_property
     def groups(self) -> dict[str, list[int]]:
@@ -175,7 +175,7 @@ class FlightComparison:
         )
         return Group(figures(own), bootstrap(own), figures(twin))
 
-    def difference(self, decider: str, name: str) -> tuple[float, float, float]:
+    def difference(self, decider: str, name: str) -> tuple[float, tuple[float, float]]:
         """Return the agreement in a tier less that of the first decider, and its 95 % interval."""
         first = next(iter(self.counts))
         own, other = ([self.counts[one][k] for k in self.groups[name]] for one in (decider, first))
@@ -206,19 +206,19 @@ def compare_on_flights(plan: FlightPlan, note: Callable[[str], None]) -> FlightC
     note("labels")
     labels = label_flights(flights)
     copies, truth = twins(flights, labels, np.random.default_rng(TWIN_SEED))
-    copied = label_flights(copies)
+    copied = [scored_alike(*pair) for pair in zip(label_flights(copies), labels, strict=True)]
     seen = plan.seen.convert(flights, labels, NOISE_SEED)
     stated, counts = _decide(plan, *seen, note)
     _, twin_counts = _decide(plan, *plan.seen.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
-    sensitivity, bounds = [], []
+    sensitivity, late = [], []
     if plan.form == "native":
         note("labels with other settings")
         rows, reference = without_stress(flights), stated[next(iter(plan.labels))]
         sensitivity = label_sensitivity(
             [flights[k] for k in rows], [labels[k] for k in rows], [reference[k] for k in rows]
         )
-        bounds = flight_bounds(group_flights(flights), flights, labels, copied, truth)
-    return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity, bounds)
+        late = late_figures(group_flights(flights), flights, labels, copied, truth)
+    return FlightComparison(plan, *seen, stated, counts, twin_counts, sensitivity, late)
 
 
 def steps(plan: FlightPlan) -> int:
@@ -238,13 +238,7 @@ def _decide(
     for name, label in plan.labels.items():
         note(f"{text}{label}")
         stated[name] = run(name)
-    return stated, {
-        name: [
-            count_flight(label, modes, flight.pieces)
-            for flight, label, modes in zip(flights, labels, values, strict=True)
-        ]
-        for name, values in stated.items()
-    }
+    return stated, {name: count_flights(flights, labels, values) for name, values in stated.items()}
 
 
 def label_sensitivity(
@@ -270,9 +264,6 @@ def label_sensitivity(
             both += float(common.sum())
             same += float(common[one.modes == other.modes].sum())
         turns = sum(sum(mode != 0 for *_, mode in one.pieces) for one in labels)
-        counts = [
-            count_flight(one, modes, flight.pieces)
-            for flight, one, modes in zip(flights, labels, stated, strict=True)
-        ]
+        counts = count_flights(flights, labels, stated)
         results.append(Sensitivity(name, same / both, scored / time, turns, figures(counts).agreement))
     return results

@@ -24,7 +24,7 @@ from agents.learned.statement_net import StatementNet
 from agents.training.statement_reward import expected_reward
 from baselines.flights.batch import stack_flights
 from baselines.flights.labels import label_flights
-from baselines.flights.simulated import draw_world, simulate_flights
+from baselines.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
 from baselines.flights.tiers import TIERS
 from baselines.flights.turn_imm import TurnModel, run_turn_imm
 
@@ -44,7 +44,7 @@ class FlightTraining:
     passes: int = 2
     """Times that the flights of a round are used."""
     flights: tuple[int, int, int, int] = (24, 32, 40, 16)
-    """Flights of the tiers A to D in a round."""
+    """Flights of the tiers A to D in a round. Short ones are left out, about half of those of D."""
     rows: int = 1200
     """Positions of a flight, about."""
     n_steps: int = 150
@@ -54,7 +54,8 @@ class FlightTraining:
     learning_rate: float = 4e-3
     """At the beginning; it decays linearly."""
     change_cost: float = 3.0
-    """Cost of a change to a wrong mode: as much as a wrong statement for this time [s]."""
+    """Cost of a change to a wrong mode where steps are average: as much as a wrong statement for this
+    time [s]. It is in proportion to the scored time of the position."""
     belief_weight: float = 0.3
     """Weight of the cross-entropy of the present mode, in addition to the reward."""
     seed: int = 0
@@ -88,7 +89,7 @@ class FlightTraining:
 
     def _settings(self) -> dict[str, Any]:
         settings = {name: value for name, value in asdict(self).items() if name != "out"}
-        return settings | {"filter": asdict(TurnModel())}
+        return settings | {"world": asdict(WIDE) | DRAWN, "filter": asdict(TurnModel())}
 
     def _simulate(self, generator: np.random.Generator) -> tuple[Tensor, ...]:
         """Return inputs (T, N, 2, 16), log-probabilities (T, N, 3), labels, weights and costs (T, N).
@@ -109,7 +110,9 @@ class FlightTraining:
             modes[rows, column] = labels[k].modes[first:end]
             weights[rows, column] = labels[k].weights[first:end] / step
             costs[:, column] = self.change_cost / step
-        shortest = int(np.quantile(batch.present.sum(0), 0.1))  # what almost all flights have
+        shortest = int(
+            np.quantile(batch.present.sum(0), 0.1)
+        )  # of all tiers together; D has some far shorter flights
         kept = batch.present[shortest - 1]
         arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes, weights, costs
         return tuple(torch.from_numpy(one[:shortest, kept]) for one in arrays)

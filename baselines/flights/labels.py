@@ -8,7 +8,7 @@ applied to the track angle that the aircraft reports from its own sensors.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,15 @@ def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
         for name in ("modes", "scored", "weights", "rates", "speeds", "own"):
             getattr(found, name)[first:end] = getattr(part, name)
     return found
+
+
+def scored_alike(labels: Labels, other: Labels) -> Labels:
+    """Return labels that are scored only where those of another flight with the same times are scored too."""
+    return replace(
+        labels,
+        scored=labels.scored & other.scored,
+        weights=np.where(other.scored, labels.weights, 0.0),
+    )
 
 
 def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:

@@ -7,9 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.flights.batch import Batch
+from baselines.flights.flight import Flight
 from baselines.flights.labels import STRAIGHT, Labels
 
 IntArray = NDArray[np.int64]
+
+DRAWS = 2000  # of the bootstrap
 
 
 class FlightCounts(NamedTuple):
@@ -70,6 +73,16 @@ def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, i
     return total
 
 
+def count_flights(
+    flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]
+) -> list[FlightCounts]:
+    """Compare the statements of each flight with its labels."""
+    return [
+        count_flight(label, modes, flight.pieces)
+        for flight, label, modes in zip(flights, labels, stated, strict=True)
+    ]
+
+
 def _count_piece(
     times: NDArray[np.float64],
     modes: IntArray,
@@ -124,34 +137,33 @@ def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
     return FlightFigures(*(float(one) for one in _figures(np.array(counts, np.float64).sum(0))))
 
 
-def bootstrap(
-    counts: Sequence[FlightCounts], draws: int = 2000, seed: int = 0
-) -> dict[str, tuple[float, float]]:
+def bootstrap(counts: Sequence[FlightCounts]) -> dict[str, tuple[float, float]]:
     """Return a 95 % interval of each figure: flights are drawn with replacement (Efron 1979)."""
-    drawn = _figures(_drawn(counts, draws, seed))
-    return {
-        name: (float("nan"),) * 2
-        if np.isnan(one).all()
-        else tuple(np.nanquantile(one, (0.025, 0.975)).tolist())
-        for name, one in zip(FlightFigures._fields, drawn, strict=True)
-    }
+    drawn = _figures(_drawn(counts))
+    return {name: _interval(one) for name, one in zip(FlightFigures._fields, drawn, strict=True)}
 
 
 def paired_agreement(
-    counts: Sequence[FlightCounts], others: Sequence[FlightCounts], draws: int = 2000, seed: int = 0
-) -> tuple[float, float, float]:
+    counts: Sequence[FlightCounts], others: Sequence[FlightCounts]
+) -> tuple[float, tuple[float, float]]:
     """Return the agreement less that of others on the same flights, and its interval as in `bootstrap`."""
-    low, high = np.nanquantile(
-        _figures(_drawn(counts, draws, seed))[0] - _figures(_drawn(others, draws, seed))[0], (0.025, 0.975)
-    )
-    return figures(counts).agreement - figures(others).agreement, float(low), float(high)
+    drawn = _figures(_drawn(counts))[0] - _figures(_drawn(others))[0]
+    return figures(counts).agreement - figures(others).agreement, _interval(drawn)
 
 
-def _drawn(counts: Sequence[FlightCounts], draws: int, seed: int) -> NDArray[np.float64]:
-    """Return sums (fields, draws) over as many flights, drawn with replacement; a seed draws the same."""
+def _drawn(counts: Sequence[FlightCounts]) -> NDArray[np.float64]:
+    """Return sums (fields, draws) over as many flights, drawn with replacement; always the same draws."""
     values = np.array(counts, np.float64)
-    chosen = np.random.default_rng(seed).integers(len(values), size=(draws, len(values)))
+    chosen = np.random.default_rng(0).integers(len(values), size=(DRAWS, len(values)))
     return np.asarray(values[chosen].sum(1).T)
+
+
+def _interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the 95 % interval of drawn values, NaN if all are."""
+    if np.isnan(values).all():
+        return float("nan"), float("nan")
+    low, high = np.nanquantile(values, (0.025, 0.975))
+    return float(low), float(high)
 
 
 def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -2,13 +2,14 @@
 
 A flight is a sequence of straight motion and turns. In a turn the aircraft rolls in within some seconds and
 keeps a turn rate that jitters; in straight motion the heading wanders slowly. Positions have the noise of the
-tier: an error of their time, and one of the position itself, both with a Student t distribution. The settings
-are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the score of
-a decider.
+tier: an error of their time, and one of the position itself, both with a Student t distribution. The default
+settings are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the
+score of a decider. Agents are trained on flights with settings of their own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,19 +58,31 @@ class FlightWorld:
     freedom: float = 5.0
 
 
+DRAWN = {
+    "straight": (30.0, 900.0),
+    "reversal": (0.05, 0.3),
+    "roll": (2.0, 7.0),
+    "jitter": (0.08, 0.3),
+    "jitter_time": (4.0, 20.0),
+    "wander": (0.0007, 0.007),
+    "wander_time": (8.0, 40.0),
+    "freedom": (3.5, 12.0),
+}
+"""Ranges of the settings that differ from flight to flight in training, log-uniform."""
+
+
+WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
+"""The other settings in training: turns and speeds have wider ranges."""
+
+
 def draw_world(generator: np.random.Generator) -> FlightWorld:
-    """Return settings of one flight, drawn from ranges around the default ones."""
-
-    def between(low: float, high: float) -> float:
-        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
-
-    straight = between(30.0, 900.0)
-    return FlightWorld(
-        rates=(0.01, 0.055), turns=(12.0, 120.0), straight=tuple((name, straight) for name in "ABCD"),
-        reversal=between(0.05, 0.3), roll=between(2.0, 7.0), jitter=between(0.08, 0.3),
-        jitter_time=between(4.0, 20.0), wander=between(0.0007, 0.007), wander_time=between(8.0, 40.0),
-        speeds=(25.0, 250.0), freedom=between(3.5, 12.0),
-    )  # fmt: skip
+    """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
+    drawn: dict[str, Any] = {
+        name: float(np.exp(generator.uniform(np.log(low), np.log(high))))
+        for name, (low, high) in DRAWN.items()
+    }
+    straight = drawn.pop("straight")
+    return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
 
 
 def simulate_flights(
@@ -100,16 +113,13 @@ def simulate_flights(
 
 
 def twins(
-    flights: Sequence[Flight],
-    labels: Sequence[Labels],
-    generator: np.random.Generator,
-    world: FlightWorld | None = None,
+    flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return simulated flights with the steps, speeds and sequences of labels of recorded ones.
+    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true modes.
 
-    Their labels follow from their true turn rates.
+    The turns have the times and mean rates of the labels of the recorded flights.
     """
-    settings = FlightWorld() if world is None else world
+    settings = FlightWorld()
     results = []
     for flight, label in zip(flights, labels, strict=True):
         grid = np.arange(0.0, flight.times[-1] + 4.0 * GRID, GRID)

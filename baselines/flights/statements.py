@@ -38,28 +38,18 @@ class Threshold:
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """See `FlightDecider`."""
-        best = estimates.probabilities.argmax(-1)
-        sure = estimates.probabilities.max(-1) > self.threshold
-        return held(best, sure)
+        return self._most_probable(estimates.probabilities)
+
+    def _most_probable(self, probabilities: FloatArray) -> IntArray:
+        return held(probabilities.argmax(-1), probabilities.max(-1) > self.threshold)
 
 
-@dataclass(frozen=True)
-class Beam:
-    """The same rule on the semi-Markov posterior of switch histories, `turn_beam`.
-
-    Attributes:
-        threshold: see `Threshold`.
-    """
-
-    threshold: float = 0.6
-
-    def __post_init__(self) -> None:
-        check_between("threshold", self.threshold, 0.0, 1.0)
+class Beam(Threshold):
+    """The same rule on the semi-Markov posterior of switch histories, `turn_beam`."""
 
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> IntArray:
         """See `FlightDecider`; only the positions are used."""
-        probabilities = run_turn_beam(batch)
-        return held(probabilities.argmax(-1), probabilities.max(-1) > self.threshold)
+        return self._most_probable(run_turn_beam(batch))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.comparison.command import Compare
-from agents.comparison.flights_bounds import flight_bounds, late_modes
+from agents.comparison.flights_late import late_figures, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
 from baselines.flights import tiers
 from baselines.flights.labels import label_flights
@@ -44,13 +44,13 @@ def test_flights_are_compared(tmp_path, source, capsys):
     assert "IMM threshold" in capsys.readouterr().out
 
 
-def test_late_labels_bound_the_delay(source):
+def test_labels_that_are_stated_late(source):
     flights = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), ("B",), "native", ("imm",)).read()
     labels = label_flights(flights)
-    (bound,) = flight_bounds({"B": [0, 1]}, flights, labels, labels, labels)
-    assert bound.truth == 1.0
+    (found,) = late_figures({"B": [0, 1]}, flights, labels, labels, labels)
+    assert found.truth == 1.0
     steps = np.concatenate([np.diff(flight.times) for flight in flights])
-    one, two = bound.late
+    one, two = found.late
     assert steps.min() <= one.delay < two.delay <= 2.0 * steps.max()
     assert one.agreement > two.agreement > 0.9
     modes = late_modes(flights[0], labels[0], 1)

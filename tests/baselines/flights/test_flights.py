@@ -1,6 +1,7 @@
 import gzip
 import json
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,16 @@ from baselines.filters.kalman import KalmanFilter
 from baselines.filters.motion_models import MotionModel
 from baselines.filters.run_filter import run_filter
 from baselines.flights.batch import stack_flights
-from baselines.flights.labels import LEFT, RIGHT, STRAIGHT, LabelRules, find_turns, label_flights, row_edges
+from baselines.flights.labels import (
+    LEFT,
+    RIGHT,
+    STRAIGHT,
+    LabelRules,
+    find_turns,
+    label_flights,
+    row_edges,
+    scored_alike,
+)
 from baselines.flights.metrics import (
     FlightCounts,
     bootstrap,
@@ -185,7 +195,10 @@ def test_counts_by_hand(flight):
 def test_paired_agreement_of_flights_that_differ_equally():
     counts = [FlightCounts(100.0, 100.0 - k, 1, 0, 0.0, 0, 0, 0) for k in (5.0, 20.0, 40.0)]
     better = [one._replace(agreed=one.agreed + 3.0) for one in counts]
-    np.testing.assert_allclose(paired_agreement(better, counts), 0.03)  # the same in every draw
+    value, interval = paired_agreement(better, counts)
+    np.testing.assert_allclose((value, *interval), 0.03)  # the same in every draw
+    nothing = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0, 0)
+    assert np.isnan(paired_agreement([nothing], [nothing])[1]).all()
     low, high = bootstrap(counts)["agreement"]
     assert high - low > 0.1
 
@@ -210,6 +223,16 @@ def test_drawn_settings_differ_and_give_flights_with_turns():
     flights = [simulate_flights(TIERS["C"], 1, 4000.0, generator, world)[0][0] for world in worlds]
     turning = [np.mean(labels.modes != STRAIGHT) for labels in label_flights(flights)]
     assert 0.1 < np.mean(turning) < 0.6
+
+
+def test_twins_are_scored_where_their_flights_are(flight):
+    (labels,) = label_flights([flight])
+    known = replace(labels, scored=labels.scored & (labels.times < 300.0))
+    found = scored_alike(labels, known)
+    assert (found.scored == known.scored).all()
+    assert found.weights[labels.times < 300.0].sum() == labels.weights[labels.times < 300.0].sum()
+    assert not found.weights[labels.times >= 300.0].any()
+    np.testing.assert_array_equal(found.modes, labels.modes)
 
 
 def test_covariances_stay_symmetric_with_turned_noise():

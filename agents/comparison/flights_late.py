@@ -1,8 +1,4 @@
-"""What any decider can reach on recorded flights: the labels themselves, true at once or stated late.
-
-A decider sees a change of mode in the positions after it. If it could state every label one position after
-the first one that has it, its figures would be those of `late_labels` with 1.
-"""
+"""For comparison: the labels of recorded flights themselves, stated one or two positions late."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,12 +8,12 @@ from numpy.typing import NDArray
 
 from baselines.flights.flight import Flight
 from baselines.flights.labels import Labels
-from baselines.flights.metrics import FlightCounts, FlightFigures, count_flight, figures
+from baselines.flights.metrics import FlightFigures, count_flights, figures
 
 POSITIONS_LATE = (1, 2)
 
 
-class Bound(NamedTuple):
+class LateLabels(NamedTuple):
     """Figures on the flights of one tier.
 
     Attributes:
@@ -31,14 +27,14 @@ class Bound(NamedTuple):
     late: list[FlightFigures]
 
 
-def flight_bounds(
+def late_figures(
     groups: dict[str, list[int]],
     flights: Sequence[Flight],
     labels: Sequence[Labels],
     twin_labels: Sequence[Labels],
     true_labels: Sequence[Labels],
-) -> list[Bound]:
-    """Return the bounds of each tier.
+) -> list[LateLabels]:
+    """Return the figures of each tier.
 
     Args:
         groups: indices of the flights of each tier.
@@ -47,13 +43,13 @@ def flight_bounds(
         twin_labels: of their simulated twins, from the smoother.
         true_labels: the same from the true turn rates.
     """
-    truth = _count(flights, twin_labels, [one.modes for one in true_labels])
+    truth = count_flights(flights, twin_labels, [one.modes for one in true_labels])
     late = [
-        _count(flights, labels, [late_modes(*one, count) for one in zip(flights, labels, strict=True)])
+        count_flights(flights, labels, [late_modes(*one, count) for one in zip(flights, labels, strict=True)])
         for count in POSITIONS_LATE
     ]
     return [
-        Bound(
+        LateLabels(
             name,
             figures([truth[k] for k in rows]).agreement,
             [figures([counts[k] for k in rows]) for counts in late],
@@ -68,12 +64,3 @@ def late_modes(flight: Flight, labels: Labels, count: int) -> NDArray[np.int64]:
     for first, end in flight.pieces:
         rows[first:end] = np.maximum(rows[first:end] - count, first)
     return labels.modes[rows]
-
-
-def _count(
-    flights: Sequence[Flight], labels: Sequence[Labels], modes: Sequence[NDArray[np.int64]]
-) -> list[FlightCounts]:
-    return [
-        count_flight(label, one, flight.pieces)
-        for flight, label, one in zip(flights, labels, modes, strict=True)
-    ]
