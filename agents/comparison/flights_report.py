@@ -84,12 +84,12 @@ def differences_table(result: FlightComparison) -> Table:
     )
     table.add_column("tier")
     for _, label in others:
-        table.add_column(escape(label), justify="right", min_width=13)
+        table.add_column(escape(label), justify="right", min_width=12)
     for name in result.groups:
         cells = []
         for decider, _ in others:
             value, (low, high) = result.difference(decider, name)
-            cells.append(f"{100.0 * value:+.1f}\n{100.0 * low:.1f} to {100.0 * high:.1f}")
+            cells.append(f"{100.0 * value:+.1f}\n{100.0 * low:.1f}, {100.0 * high:.1f}")
         table.add_row(name, *cells)
     return table
 
