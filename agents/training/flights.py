@@ -110,9 +110,8 @@ class FlightTraining:
             modes[rows, column] = labels[k].modes[first:end]
             weights[rows, column] = labels[k].weights[first:end] / step
             costs[:, column] = self.change_cost / step
-        shortest = int(
-            np.quantile(batch.present.sum(0), 0.1)
-        )  # of all tiers together; D has some far shorter flights
+        # of all tiers together; D has some far shorter flights, which are left out
+        shortest = int(np.quantile(batch.present.sum(0), 0.1))
         kept = batch.present[shortest - 1]
         arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes, weights, costs
         return tuple(torch.from_numpy(one[:shortest, kept]) for one in arrays)
