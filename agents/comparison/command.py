@@ -71,7 +71,7 @@ class Compare(WorldArguments, ParallelArguments):
     """Number of agents to train per recipe, each with its own seed."""
     flights: tuple[str, ...] | None = None
     """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on
-    these ids file:icao24:k. Deciders are then 'imm', 'cusum', 'beam', 'agent', or 'imm:0.8' and 'agent:8'."""
+    these ids file:icao24:k. Deciders are then 'imm', 'imm:0.8', 'cusum', 'beam', 'agent', or a folder."""
     source: Path | None = None
     """With --flights: folder or wheel of the package 'traffic'; by default where it is installed."""
     tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")

@@ -5,6 +5,7 @@ white noise, in the setting of `HybridTrackQuickest-v0`, with the deciders of th
 """
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.deciders import split_threshold
 from agents.evaluation.statement_deciders import RULES, shipped_agents, statement_decider
-from agents.learned.flight_decider import shipped_flight_decider
+from agents.learned.flight_decider import FlightAgent, load_flight_agent, shipped_flight_decider
 from baselines.flights.batch import stack_flights
 from baselines.flights.flight import Flight
 from baselines.flights.labels import Labels
@@ -59,22 +60,26 @@ class Form(Protocol):
 
 
 class Native:
-    """See `Form`. A decider is a name of `DECIDERS`, with an optional threshold."""
+    """See `Form`. A decider is a name of `DECIDERS` or the folder of an agent, with an optional threshold."""
 
     deciders: tuple[str, ...] = ("imm", "imm:0.8", "cusum", "beam", "agent:8", "agent")
 
     def label(self, name: str) -> str:
         """See `Form`."""
         base, threshold = split_threshold(name)
-        if base not in DECIDERS:
-            raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights")
+        if base not in DECIDERS and not Path(base).is_dir():
+            raise reject("deciders", name, f"{', '.join(DECIDERS)} with --flights, or a folder")
         self._decider(name)
+        if base not in DECIDERS:
+            return name
         plain, with_threshold, _ = DECIDERS[base]
         return plain if threshold is None else with_threshold.format(threshold)
 
     @staticmethod
     def _decider(name: str) -> FlightDecider:
         base, threshold = split_threshold(name)
+        if base not in DECIDERS:
+            return FlightAgent(load_flight_agent(Path(base)), threshold or 0.0)
         return DECIDERS[base][2](*() if threshold is None else (threshold,))
 
     def convert(

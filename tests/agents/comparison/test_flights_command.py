@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from agents.comparison.command import Compare
+from agents.comparison.flights_forms import FORMS
 from agents.comparison.flights_late import late_figures, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
+from agents.learned.flight_decider import SHIPPED
 from baselines.flights import tiers
 from baselines.flights.labels import label_flights
 from baselines.flights.simulated import simulate_flights
@@ -66,6 +68,16 @@ def test_tiers_together_are_named_by_those_that_are_there(source):
     third = replace(other, tier=TIERS["A"])
     assert group_flights([one, other, third])["A-C"] == [2, 0, 1]
     assert list(group_flights([one])) == ["B"]
+
+
+def test_an_agent_is_named_by_its_folder(tmp_path, source):
+    flights = FlightPlan(source, ("two:abc120:0",), ("B",), "native", ("agent",)).read()
+    run = FORMS["native"].run(flights)
+    (shipped,), (same,) = run("agent:2"), run(f"{SHIPPED}:2")
+    np.testing.assert_array_equal(shipped, same)
+    assert FORMS["native"].label(str(SHIPPED)) == str(SHIPPED)
+    with pytest.raises(ArgumentError, match="run="):
+        FORMS["native"].label(str(tmp_path))
 
 
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
