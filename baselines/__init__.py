@@ -5,19 +5,19 @@ the detector of Golubkov 2020 and a beam of histories.
 `OnlineTracker` puts a rule behind a live sensor.
 """
 
-from baselines.deciders.decider import Decider
-from baselines.deciders.fixed_time import FixedTimeDecider
-from baselines.deciders.msprt import GapDecider, MSPRTDecider
-from baselines.deciders.sprt import SPRTDecider, sprt_test, sprt_thresholds
-from baselines.filters.recording import first_estimate
-from baselines.online.tracker import OnlineEstimate, OnlineTracker
-from baselines.quickest.beam import BeamDecider
-from baselines.quickest.change_detection import CusumDecider, ShiryaevRobertsDecider
-from baselines.quickest.metrics import StatementMetrics, measure_statements
-from baselines.quickest.restarted import GLRDecider, MeanRatioDecider
-from baselines.quickest.statements import Statements, record_statements
-from baselines.quickest.threshold import ThresholdDecider
+from baselines.estimation.recording import first_estimate
 from baselines.recordings.ate import Tracks, track_ate
+from baselines.rules.beam import BeamDecider
+from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
+from baselines.rules.decider import Decider
+from baselines.rules.fixed_time import FixedTimeDecider
+from baselines.rules.metrics import StatementMetrics, measure_statements
+from baselines.rules.msprt import GapDecider, MSPRTDecider
+from baselines.rules.restarted import GLRDecider, MeanRatioDecider
+from baselines.rules.sprt import SPRTDecider, sprt_test, sprt_thresholds
+from baselines.rules.statements import Statements, record_statements
+from baselines.rules.threshold import ThresholdDecider
+from baselines.rules.tracker import OnlineEstimate, OnlineTracker
 
 __all__ = [
     "BeamDecider",

@@ -4,7 +4,7 @@
 keeps what an interrupted comparison has finished, `report` prints the tables, `figure` draws the operating
 curves, and `episode_figure` draws one episode with two deciders. The files `statement_*` are the same for
 unknown switch moments, where deciders state the mode at every tick, and the files
-`flights_*` for recorded flights (`baselines.flights`).
+`flights_*` for recorded flights (`baselines.recordings.flights`).
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

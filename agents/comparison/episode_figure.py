@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agents.interface.decider_colours import DeciderStyle, decider_styles
 from agents.interface.output_files import atomic_file
-from baselines.deciders.decider import Decider
+from baselines.rules.decider import Decider
 from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env

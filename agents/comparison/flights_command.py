@@ -15,7 +15,7 @@ from agents.comparison.flights_report import (
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, steps
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.progress import progress_display
-from baselines.flights.metrics import figures
+from baselines.recordings.flights.metrics import figures
 
 
 def run_flight_comparison(plan: FlightPlan, out: Path) -> None:

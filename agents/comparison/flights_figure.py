@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from agents.comparison.figure import DPI
 from agents.interface.output_files import atomic_file
-from baselines.flights.flight import Flight
-from baselines.flights.labels import MODE_NAMES, Labels
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import MODE_NAMES, Labels
 from hybrid_env.rendering.modes import TYPE_COLOURS, shade
 
 IntArray = NDArray[np.int64]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from agents.evaluation.deciders import split_threshold
 from agents.evaluation.statement_deciders import RULES, shipped_agents, statement_decider
 from agents.learned.flight_decider import FlightAgent, load_flight_agent, shipped_flight_decider
-from baselines.flights.batch import stack_flights
-from baselines.flights.flight import Flight
-from baselines.flights.labels import Labels
-from baselines.flights.metrics import unstack
-from baselines.flights.semi_real import WORLD, semi_real_flights, state_semi_real
-from baselines.flights.statements import Beam, Cusum, FlightDecider, Threshold
-from baselines.flights.turn_imm import run_turn_imm
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import Labels
+from baselines.recordings.flights.metrics import unstack
+from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
+from baselines.rules.flight_rules import Beam, Cusum, FlightDecider, Threshold
 from hybrid_env.checks import reject
 
 IntArray = NDArray[np.int64]

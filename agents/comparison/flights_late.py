@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.flights.flight import Flight
-from baselines.flights.labels import Labels
-from baselines.flights.metrics import FlightFigures, count_flights, figures
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import Labels
+from baselines.recordings.flights.metrics import FlightFigures, count_flights, figures
 
 POSITIONS_LATE = (1, 2)
 

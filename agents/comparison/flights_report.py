@@ -9,7 +9,7 @@ from rich.table import Table
 
 from agents.comparison.flights_late import POSITIONS_LATE
 from agents.comparison.flights_study import FlightComparison
-from baselines.flights.metrics import FlightFigures, figures
+from baselines.recordings.flights.metrics import FlightFigures, figures
 
 COLUMNS = {
     "agreement": ("agreement", 3, 1.0),

@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from agents.comparison.flights_forms import FORMS, Form
 from agents.comparison.flights_late import LateLabels, late_figures
-from baselines.flights.batch import stack_flights
-from baselines.flights.flight import Flight
-from baselines.flights.labels import LabelRules, Labels, label_flights, scored_alike, smoothed_rates
-from baselines.flights.metrics import (
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import (
+    LabelRules,
+    Labels,
+    label_flights,
+    scored_alike,
+    smoothed_rates,
+)
+from baselines.recordings.flights.metrics import (
     FlightCounts,
     FlightFigures,
     bootstrap,
@@ -22,9 +28,9 @@ from baselines.flights.metrics import (
     figures,
     paired_agreement,
 )
-from baselines.flights.samples import Samples
-from baselines.flights.simulated import twins
-from baselines.flights.tiers import SCORED, TIERS, TOGETHER
+from baselines.recordings.flights.samples import Samples
+from baselines.recordings.flights.simulated import twins
+from baselines.recordings.flights.tiers import SCORED, TIERS, TOGETHER
 from hybrid_env.checks import reject
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,7 @@ from agents.comparison.study import ACCURACY_LEVELS, Comparison, Entry
 from agents.evaluation.cells import estimate_cell, signed
 from agents.evaluation.deciders import NO_EARLY_DECISION
 from agents.evaluation.operating_curve import ACCURACY, Estimate
-from baselines.deciders.posterior_paths import MIN_COUNT
+from baselines.rules.posterior_paths import MIN_COUNT
 
 
 def comparison_table(result: Comparison) -> Table:

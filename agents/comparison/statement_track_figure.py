@@ -15,8 +15,8 @@ from agents.comparison.episode_figure import MEASUREMENT
 from agents.comparison.figure import DPI
 from agents.interface.decider_colours import DeciderStyle, decider_styles
 from agents.interface.output_files import atomic_file
-from baselines.quickest.metrics import StatementMetrics, measure_statements
-from baselines.quickest.statements import Statements, record_statements
+from baselines.rules.metrics import StatementMetrics, measure_statements
+from baselines.rules.statements import Statements, record_statements
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.rendering.modes import mode_colour, mode_name

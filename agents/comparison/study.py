@@ -30,7 +30,7 @@ from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
-from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths, summarise_calibration
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths, summarise_calibration
 from hybrid_env.options import WorldOptions
 
 ACCURACY_LEVELS = (0.95, 0.98)

@@ -17,7 +17,7 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import environment_options
 
 if TYPE_CHECKING:
-    from baselines.deciders.decider import Decider
+    from baselines.rules.decider import Decider
 
 MOST_DRAWN = 1000  # random worlds
 LARGEST_FACTOR = 10.0

@@ -13,11 +13,11 @@ import numpy as np
 from agents import learned
 from agents.evaluation import seeds
 from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
-from baselines.deciders.anchor_prior import AnchorPrior
-from baselines.deciders.bayes_risk import BayesRiskDecider, stopping_boundary
-from baselines.deciders.decider import Decider
-from baselines.deciders.posterior_paths import PosteriorPaths, simulate_posterior_paths
-from baselines.deciders.refiltering import (
+from baselines.rules.anchor_prior import AnchorPrior
+from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
+from baselines.rules.decider import Decider
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.rules.refiltering import (
     CalibratedAnchorDecider,
     KeptCovarianceDecider,
     fit_calibrated_anchor,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from baselines.deciders.decider import Decider
+from baselines.rules.decider import Decider
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.registration import make_vector_env
 
@@ -155,7 +155,7 @@ def evaluate(
     All deciders face the same episodes: trajectories and noise do not depend on the decisions.
 
     Args:
-        decider: see `baselines.deciders.decider.Decider`. If it has a method
+        decider: see `baselines.rules.decider.Decider`. If it has a method
             `select_tracks(state, mask)`, finished tracks are dropped.
         env_id: registered id.
         episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.operating_curve import NOT_REACHED, Estimate, estimate, paired_estimate, value_at_level
-from baselines.deciders.decider import Actions
-from baselines.quickest.beam import BeamDecider
-from baselines.quickest.metrics import measure_statements
-from baselines.quickest.statements import Statements, record_statements
+from baselines.rules.beam import BeamDecider
+from baselines.rules.decider import Actions
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import Statements, record_statements
 from hybrid_env.checks import check_integer
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -150,7 +150,7 @@ MEAN_DELAY = Statistic((DELAY, DETECTED), _divide)
 FULL_DELAY = Statistic((UNDETECTED, SWITCHES), _divide)
 """Mean delay of all switches [ticks]; one that is not detected counts until the end of its segment."""
 MISSED_SHARE = Statistic((MISSED, DETECTED), lambda missed, detected: _divide(missed, missed + detected))
-"""Share of missed switches, as `baselines.quickest.metrics.StatementMetrics.missed_share`."""
+"""Share of missed switches, as `baselines.rules.metrics.StatementMetrics.missed_share`."""
 CHANGE_RATIO = Statistic((STATED_CHANGES, SWITCHES), _divide)
 """Changes of the statement per switch."""
 

@@ -16,8 +16,8 @@ from baselines import (
     ShiryaevRobertsDecider,
     ThresholdDecider,
 )
-from baselines.deciders.decider import Decider
-from baselines.quickest.beam import BeamDecider
+from baselines.rules.beam import BeamDecider
+from baselines.rules.decider import Decider
 from hybrid_env.checks import reject
 from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH

@@ -15,7 +15,7 @@
 - `policy_file`: reads and writes weights and their card.
 - `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
 
-All of them map observation rows to actions through the interface of `baselines.deciders.decider`.
+All of them map observation rows to actions through the interface of `baselines.rules.decider`.
 
-May import: `hybrid_env`, `baselines.deciders`, `baselines.quickest`, `baselines.flights`, `agents.interface`.
+May import: `hybrid_env`, `baselines`, `agents.interface`.
 """

@@ -22,8 +22,8 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.policy_file import load_network, save_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
-from baselines.deciders.decider import Actions, Observations
-from baselines.deciders.msprt import error_and_best, mode_types
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.msprt import error_and_best, mode_types
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions

@@ -2,7 +2,7 @@
 
 The bank states a covariance of the anchor that is too small after turns and after wrong declarations. The
 network predicts a mixture of normal distributions instead: the filters of every component start from one of
-them. It is the learned counterpart of `baselines.deciders.anchor_prior`, for all worlds at once.
+them. It is the learned counterpart of `baselines.rules.anchor_prior`, for all worlds at once.
 """
 
 import math
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.dimensionless import ANCHOR_INPUTS
-from baselines.deciders.anchor_prior import MIRROR
-from baselines.deciders.component_filters import stated_covariance
-from baselines.deciders.decider import Observations
+from baselines.estimation.component_filters import stated_covariance
+from baselines.rules.anchor_prior import MIRROR
+from baselines.rules.decider import Observations
 from hybrid_env.observation import Layout
 
 FloatArray = NDArray[np.float64]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.deciders.decider import Observations
-from baselines.deciders.msprt import mode_types
+from baselines.rules.decider import Observations
+from baselines.rules.msprt import mode_types
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 

@@ -16,9 +16,9 @@ from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilitie
 from agents.learned.network_settings import LARGEST_HIDDEN
 from agents.learned.policy_file import WEIGHTS, load_weights, read_tensors, unreadable_policy
 from agents.learned.statement_net import StatementNet
-from baselines.flights.batch import Batch
-from baselines.flights.labels import STRAIGHT
-from baselines.flights.turn_imm import TurnEstimates
+from baselines.estimation.turn_imm import TurnEstimates
+from baselines.recordings.flights.batch import Batch
+from baselines.recordings.flights.labels import STRAIGHT
 from hybrid_env.checks import check_integer, check_number
 
 SHIPPED = Path(__file__).parent / "shipped_flights"
@@ -38,7 +38,7 @@ class FlightAgent:
 
     @torch.no_grad()
     def state_modes(self, batch: Batch, estimates: TurnEstimates) -> NDArray[np.int64]:
-        """See `baselines.flights.statements.FlightDecider`."""
+        """See `baselines.rules.flight_rules.FlightDecider`."""
         total, tracks = batch.times.shape
         inputs, logs = flight_inputs(batch, estimates), log_probabilities(estimates)
         which = np.arange(tracks)

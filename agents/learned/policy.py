@@ -13,7 +13,7 @@ from torch import Tensor
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy_file import card_layout, load_weights, save_policy, unreadable_policy
-from baselines.deciders.decider import Actions, Observations
+from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 

@@ -12,8 +12,8 @@ from torch import Tensor
 from agents.learned.policy_file import load_network
 from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
-from baselines.deciders.decider import Actions, Observations
-from baselines.quickest.threshold import read_statement
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions

@@ -5,8 +5,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from agents.learned.policy import ActorDecider
-from baselines.deciders.decider import Actions, Observations
-from baselines.quickest.threshold import read_statement
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.threshold import read_statement
 
 
 class StatementPolicyDecider(ActorDecider):

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from agents.learned.anchor_net import COMPONENTS, AnchorNet, stated_factor
 from agents.learned.dimensionless import LastRow, Scales, anchor_inputs, bias_of_bank, declared_side
-from baselines.deciders.component_filters import (
+from baselines.estimation.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
     anchor_rows,
     joint_posterior,
     stated_covariance,
 )
-from baselines.deciders.decider import Observations
+from baselines.rules.decider import Observations
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 

@@ -26,9 +26,9 @@ from agents.evaluation.statement_curve import (
 from agents.evaluation.statement_deciders import beam_family, geometric_beam_family, threshold_family
 from agents.interface.parallel import Call
 from agents.limits.study import NOISE_LEVELS
-from baselines.quickest.beam_smoother import BeamSmoother
-from baselines.quickest.statements import Statements, record_statements
-from baselines.quickest.threshold import ThresholdDecider
+from baselines.estimation.beam_smoother import BeamSmoother
+from baselines.rules.statements import Statements, record_statements
+from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
 
 FloatArray = NDArray[np.float64]

@@ -12,13 +12,13 @@ from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_fami
 from agents.evaluation.evaluate import evaluate, share_interval
 from agents.evaluation.operating_curve import REWARD, Estimate, at_threshold, sweep, ticks_at_accuracy
 from agents.interface.parallel import Call
-from baselines.deciders.msprt import GapDecider
-from baselines.deciders.posterior_paths import (
+from baselines.papers import golubkov2018
+from baselines.rules.msprt import GapDecider
+from baselines.rules.posterior_paths import (
     CalibrationSummary,
     simulate_posterior_paths,
     summarise_calibration,
 )
-from baselines.papers import golubkov2018
 from hybrid_env.registration import make_vector_env
 
 THREE_MODE_ENV, BANK_ENV = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackBank-v0"

@@ -13,8 +13,8 @@ from agents.evaluation.deciders import load_decider
 from agents.evaluation.statement_deciders import statement_decider
 from agents.playing.evidence import DeciderEvidence, decider_evidence
 from agents.playing.statement_evidence import statement_evidence
-from baselines.quickest.metrics import measure_statements
-from baselines.quickest.statements import Statements
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import Statements
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.quickest_env import HybridTrackQuickestEnv
 from hybrid_env.rendering.figure import Renderer

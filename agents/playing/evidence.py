@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from baselines import GapDecider, MSPRTDecider, SPRTDecider
-from baselines.deciders.bayes_risk import BayesRiskDecider
-from baselines.deciders.decider import Decider, Observations
-from baselines.deciders.msprt import mode_types, type_sums
+from baselines.rules.bayes_risk import BayesRiskDecider
+from baselines.rules.decider import Decider, Observations
+from baselines.rules.msprt import mode_types, type_sums
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, ratio_limits, sprt_panel
 

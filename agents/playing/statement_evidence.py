@@ -9,8 +9,8 @@ from scipy.special import softmax
 
 from agents.playing.evidence import DeciderEvidence
 from baselines import ThresholdDecider
-from baselines.quickest.beam import BeamDecider
-from baselines.quickest.measurements import MeasurementDecider
+from baselines.rules.beam import BeamDecider
+from baselines.rules.measurements import MeasurementDecider
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.rendering.evidence import probability_panel
 

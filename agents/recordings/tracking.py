@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, load_decider, world_changes
 from agents.evaluation.statement_deciders import RULES, statement_decider
 from agents.recordings.tracked import TrackedRecording, row_results
-from baselines.online.tracker import OnlineTracker
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
+from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import (
     ArgumentError,
     check_array,

@@ -15,9 +15,9 @@ from agents.interface.curve_labels import label_curves
 from agents.interface.output_files import atomic_file
 from agents.reproduction import novospaskyi_figures, zimchuk_figure
 from agents.reproduction.canvas import DPI, GREY, new_figure
-from baselines.deciders.sprt import sprt_thresholds
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
 from baselines.papers.reproduction import Reproduction
+from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
 
 TYPE_NAMES = ("straight", "left turn", "right turn")

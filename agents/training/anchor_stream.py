@@ -14,7 +14,7 @@ from agents.learned.dimensionless import ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
 from agents.training.recipe import LARGEST_ALPHA, AnchorSettings
 from agents.training.track_state import track_arrays
-from baselines.deciders.anchor_prior import anchor_errors
+from baselines.rules.anchor_prior import anchor_errors
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]

@@ -5,7 +5,7 @@ Scenario: an object is measured every 0.1 s with R = 25 m^2. It moves uniformly 
 Here all three axes move like this, and a run is one of them.
 
 The paper does not state the mean M of its estimates, the start, limits of the gains, the process noise of its
-Kalman filter, or the number of runs. The settings here are in `baselines.filters.adaptive`; the Kalman filter
+Kalman filter, or the number of runs. The settings here are in `baselines.papers.adaptive`; the Kalman filter
 has the standard deviation 4.64 m/s^2 of the acceleration, with which its first manoeuvre comes out. The
 pattern of the table is reproduced, its numbers are not: the adaptive filter follows a manoeuvre about three
 times better than a slow Kalman filter. A faster Kalman filter is better than both.
@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.filters.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
-from baselines.filters.kalman import KalmanFilter
-from baselines.filters.motion_models import MotionModel
-from baselines.filters.run_filter import run_filter
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.run_filter import run_filter
+from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
 from baselines.papers.reproduction import Cell, Finding, Reproduction, study_interval
 from hybrid_env.checks import check_integer
 

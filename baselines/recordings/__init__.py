@@ -7,8 +7,8 @@ from the state that `first_state` finds; `consistency` says whether the model fi
 
 `ate` is adaptive trajectory estimation, which decides the mode of each segment at known switch times.
 `change_detection` detects a switch at an unknown time. Both are those of the papers: they apply the published
-bank to arrays of measured positions. `kinematic_models` decides between CV, CA and CJ.
+bank to arrays of measured positions.
 
-May import: `hybrid_env`, `baselines.deciders`, `baselines.filters`, `baselines.online`. Never
+May import: `hybrid_env`, `baselines.estimation`, `baselines.rules`. Never
 `baselines.papers` or `agents`.
 """

@@ -13,8 +13,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.deciders.sprt import sprt_test, sprt_thresholds
-from baselines.filters.recording import Filters, check_recording, make_filters, write_estimate
+from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
+from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import check_choice, check_flag
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.published_bank import (

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.deciders.sprt import sprt_thresholds
-from baselines.filters.recording import Filters, check_recording, make_filters
+from baselines.estimation.recording import Filters, check_recording, make_filters
+from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.published_bank import (

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.online.tracker import OnlineTracker
 from baselines.recordings.first_state import first_state
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Stretch, TickGrid
+from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import track_ate
-from baselines.filters.known_modes import filter_known_modes
+from baselines.estimation.known_modes import filter_known_modes
 from baselines.recordings.change_detection import detect_switch
 from hybrid_env import ArgumentError, KalmanBank, Layout
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.filters.motion_models import MotionModel
+from baselines.estimation.motion_models import MotionModel
 
 FloatArray = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from baselines.filters.g_h import GHFilter
-from baselines.filters.imm import IMMFilter
-from baselines.filters.kalman import KalmanFilter
-from baselines.filters.motion_models import MotionModel
-from baselines.filters.moving_average import moving_average
-from baselines.filters.robust import Huber, Robust, StudentT
-from baselines.filters.run_filter import run_filter
-from baselines.filters.track_filter import TrackFilter
+from baselines.estimation.imm import IMMFilter
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.robust import Huber, Robust, StudentT
+from baselines.estimation.run_filter import run_filter
+from baselines.estimation.track_filter import TrackFilter
+from baselines.papers.novospaskyi.g_h import GHFilter
+from baselines.papers.novospaskyi.moving_average import moving_average
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
 from baselines.papers.novospaskyi.vehicle import SPEED
 

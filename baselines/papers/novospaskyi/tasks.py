@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines import filters
+from baselines import estimation
 from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_contender
 from baselines.papers.novospaskyi.metrics import flight_errors
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure
@@ -92,7 +92,7 @@ class Tuning:
         for tracks in self.training.values() if self.noise is None else [self.training[self.noise]]:
             for array in (tracks.times, tracks.measurements, tracks.positions):
                 digest.update(array.tobytes())
-        for source in sorted(Path(filters.__file__).parent.glob("*.py")):
+        for source in sorted(Path(estimation.__file__).parent.glob("*.py")):
             digest.update(source.read_bytes())
         return digest.hexdigest()[:16]
 

@@ -10,10 +10,10 @@ from agents.comparison.flights_forms import FORMS
 from agents.comparison.flights_late import late_figures, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
 from agents.learned.flight_decider import SHIPPED
-from baselines.flights import tiers
-from baselines.flights.labels import label_flights
-from baselines.flights.simulated import simulate_flights
-from baselines.flights.tiers import TIERS
+from baselines.recordings.flights import tiers
+from baselines.recordings.flights.labels import label_flights
+from baselines.recordings.flights.simulated import simulate_flights
+from baselines.recordings.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError
 
 

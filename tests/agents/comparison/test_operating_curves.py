@@ -23,7 +23,7 @@ from agents.evaluation.operating_curve import (
 )
 from agents.interface.decider_colours import STYLES
 from baselines import FixedTimeDecider
-from baselines.deciders.posterior_paths import PosteriorPaths
+from baselines.rules.posterior_paths import PosteriorPaths
 from hybrid_env import WorldOptions
 
 SEGMENTS = 1000

@@ -23,7 +23,7 @@ from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
-from baselines.deciders.component_filters import stated_covariance
+from baselines.estimation.component_filters import stated_covariance
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"

@@ -10,10 +10,10 @@ from agents.learned.flight_decider import (
 )
 from agents.learned.flight_inputs import INPUTS, flight_inputs
 from agents.learned.statement_net import StatementNet
-from baselines.flights.batch import stack_flights
-from baselines.flights.simulated import simulate_flights
-from baselines.flights.tiers import TIERS
-from baselines.flights.turn_imm import run_turn_imm
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.simulated import simulate_flights
+from baselines.recordings.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError
 
 

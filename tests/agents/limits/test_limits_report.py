@@ -23,7 +23,7 @@ from agents.limits.study import (
     TypeAccuracy,
     type_accuracy_calls,
 )
-from baselines.deciders.posterior_paths import CalibrationSummary
+from baselines.rules.posterior_paths import CalibrationSummary
 
 NOT_REACHED = Estimate(math.inf, math.inf, math.inf)
 RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")

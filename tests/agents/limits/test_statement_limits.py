@@ -27,9 +27,9 @@ from agents.limits.statement_study import (
     statement_calls,
 )
 from agents.limits.study import NOISE_LEVELS
-from baselines.quickest.metrics import measure_statements
-from baselines.quickest.statements import record_statements
-from baselines.quickest.threshold import ThresholdDecider
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import record_statements
+from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
 
 SHORT = QuickestOptions(durations="uniform 10-20", ticks=60)

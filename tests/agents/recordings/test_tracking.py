@@ -11,11 +11,11 @@ from agents.evaluation.deciders import load_decider, world_changes
 from agents.evaluation.statement_deciders import statement_decider
 from agents.recordings.command import Track, report_lines
 from agents.recordings.tracking import TrackingArguments, track_recording
-from baselines.online.tracker import OnlineTracker
 from baselines.recordings.decisions import ModelUnits, decide_recording
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import tick_grid
+from baselines.rules.tracker import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate

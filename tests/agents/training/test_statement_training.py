@@ -20,8 +20,8 @@ from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run
 from agents.training.statement_learning_curve import StatementLearningCurve
-from baselines.quickest.metrics import measure_statements
-from baselines.quickest.statements import record_statements
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import record_statements
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.quickest_options import QuickestOptions

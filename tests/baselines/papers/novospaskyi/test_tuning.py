@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from optuna.distributions import FloatDistribution, IntDistribution
 
-from baselines.filters.g_h import GHFilter
 from baselines.papers.novospaskyi.anomaly import memory, steady_gains
 from baselines.papers.novospaskyi.filters import CONTENDERS
+from baselines.papers.novospaskyi.g_h import GHFilter
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
 

@@ -1,0 +1,276 @@
+"""Filters that run on the measurements of an observation, one bank for each component of the anchor.
+
+The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
+frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
+everything that a filter needs except the model, which is that of the world.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Observations
+from hybrid_env.checks import reject
+from hybrid_env.core import bank_operations
+from hybrid_env.core.compilation import compiled, inlined, internal, prepare
+from hybrid_env.core.kernels import BANKS
+from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.records import LANES
+from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
+
+FloatArray = NDArray[np.float64]
+TRIANGLE = np.triu_indices(4)
+OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
+OUTLIER_VARIANCE = 25.0  # assumed of outliers, relative to R
+LOG_OUTLIER_ODDS = -4.6  # logarithm of the assumed share of outliers, one in a hundred
+ANCHOR_COLUMNS = 14
+"""Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
+
+
+class _Orientation(NamedTuple):
+    """Filters that assume an orientation of the heading frame; see `_filter_tick` for the fields."""
+
+    banks: Any
+    model: FilterModel
+    outlier_model: FilterModel
+    log_likelihood: FloatArray
+    innovations: FloatArray
+
+
+@inlined
+def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel) -> None:
+    """Advance the filters of one lane; a measurement NaN only predicts."""
+    if math.isnan(measurement[0, lane]):
+        bank_operations.predict(bank, lane, model)
+    else:
+        bank_operations.step(bank, lane, lane + 1, measurement, model)
+
+
+@internal
+def _any_outlier(bank: Any, lanes: int, outlier: NDArray[np.bool_]) -> bool:
+    """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
+    found = False
+    for lane in range(lanes):
+        smallest = OUTLIER_DISTANCE
+        for h in range(bank.hypotheses.size):
+            innovation = bank.innovations[h]
+            smallest = min(smallest, innovation.white_x[lane] ** 2 + innovation.white_y[lane] ** 2)
+        outlier[lane] = smallest >= OUTLIER_DISTANCE
+        found = found or outlier[lane]
+    return found
+
+
+@compiled
+def _filter_tick(
+    banks: Any,
+    begins: NDArray[np.bool_],
+    anchors: FloatArray,
+    measurements: FloatArray,
+    radii: FloatArray,
+    model: FilterModel,
+    outlier_model: FilterModel,
+    log_likelihood: FloatArray,
+    innovations: FloatArray,
+    saved: NDArray[Any],
+) -> None:
+    """Start the filters of some tracks, then advance all by one tick.
+
+    Args:
+        banks: banks of all blocks of C N lanes; the tracks of one component follow each other.
+        begins: (N,) tracks whose filters start.
+        anchors: (C, N, 14) initial estimate and upper triangle of its covariance.
+        measurements: (N, 2) [m], NaN if a tick has none.
+        radii: (n,) [m].
+        model: model of the filters.
+        outlier_model: of measurements that no hypothesis explains.
+        log_likelihood: (C, N, M), written in place.
+        innovations: (C, N, M, 3), written in place.
+        saved: (M,) temporary memory for the hypotheses of a block; (0,) if there are no outliers.
+    """
+    tracks = begins.size
+    lanes_total = log_likelihood.shape[0] * tracks
+    measurement = np.zeros((2, LANES))
+    outlier = np.zeros(LANES, np.bool_)
+    for b in range(banks.hypotheses.shape[0]):
+        bank = bank_operations.bank_of_block(banks, b)
+        lanes = min(LANES, lanes_total - b * LANES)
+        for lane in range(lanes):
+            c, i = divmod(b * LANES + lane, tracks)
+            if begins[i]:
+                a = anchors[c, i]
+                anchor = (a[0], a[1], a[2], a[3])
+                covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
+                bank_operations.begin(bank, lane, anchor, covariance, radii, model)
+            measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
+        missing = np.isnan(measurement[0, :lanes]).any()
+        for h in range(saved.size):
+            saved[h] = bank.hypotheses[h]
+        if missing:
+            for lane in range(lanes):
+                _step_lane(bank, lane, measurement, model)
+        else:
+            bank_operations.step(bank, 0, lanes, measurement, model)
+        if saved.size > 0 and _any_outlier(bank, lanes, outlier):
+            for h in range(saved.size):
+                bank.hypotheses[h] = saved[h]
+            for lane in range(lanes):
+                if outlier[lane]:
+                    bank_operations.step(bank, lane, lane + 1, measurement, outlier_model)
+                    for h in range(saved.size):
+                        bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
+                else:
+                    _step_lane(bank, lane, measurement, model)
+        for lane in range(lanes):
+            c, i = divmod(b * LANES + lane, tracks)
+            for h in range(bank.hypotheses.size):
+                innovation = bank.innovations[h]
+                log_likelihood[c, i, h] = bank.hypotheses[h].log_likelihood[lane]
+                innovations[c, i, h, 0] = innovation.white_x[lane]
+                innovations[c, i, h, 1] = innovation.white_y[lane]
+                innovations[c, i, h, 2] = innovation.log_variance[lane]
+
+
+class ComponentFilters:
+    """One bank for each track and component of the distribution of its anchor.
+
+    Args:
+        bank: key of `hybrid_env.core.kernels.BANKS`.
+        components: C.
+        tracks: N.
+        world: options of the world, whose model the filters use. They have one measurement variance, the
+            geometric mean of the axes, because the orientation of the heading frame is unknown.
+        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance. If
+            the axes have different variances, there are filters for three orientations of the heading frame.
+
+    Attributes:
+        log_likelihood: (C, N, M) of all measurements since the start of the filters.
+        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
+            the logarithm of its variance [m^2].
+
+    Raises:
+        ArgumentError: the world has several sensors, whose variances the observation does not contain.
+    """
+
+    def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
+        if world.sensors:
+            raise reject("sensors", world.sensors, "none for a decider with filters of its own")
+        self.bank, self.world, self.robust = bank, world, robust
+        self.radii = np.array(world.radii)
+        self.layout = Layout(world.hypotheses)
+        x, y = np.broadcast_to(world.variances, 2).tolist()
+        variances = [(float(np.sqrt(x * y)),) * 2]
+        if robust and x != y:
+            variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
+        shape = (components, tracks, world.hypotheses)
+        self.orientations = [
+            _Orientation(
+                BANKS[bank](self.radii.size, 1 if x == y else 2, -(-components * tracks // LANES)),
+                FilterModel(world.tau, world.process_variance, x, y),
+                FilterModel(world.tau, world.process_variance, OUTLIER_VARIANCE * x, OUTLIER_VARIANCE * y),
+                np.zeros(shape), np.zeros((*shape, 3)),
+            )
+            for x, y in variances
+        ]  # fmt: skip
+        self.saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
+        self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
+        none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
+        banks, *rest = self.orientations[0]
+        prepare(_filter_tick, banks, *none, self.radii, *rest, self.saved)
+
+    def advance(self, rows: Observations, begins: NDArray[np.bool_], anchors: FloatArray) -> None:
+        """Start the filters of some tracks, then advance all by the measurement of their rows.
+
+        Args:
+            rows: (N, width).
+            begins: (N,) tracks whose filters start.
+            anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
+        """
+        deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
+        names = ("displacement_along", "displacement_across")
+        measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
+        if self.world.missed > 0.0:
+            measurements[without_measurement(self.layout, rows)] = np.nan
+        for banks, *rest in self.orientations:
+            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, self.saved)
+        if len(self.orientations) == 1:
+            self.log_likelihood, self.innovations = self.orientations[0][3:]
+            return
+        joint = np.stack([one.log_likelihood for one in self.orientations])
+        largest = joint.max(0)
+        share = np.exp(joint - largest)
+        self.log_likelihood = largest + np.log(share.mean(0))
+        share /= share.sum(0)
+        each = np.stack([one.innovations for one in self.orientations])
+        self.innovations = (share[..., None] * each).sum(0)
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next ticks; writing into them changes the filters."""
+        return {
+            f"{k}.{name}.{field}": records[field]
+            for k, one in enumerate(self.orientations)
+            for name, records in one.banks._asdict().items()
+            for field in records.dtype.names
+        }
+
+    def select_tracks(self, tracks: NDArray[np.bool_]) -> "ComponentFilters":
+        """Return the filters of the tracks selected by a mask (N,)."""
+        components = len(self.log_likelihood)
+        selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
+        lanes = np.flatnonzero(np.tile(tracks, components))
+        blocks, lane = np.divmod(np.arange(lanes.size), LANES)
+        for mine, others in zip(self.orientations, selected.orientations, strict=True):
+            for old, new in zip(mine.banks, others.banks, strict=True):
+                if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
+                    for name in old.dtype.names:
+                        new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
+        return selected
+
+
+def without_measurement(layout: Layout, rows: Observations) -> NDArray[np.bool_]:
+    """Return whether the ticks of rows have no measurement, (N,): then all innovations are exactly zero."""
+    names = ("innovation_along", "innovation_across")
+    return ~np.any([layout.read(rows, name).any(-1) for name in names], axis=0)
+
+
+def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
+    """Return the joint posterior of components and hypotheses, (C, N, M); hypotheses have equal priors.
+
+    Args:
+        log_likelihood: (C, N, M).
+        log_weights: (N, C) logarithms of the prior probabilities of the components.
+    """
+    joint = log_likelihood + log_weights.T[..., None]
+    share = np.exp(joint - joint.max((0, 2), keepdims=True))
+    return np.asarray(share / share.sum((0, 2), keepdims=True))
+
+
+def anchor_rows(
+    layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray
+) -> FloatArray:
+    """Return the estimate in the heading frame with its covariance, (N, 14).
+
+    Args:
+        layout: layout of the rows.
+        rows: (N, width).
+        mean: (N, 4) mean error.
+        covariance: (N, 4, 4).
+    """
+    anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
+    anchors[:, 1] = layout.read(rows, "speed")
+    anchors[:, :4] += mean
+    anchors[:, 4:] = covariance[:, TRIANGLE[0], TRIANGLE[1]]
+    return anchors
+
+
+def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
+    """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the axes."""
+    noise = np.exp(layout.read(rows, "log_noise"))
+    xx, xv, vv = (noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
+    covariance = np.zeros((len(rows), 4, 4))
+    for k in (0, 2):
+        covariance[:, k, k], covariance[:, k + 1, k + 1] = xx, vv
+        covariance[:, k, k + 1] = covariance[:, k + 1, k] = xv
+    return covariance

@@ -1,0 +1,129 @@
+"""The correction of Kalman filters by measured positions, one component of a measurement after the other.
+
+Along the principal axes of its covariance R the components of a measurement have independent errors, so that
+they can be processed one by one as scalars, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section
+7.4 (sequential processing of measurements).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.robust import Factors, Gate, Robust, gaussian_factors
+
+FloatArray = NDArray[np.float64]
+
+
+class PrincipalNoise(NamedTuple):
+    """Covariances of measurements along their principal axes.
+
+    Attributes:
+        variances: (d,) or (B, d) [m^2].
+        axes: (d, d) or (B, d, d) unit vectors as columns; None if they are the axes of the positions.
+    """
+
+    variances: FloatArray
+    axes: FloatArray | None
+
+    def of(self, tracks: NDArray[np.bool_]) -> "PrincipalNoise":
+        """The covariances of some tracks; (B,) True for these."""
+        variances, axes = self
+        variances = variances[tracks] if variances.ndim == 2 else variances
+        return PrincipalNoise(variances, axes if axes is None or axes.ndim == 2 else axes[tracks])
+
+
+class Corrected(NamedTuple):
+    """Estimates after a measurement.
+
+    Attributes:
+        state: (B, n).
+        covariance: (B, n, n).
+        log_likelihood: (B,) of the measurement.
+        nis: (B,) squared innovation in units of its covariance.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    log_likelihood: FloatArray
+    nis: FloatArray
+
+
+def principal_noise(covariance: FloatArray) -> PrincipalNoise:
+    """Return the principal axes of covariances of measurements, (d, d) or (B, d, d)."""
+    diagonal = np.diagonal(covariance, axis1=-2, axis2=-1)
+    if np.count_nonzero(covariance) == np.count_nonzero(diagonal):
+        return PrincipalNoise(diagonal.copy(), None)
+    variances, axes = np.linalg.eigh(covariance)
+    return PrincipalNoise(variances, axes)
+
+
+def correct(
+    state: FloatArray,
+    covariance: FloatArray,
+    measurement: FloatArray,
+    noise: PrincipalNoise,
+    robust: Robust | None = None,
+    rejections: NDArray[np.int64] | None = None,
+) -> Corrected:
+    """Correct estimates by measured positions.
+
+    Args:
+        state, covariance: predicted, (B, n) and (B, n, n).
+        measurement: (B, d) [m].
+        noise: of the measurement.
+        robust: how components far from the prediction are used; None is the Kalman filter.
+        rejections: (B, d) components outside a `Gate` in a row, counted in place; needed for it.
+    """
+    state, covariance = state.copy(), covariance.copy()
+    tracks, d = measurement.shape
+    m = state.shape[1] // d
+    variances = np.broadcast_to(noise.variances, (tracks, d))
+    log_likelihood, nis = np.zeros(tracks), np.zeros(tracks)
+    for i in range(d):
+        variance = variances[:, i]
+        if noise.axes is None:
+            cross = covariance[:, :, m * i].copy()
+            innovation = measurement[:, i] - state[:, m * i]
+            predicted = cross[:, m * i].copy()
+        else:
+            axis = np.broadcast_to(noise.axes[..., i], (tracks, d))
+            cross = (covariance[:, :, ::m] @ axis[..., None])[..., 0]  # P h
+            innovation = ((measurement - state[:, ::m]) * axis).sum(-1)
+            predicted = (cross[:, ::m] * axis).sum(-1)
+        factors = (
+            gaussian_factors(innovation, predicted, variance)
+            if robust is None
+            else _robust_factors(robust, innovation, predicted, variance, rejections, i)
+        )
+        state += cross * (factors.state * innovation)[:, None]
+        covariance -= (cross * factors.covariance[:, None])[:, :, None] * cross[:, None, :]
+        if noise.axes is None:
+            # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b
+            exact = variance * factors.covariance
+            left = exact if robust is None else 1.0 - predicted * factors.covariance
+            after = cross * left[:, None]
+            covariance[:, :, m * i] = after
+            covariance[:, m * i, :] = after
+        log_likelihood += factors.log_likelihood
+        nis += innovation**2 / (predicted + variance)
+    return Corrected(state, covariance, log_likelihood, nis)
+
+
+def _robust_factors(
+    robust: Robust,
+    innovation: FloatArray,
+    predicted: FloatArray,
+    variance: FloatArray,
+    rejections: NDArray[np.int64] | None,
+    component: int,
+) -> Factors:
+    """Factors of a robust correction; a gate opens for lost tracks."""
+    factors = robust.factors(innovation, predicted, variance)
+    if not isinstance(robust, Gate) or rejections is None:
+        return factors
+    outside = robust.outside(innovation, predicted, variance)
+    lost = rejections[:, component] >= robust.patience
+    rejections[:, component] = np.where(outside, rejections[:, component] + 1, 0)
+    used = np.where(lost, 1.0 / (predicted + variance), factors.state)
+    return Factors(used, used, factors.log_likelihood)

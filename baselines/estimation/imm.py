@@ -1,0 +1,194 @@
+"""The interacting multiple model (IMM) filter of kinematic models with states of different size.
+
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
+coefficients". The states have different sizes (CV, CA, CJ): a model takes over from another one what both
+have, and a derivative that only it has is distributed as at the start of a track, with mean 0 and the
+variance of its `start_deviations`. That is a distribution of the object's motion, so that the filter is
+consistent; a variance of 0 would make it blind to the first seconds of a manoeuvre (Granstrom, Willett &
+Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states").
+
+Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to
+1.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+from scipy.special import logsumexp
+
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import check_per_item
+from baselines.estimation.track_filter import TrackFilter
+from hybrid_env.checks import reject
+
+FloatArray = NDArray[np.float64]
+SMALLEST = 1e-300  # smaller probabilities count as this one
+
+
+class IMMFilter(TrackFilter):
+    """The IMM filter: one Kalman filter per model, and a Markov chain of models in continuous time.
+
+    The state has the size of the largest model; derivatives that a model lacks are 0 in it. `nis` is that of
+    the merged prediction.
+
+    Args:
+        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more derivatives
+            than another one needs `start_deviations`.
+        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the
+            others with equal probability.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+
+    Attributes:
+        probabilities: (B, M) of the models.
+    """
+
+    covariance: FloatArray
+
+    def __init__(self, filters: Sequence[KalmanFilter], sojourns: float | ArrayLike):
+        known = isinstance(filters, Sequence) and all(isinstance(one, KalmanFilter) for one in filters)
+        if not known or len(filters) < 2 or len({one.axes for one in filters}) > 1:
+            raise reject("filters", filters, "two or more KalmanFilters with the same number of axes")
+        self.filters = list(filters)
+        smallest = min(one.order for one in filters)
+        for one in filters:
+            if one.order > smallest and one.start_variances is None:
+                raise reject("filters", one.model.name, "start_deviations of the larger models")
+        self.axes, self.order = filters[0].axes, max(one.order for one in filters)
+        count = len(filters)
+        times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
+        self._stationary = times / times.sum()
+        self._rates = (np.ones((count, count)) / (count - 1) - np.eye(count) * count / (count - 1)) / times[
+            :, None
+        ]
+
+        self._last: tuple[float, FloatArray] | None = None  # transition of the last time step
+
+    @property
+    def probabilities(self) -> FloatArray:
+        """(B, M) of the models."""
+        return np.exp(self._log_probabilities)
+
+    def transition(self, dt: float | FloatArray) -> FloatArray:
+        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
+        if np.ndim(dt) == 0:
+            step = float(dt)
+            if self._last is None or self._last[0] != step:
+                self._last = step, expm(self._rates * step)
+            return self._last[1]
+        steps, inverse = np.unique(dt, return_inverse=True)
+        return np.asarray(expm(self._rates * steps[:, None, None])[inverse])
+
+    def _begin(self, tracks: int) -> None:
+        for one in self.filters:
+            one._begin(tracks)
+        self._log_probabilities = np.log(
+            np.broadcast_to(self._stationary, (tracks, len(self.filters)))
+        ).copy()
+        self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
+        self._merge()
+
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        assert covariance is not None
+        for one in self.filters:
+            one._set(*resized(state, covariance, self.axes, one.order, None))
+        self._merge()
+
+    def _predict(self, dt: float | FloatArray) -> None:
+        transition = self.transition(dt)
+        with np.errstate(divide="ignore"):
+            joint = np.log(transition) + self._log_probabilities[:, :, None]  # before, after
+        after = logsumexp(joint, axis=1)
+        weights = np.exp(joint - after[:, None, :])
+        mixed = [
+            merged(
+                [
+                    resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
+                    for other in self.filters
+                ],
+                weights[:, :, j],
+            )
+            for j, one in enumerate(self.filters)
+        ]
+        for one, start in zip(self.filters, mixed, strict=True):
+            one._set(*start)
+            one._predict(dt)
+        self._log_probabilities = np.maximum(after, np.log(SMALLEST))
+        self._merge()
+
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+        self.nis = self._merged_nis(measurement, noise)
+        for one in self.filters:
+            one._update(measurement, noise)
+        joint = self._log_probabilities + np.stack([one.log_likelihood for one in self.filters], axis=-1)
+        self.log_likelihood = logsumexp(joint, axis=-1)
+        self._log_probabilities = np.maximum(joint - self.log_likelihood[:, None], np.log(SMALLEST))
+        self._merge()
+
+    def _merged_nis(self, measurement: FloatArray, noise: FloatArray | None) -> FloatArray:
+        """Squared innovation of the merged prediction in units of its covariance, (B,)."""
+        noises = [one.noise if noise is None else noise for one in self.filters]
+        total = self.covariance[:, :: self.order, :: self.order] + sum(
+            p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True)
+        )
+        nis = np.full(self.tracks, np.nan)
+        used = ~np.isnan(measurement[:, 0]) & ~np.isnan(self.state[:, 0])
+        innovation = (measurement - self.position)[used]
+        solved = np.linalg.solve(total[used], innovation[..., None])[..., 0]
+        nis[used] = (innovation * solved).sum(-1)
+        return nis
+
+    def _merge(self) -> None:
+        """Compute mean and covariance of the mixture of all models."""
+        parts = [resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        self.state, self.covariance = merged(parts, self.probabilities)
+
+
+def resized(
+    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return estimates and covariances with another number of values per axis.
+
+    Args:
+        state, covariance: (B, d m) and (B, d m, d m).
+        axes: d.
+        order: new number of values per axis. Derivatives that are left out are marginalized.
+        variances: (order - 1,) of derivatives that are new, velocity first; None sets them to 0.
+    """
+    tracks, size = state.shape
+    m = size // axes
+    if m == order:
+        return state, covariance
+    common = min(m, order)
+    mean = np.zeros((tracks, axes, order))
+    mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
+    matrix = np.zeros((tracks, axes, order, axes, order))
+    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[
+        :, :, :common, :, :common
+    ]
+    if variances is not None:
+        for k in range(common, order):
+            for axis in range(axes):
+                matrix[:, axis, k, axis, k] = variances[k - 1]
+    return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
+
+
+def merged(
+    parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance of mixtures of normal distributions.
+
+    Args:
+        parts: M means (B, n) and covariances (B, n, n).
+        weights: (B, M), rows that sum to 1.
+    """
+    mean = sum(weights[:, i, None] * part[0] for i, part in enumerate(parts))
+    matrix = np.zeros_like(parts[0][1])
+    for i, (state, covariance) in enumerate(parts):
+        difference = state - mean
+        spread = covariance + difference[:, :, None] * difference[:, None, :]
+        matrix += weights[:, i, None, None] * spread
+    return np.asarray(mean), matrix

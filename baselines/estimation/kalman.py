@@ -1,0 +1,164 @@
+"""Kalman filters of the models CV, CA and CJ, plain or with a robust update. Kalman 1960."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.robust import Robust
+from baselines.estimation.track_filter import TrackFilter, measurement_covariance
+from hybrid_env.checks import check_array, reject
+
+FloatArray = NDArray[np.float64]
+
+
+class KalmanFilter(TrackFilter):
+    """The Kalman filter of a kinematic model.
+
+    A track that begins with its first measurement z has the position z with the covariance of the
+    measurement, and derivatives 0 with the variances of `start_deviations`.
+
+    Args:
+        model: motion and process noise.
+        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d).
+            With a robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
+        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity
+            [m/s], then acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
+        robust: how measurements far from the prediction are used; None is the plain filter.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+
+    >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
+    >>> cv.begin(tracks=1)
+    >>> for k in range(30):
+    ...     cv.predict(1.0)
+    ...     cv.update([[10.0 * k, 0.0]])
+    >>> cv.velocity.round(1)
+    array([[10.,  0.]])
+    """
+
+    covariance: FloatArray
+
+    def __init__(
+        self,
+        model: MotionModel,
+        noise: float | ArrayLike,
+        start_deviations: ArrayLike | None = None,
+        robust: Robust | None = None,
+    ):
+        if not isinstance(model, MotionModel):
+            raise reject("model", model, "a MotionModel")
+        if robust is not None and not isinstance(robust, Robust):
+            raise reject("robust", robust, "Huber, StudentT, MaximumCorrentropy, Gate or None")
+        self.model, self.robust = model, robust
+        self.axes, self.order = model.axes, model.order
+        self.noise = measurement_covariance("noise", noise, self.axes)
+        self._principal = principal_noise(self.noise)
+        self.start_variances: FloatArray | None = None
+        if start_deviations is not None:
+            deviations = check_array("start_deviations", start_deviations, (self.order - 1,))
+            if (deviations < 0.0).any():
+                raise reject("start_deviations", start_deviations, "numbers >= 0")
+            self.start_variances = deviations**2
+        self._step: tuple[float, FloatArray, FloatArray] | None = None  # matrices of the last time step
+
+    def _begin(self, tracks: int) -> None:
+        if self.noise.ndim == 3 and len(self.noise) != tracks:
+            raise reject("tracks", tracks, f"{len(self.noise)}, as many as covariances of the measurement")
+        size = self.model.size
+        self.state = np.full((tracks, size), np.nan)
+        self.covariance = np.full((tracks, size, size), np.nan)
+        self._rejections = np.zeros((tracks, self.axes), np.int64)
+        self._no_measurement()
+
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        assert covariance is not None
+        self.state, self.covariance = state, covariance
+
+    def _no_measurement(self) -> None:
+        self.log_likelihood = np.zeros(self.tracks)
+        self.nis = np.full(self.tracks, np.nan)
+
+    def _matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transition and process noise of one axis; those of equal steps are computed once."""
+        if isinstance(dt, float):
+            if self._step is None or self._step[0] != dt:
+                self._step = dt, self.model.transition(dt), self.model.step_noise(dt)
+            return self._step[1:]
+        return self.model.transition(dt), self.model.step_noise(dt)
+
+    def _predict(self, dt: float | FloatArray) -> None:
+        transition, noise = self._matrices(dt)
+        self.state, self.covariance = propagate(
+            self.state, self.covariance, transition, noise, np.asarray(self.model.noise)
+        )
+
+    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
+        """Begin some tracks with their first measurements."""
+        if self.start_variances is None:
+            raise reject("start_deviations", None, "numbers, or a start of all tracks by begin_from()")
+        self.state[chosen] = 0.0
+        self.state[chosen, :: self.order] = measurement[chosen]
+        matrix = np.zeros((len(chosen), self.axes, self.order, self.axes, self.order))
+        matrix[:, :, 0, :, 0] = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
+        for k, variance in enumerate(self.start_variances, start=1):
+            for axis in range(self.axes):
+                matrix[:, axis, k, axis, k] = variance
+        self.covariance[chosen] = matrix.reshape(len(chosen), self.model.size, self.model.size)
+
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+        noise = self.noise if noise is None else noise
+        principal = self._principal if noise is self.noise else principal_noise(noise)
+        self._no_measurement()
+        measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
+        used = measured & begun
+        if used.all():
+            results = correct(
+                self.state, self.covariance, measurement, principal, self.robust, self._rejections
+            )
+            self.state, self.covariance, self.log_likelihood, self.nis = results
+            return
+        if used.any():
+            rejections = self._rejections[used]
+            self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = correct(
+                self.state[used],
+                self.covariance[used],
+                measurement[used],
+                principal.of(used),
+                self.robust,
+                rejections,
+            )
+            self._rejections[used] = rejections
+        first = np.flatnonzero(measured & ~begun)
+        if first.size:
+            self._start(first, measurement, noise)
+
+
+def propagate(
+    state: FloatArray,
+    covariance: FloatArray,
+    transition: FloatArray,
+    step_noise: FloatArray,
+    intensity: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Predicted estimates, (B, n), and covariances F P F' + Q, (B, n, n).
+
+    Args:
+        state, covariance: (B, n) and (B, n, n).
+        transition, step_noise: of one axis, (m, m) or (B, m, m).
+        intensity: (d,) of the process noise.
+    """
+    tracks, size = state.shape
+    m = transition.shape[-1]
+    d = size // m
+    transposed = transition.swapaxes(-1, -2)
+    shape = (-1, m) if transition.ndim == 2 else (tracks, -1, m)  # one product if the steps are equal
+    state = (state.reshape(shape) @ transposed).reshape(tracks, size)
+    half = (covariance.reshape(shape) @ transposed).reshape(tracks, size, size)  # P F'
+    full = (half.swapaxes(1, 2).reshape(shape) @ transposed).reshape(tracks, d, m, d, m)
+    for axis in range(d):
+        full[:, axis, :, axis] += intensity[axis] * step_noise
+    full = full.reshape(tracks, size, size)
+    # rounding errors that are not symmetric would grow in corrections along other axes than x and y
+    return state, 0.5 * (full + full.swapaxes(1, 2))

@@ -1,0 +1,137 @@
+"""A filter over the recorded positions of many tracks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.estimation.estimates import Estimates
+from baselines.estimation.motion_models import check_scalar
+from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
+from hybrid_env.checks import ArgumentError, check_array, check_flag, dimensions, reject
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Filtered(Estimates):
+    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits.
+
+    Attributes:
+        log_likelihoods: (T, B), see `TrackFilter.log_likelihood`.
+        nis: (T, B), see `TrackFilter.nis`.
+    """
+
+    log_likelihoods: FloatArray
+    nis: FloatArray
+
+
+def run_filter(
+    track_filter: TrackFilter,
+    measurements: ArrayLike,
+    times: ArrayLike,
+    *,
+    noises: ArrayLike | None = None,
+    start: tuple[ArrayLike, ArrayLike, float] | None = None,
+    keep_covariances: bool = True,
+) -> Filtered:
+    """Run a filter over recorded positions.
+
+    Args:
+        track_filter: any filter; it begins anew.
+        measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
+        times: (T,) or (T, B) times of the ticks [s], not decreasing. The same time twice has measurements of
+            two sensors.
+        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or
+            (T, B, d, d).
+        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time
+            [s]; None begins each track with its first measurement.
+        keep_covariances: False leaves the covariances out, which take the most memory.
+
+    Returns:
+        Estimates and likelihoods of all ticks.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+
+    >>> from baselines.estimation.kalman import KalmanFilter
+    >>> from baselines.estimation.motion_models import MotionModel
+    >>> ca = KalmanFilter(MotionModel("CA", axes=3, noise=0.1), noise=25.0, start_deviations=(50.0, 5.0))
+    >>> flights = np.random.default_rng(0).normal(0.0, 5.0, (60, 93, 3))
+    >>> run_filter(ca, flights, times=np.arange(60.0)).velocities.shape
+    (60, 93, 3)
+    """
+    if not isinstance(track_filter, TrackFilter):
+        raise reject("track_filter", track_filter, "a TrackFilter")
+    single, axes = dimensions(measurements) == 2, track_filter.axes
+    shape: tuple[int | None, ...] = (None, axes) if single else (None, None, axes)
+    values = check_measurements("measurements", measurements, shape)
+    values = values[:, None] if single else values
+    total, tracks = values.shape[:2]
+    moments = check_times(times, total, tracks)
+    covariances = None if noises is None else _check_noises(noises, total, tracks, axes)
+    keep = check_flag("keep_covariances", keep_covariances)
+    if start is None:
+        track_filter.begin(tracks)
+        first = moments[0]
+    else:
+        first = _begin_from(track_filter, start, tracks, moments)
+    steps = np.diff(moments, axis=0, prepend=first[None])
+    keep = keep and track_filter.has_covariance
+    size = track_filter.state.shape[1]
+    states = np.empty((total, tracks, size))
+    kept = np.empty((total, tracks, size, size)) if keep else None
+    log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
+    for k in range(total):
+        step = steps[k]
+        equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
+        track_filter._predict(float(step.flat[0]) if equal else step)
+        track_filter._update(values[k], None if covariances is None else covariances[k])
+        states[k], log_likelihoods[k], nis[k] = (
+            track_filter.state, track_filter.log_likelihood, track_filter.nis,
+        )  # fmt: skip
+        if kept is not None:
+            kept[k] = track_filter.covariance
+    if single:
+        states, log_likelihoods, nis = states[:, 0], log_likelihoods[:, 0], nis[:, 0]
+        kept = None if kept is None else kept[:, 0]
+    return Filtered(states, kept, track_filter.order, log_likelihoods, nis)
+
+
+def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
+    """Return checked times, (T,) or (T, B). Raises `ArgumentError` if they decrease."""
+    moments = check_array("times", times, (total,) if dimensions(times) == 1 else (total, tracks))
+    if (np.diff(moments, axis=0) < 0.0).any():
+        k = int(np.argwhere(np.diff(moments, axis=0) < 0.0)[0][0]) + 1
+        raise ArgumentError(f"times[{k}] is not allowed: expected times that do not decrease")
+    return moments
+
+
+def _check_noises(noises: ArrayLike, total: int, tracks: int, axes: int) -> FloatArray:
+    """Return checked covariances of all measurements, (T, d, d) or (T, B, d, d)."""
+    if dimensions(noises) == 3:
+        return measurement_covariance("noises", check_array("noises", noises, (total, axes, axes)), axes)
+    values = check_array("noises", noises, (total, tracks, axes, axes))
+    return measurement_covariance("noises", values.reshape(-1, axes, axes), axes).reshape(values.shape)
+
+
+def _begin_from(
+    track_filter: TrackFilter,
+    start: tuple[ArrayLike, ArrayLike, float],
+    tracks: int,
+    moments: FloatArray,
+) -> FloatArray:
+    """Begin a filter from a start, see `run_filter`; return its time for each track."""
+    if not isinstance(start, tuple) or len(start) != 3:
+        raise reject("start", start, "(estimates, covariances, time) or None")
+    estimates, covariances, time = start
+    size = track_filter.axes * track_filter.order
+    one = dimensions(estimates) == 1 and tracks == 1
+    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(
+        tracks, size
+    )
+    track_filter.begin_from(means, covariances)
+    first = check_scalar("start time", time)
+    if (np.asarray(first) > moments[0]).any():
+        raise reject("start time", time, "a time not after the first measurement")
+    return np.broadcast_to(first, moments[0].shape)

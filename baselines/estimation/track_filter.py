@@ -1,0 +1,187 @@
+"""The interface of all filters of kinematic models: B tracks, real time steps, missing measurements."""
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.estimation.motion_models import check_per_item, check_scalar
+from hybrid_env.checks import (
+    ArgumentError,
+    check_array,
+    check_integer,
+    check_positive,
+    dimensions,
+    reject,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+class TrackFilter(ABC):
+    """A filter for the positions of B tracks in d dimensions.
+
+    A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is
+    NaN. A missing measurement is NaN: that track only predicts.
+
+    Attributes:
+        axes: number of dimensions d.
+        order: number of values per axis of the state, m.
+        state: (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
+        covariance: (B, n, n) of the state; None if the filter has none.
+        log_likelihood: (B,) of the last measurement given those before: ln p(z_k | z_1 .. z_k-1). 0 without a
+            measurement and for the one that begins a track; NaN if the filter has no likelihood.
+        nis: (B,) squared innovation in units of its covariance (normalized innovation squared), chi-square
+            with d degrees of freedom if the model holds; NaN without one.
+    """
+
+    has_covariance: ClassVar[bool] = True
+    axes: int
+    order: int
+    state: FloatArray
+    covariance: FloatArray | None
+    log_likelihood: FloatArray
+    nis: FloatArray
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks B."""
+        return len(self.state)
+
+    @property
+    def position(self) -> FloatArray:
+        """(B, d) estimated positions [m]."""
+        return self.state[:, :: self.order]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(B, d) estimated velocities [m/s]."""
+        return self.state[:, 1 :: self.order]
+
+    def begin(self, tracks: int) -> None:
+        """Forget everything; so many tracks begin with their first measurements.
+
+        Raises:
+            ArgumentError: `tracks` is not an integer >= 1.
+        """
+        self._begin(check_integer("tracks", tracks))
+
+    def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
+        """Forget everything and begin all tracks with estimates.
+
+        Args:
+            state: (B, n).
+            covariance: (n, n) or (B, n, n); None for a filter that has none.
+
+        Raises:
+            ArgumentError: an array has another shape or is not finite.
+        """
+        size = self.axes * self.order
+        means = check_array("state", state, (None, size))
+        if not self.has_covariance:
+            if covariance is not None:
+                raise reject("covariance", covariance, "None, because this filter has no covariance")
+            self._begin(len(means))
+            self._set(means, None)
+            return
+        if covariance is None:
+            raise reject("covariance", covariance, "a matrix (n, n) or (B, n, n)")
+        shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
+        matrices = check_covariance(
+            "covariance", check_array("covariance", covariance, shape), definite=False
+        )
+        self._begin(len(means))
+        self._set(means, np.broadcast_to(matrices, (len(means), size, size)).copy())
+
+    def predict(self, dt: float | ArrayLike) -> None:
+        """Advance by a time step [s], >= 0, one number or (B,).
+
+        Raises:
+            ArgumentError: a time step is negative or not finite, or their number is wrong.
+        """
+        self._predict(check_steps("dt", dt, self.tracks))
+
+    def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
+        """Correct by the measurements of one moment.
+
+        Args:
+            measurement: (B, d) positions [m], NaN where there is none.
+            noise: covariance of this measurement [m^2] in the place of that of the filter: see
+                `measurement_covariance`.
+
+        Raises:
+            ArgumentError: an argument has a value that is not allowed.
+        """
+        values = check_measurements("measurement", measurement, (self.tracks, self.axes))
+        covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)
+        self._update(values, covariance)
+
+    @abstractmethod
+    def _begin(self, tracks: int) -> None: ...
+
+    @abstractmethod
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None: ...
+
+    @abstractmethod
+    def _predict(self, dt: float | FloatArray) -> None: ...
+
+    @abstractmethod
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None: ...
+
+
+def check_steps(name: str, value: float | ArrayLike, tracks: int) -> float | FloatArray:
+    """Return checked time steps [s], a float or (B,). Raises `ArgumentError` if one is negative."""
+    if dimensions(value) == 0:
+        return check_positive(name, check_scalar(name, value), allow_zero=True)
+    return check_per_item(name, value, tracks)
+
+
+def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its components."""
+    if dimensions(value) != len(shape) or np.ma.is_masked(value):
+        return check_array(name, value, shape)
+    values = np.asarray(value)
+    if values.dtype.kind != "f":
+        return check_array(name, value, shape)
+    missing = np.isnan(values)
+    values = check_array(name, np.where(missing, 0.0, values), shape)
+    values[missing.any(-1)] = np.nan
+    return values
+
+
+def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
+    """Return the covariance of a measurement, (d, d) or (B, d, d), checked to be positive definite.
+
+    Args:
+        name: the argument, for the message.
+        value: a variance of every axis [m^2], (d,) of each axis, or a matrix (d, d) or (B, d, d).
+        axes: d.
+        tracks: B; None allows any number.
+
+    Raises:
+        ArgumentError: the value has another shape or is not positive definite.
+    """
+    ndim = dimensions(value)
+    if ndim in (0, 1):
+        matrix = np.diag(check_per_item(name, value, axes))
+    else:
+        matrix = check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes))
+    return check_covariance(name, matrix)
+
+
+def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
+    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`.
+
+    Raises:
+        ArgumentError: a matrix is not symmetric or has such an eigenvalue.
+    """
+    deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
+    deviations = np.where(deviations > 0.0, deviations, 1.0)
+    scaled = matrix / deviations[..., None] / deviations[..., None, :]  # units of the values do not matter
+    symmetric = np.allclose(scaled, np.swapaxes(scaled, -1, -2), rtol=0.0, atol=1e-9)
+    smallest = np.linalg.eigvalsh(scaled).min() if symmetric else -np.inf
+    if smallest < -1e-9 or (definite and smallest <= 1e-15):
+        kind = "positive definite" if definite else "without negative eigenvalues"
+        raise ArgumentError(f"{name} is not allowed: expected symmetric matrices, {kind}")
+    return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))

@@ -1,0 +1,285 @@
+"""The adaptive filter of Zimchuk & Kankin 2006, as published and corrected.
+
+The filter has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
+K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
+D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], M a mean over time (the
+paper prints nu_n nu_(n-i)', which is the same for one axis):
+
+    C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
+    F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
+    R               =  M[(D^3 nu + D^3 x_e) nu']                                 eq. (19)
+
+Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
+
+The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by
+itself, M is the mean over all ticks so far, the first gains are those of a line fit, and the gains are
+limited to those of a stable filter. Eq. (17) takes the covariance of successive prediction errors for that of
+successive innovations, and eq. (19) is biased, because the innovation contains earlier noise too
+(`noise_bias`).
+
+The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third
+difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the
+mean square of the last innovations. The gain of the velocities follows from that of the positions by the
+relation of Benedict & Bordner 1962, h = g^2 / (2 - g).
+"""
+
+from abc import abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.track_filter import TrackFilter
+from hybrid_env.checks import check_between, check_flag, check_integer, check_positive, reject
+
+FloatArray = NDArray[np.float64]
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
+"""Coefficients of the third backward difference D^3, newest value first."""
+
+LAGS = 5  # of H_0 to H_4
+
+
+class Gain(NamedTuple):
+    """Gains of positions and velocities, and the covariance of a measurement, each (..., a, a)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    noise: FloatArray
+
+
+def third_difference(values: FloatArray) -> FloatArray:
+    """Return D^3 of a sequence, newest value first, (4, ...) or more."""
+    return np.tensordot(DIFFERENCE, values[:4], axes=1)
+
+
+def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
+    """Products whose means identify the gain, (8, ..., a, a).
+
+    They are H_0 to H_4, then D^3 x_e nu', D^3 v_e nu' and D^3 nu nu'.
+
+    Args:
+        position, velocity: (4, ..., a) last predictions, newest first [m, m/s].
+        innovation: (5, ..., a) last innovations, newest first [m].
+    """
+    newest = innovation[0]
+    pairs = [(innovation[lag], newest) for lag in range(LAGS)]
+    pairs += [(third_difference(values), newest) for values in (position, velocity, innovation)]
+    return np.stack([left[..., :, None] * right[..., None, :] for left, right in pairs])
+
+
+def published_gain(means: FloatArray, tau: float) -> Gain:
+    """Gain without limits. Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3.
+
+    Args:
+        means: (8, ..., a, a) of `products`.
+        tau: length of a tick [s].
+    """
+    _, h1, h2, h3, h4, position, velocity, innovation = means
+    position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
+    velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
+    noise = innovation + position
+    total = np.swapaxes(position_spread + noise, -1, -2)
+    gains = [
+        np.swapaxes(np.linalg.solve(total, np.swapaxes(spread, -1, -2)), -1, -2)
+        for spread in (position_spread, velocity_spread)
+    ]
+    return Gain(gains[0], gains[1], noise)
+
+
+def noise_bias(gain: float) -> float:
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains.
+
+    The gains are g and h = g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so
+    that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
+
+    Args:
+        gain: g, in (0, 1].
+    """
+    position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
+    g, h = position, velocity
+    response = []
+    for _ in range(3):
+        predicted = position + velocity
+        response.append(predicted)
+        position, velocity = predicted - g * predicted, velocity - h * predicted
+    return float(1.0 - DIFFERENCE[1:] @ response)
+
+
+class ConstantStepFilter(TrackFilter):
+    """A filter of [x, v] per axis with gains that depend on past innovations, for equal time steps.
+
+    Two-point start, then the gains of a line fitted to all measurements, with n measurements
+    K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until the filter adapts. The filter has no
+    covariance and no likelihood.
+
+    Args:
+        axes: number of dimensions d.
+        tau: length of a tick [s].
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
+
+    Attributes:
+        gains: (2, B, d) of positions [-] and velocities [1/s] at the last measurement.
+    """
+
+    has_covariance = False
+    covariance = None
+    order = 2
+
+    def __init__(self, axes: int, tau: float):
+        self.axes, self.tau = check_integer("axes", axes), check_positive("tau", tau)
+
+    def _begin(self, tracks: int) -> None:
+        self.state = np.full((tracks, 2 * self.axes), np.nan)
+        self.log_likelihood = self.nis = np.full(tracks, np.nan)
+        self.gains = np.full((2, tracks, self.axes), np.nan)
+        self._count = np.zeros(tracks, np.int64)  # measurements so far
+        self._age = np.zeros(tracks)  # ticks since the last one
+
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        self.state = state
+        self._count[:] = 2
+
+    def _predict(self, dt: float | FloatArray) -> None:
+        step = np.asarray(dt)
+        wrong = np.abs(step - self.tau) > 1e-6 * self.tau
+        if (wrong & (self._count > 0)).any():
+            raise reject("dt", float(step.flat[0]), f"the length of a tick, {self.tau:g}, in every step")
+        self.state[:, ::2] += self.tau * self.state[:, 1::2]
+        self._age += 1.0
+
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+        measured = ~np.isnan(measurement[:, 0])
+        position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
+        innovation = measurement - position  # NaN without a measurement and before the track
+        self._remember(measurement, position, velocity, innovation)
+        self._count += measured
+        n = np.maximum(self._count, 2)[:, None]
+        line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
+        line = np.broadcast_to(line, self.gains.shape).copy()
+        second = measured & (self._count == 2)
+        line[1, second] = 1.0 / (self.tau * self._age[second, None])
+        adapted = self._adapted()
+        self.gains = np.where(np.isnan(adapted), line, adapted)
+        correction = self.gains * np.where(measured[:, None], innovation, 0.0)
+        first = measured & (self._count == 1)
+        position[first], velocity[first], correction[:, first] = measurement[first], 0.0, 0.0
+        self.state[:, ::2], self.state[:, 1::2] = position + correction[0], velocity + correction[1]
+        self._age[measured] = 0.0
+
+    @abstractmethod
+    def _remember(
+        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
+    ) -> None:
+        """Take the values of a tick, (B, d) each, NaN where there is none."""
+
+    @abstractmethod
+    def _adapted(self) -> FloatArray:
+        """Gains (2, B, d), NaN where the filter does not adapt yet."""
+
+
+def _shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
+    """The history, newest first, with one more value in the place of the oldest."""
+    return np.concatenate([newest[None], history[:-1]])
+
+
+class AdaptiveFilter(ConstantStepFilter):
+    """The adaptive filter as published, each axis by itself.
+
+    Products of ticks around a missing measurement are left out of the means.
+
+    Args:
+        axes, tau: see `ConstantStepFilter`.
+        limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
+            not state. Without limits its estimates are worse than the measurements.
+        start: number of products before the filter adapts.
+    """
+
+    def __init__(self, axes: int, tau: float, *, limited: bool = True, start: int = 10):
+        super().__init__(axes, tau)
+        self.limited, self.start = check_flag("limited", limited), check_integer("start", start)
+
+    def _begin(self, tracks: int) -> None:
+        super()._begin(tracks)
+        self._history = np.full((3, LAGS, tracks, self.axes), np.nan)
+        self._means = np.zeros((8, tracks, self.axes, 1, 1))
+        self._products = np.zeros((tracks, self.axes))
+
+    def _remember(
+        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
+    ) -> None:
+        values = (position, velocity, innovation)
+        self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
+        new = products(*self._history[..., None])
+        known = np.logical_not(np.isnan(new).any(axis=(0, -2, -1)))
+        self._products += known
+        share = known / np.maximum(self._products, 1.0)
+        change = share[..., None, None] * (new - self._means)
+        self._means = self._means + np.where(np.isnan(change), 0.0, change)
+
+    def _adapted(self) -> FloatArray:
+        ready = self._products > self.start
+        means = self._means[:, ready]
+        gains = np.full_like(self.gains, np.nan)
+        means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
+        position, velocity, _ = published_gain(means, self.tau)
+        gains[:, ready] = position[..., 0, 0], velocity[..., 0, 0]
+        if self.limited:
+            gains[0] = np.clip(gains[0], 0.0, 1.0)
+            gains[1] = np.clip(gains[1], 0.0, gains[0] ** 2 / ((2.0 - gains[0]) * self.tau))
+        return gains
+
+
+class CorrectedAdaptiveFilter(ConstantStepFilter):
+    """The adaptive filter with estimates of R and H_0 that are not biased.
+
+    All axes have one gain, from means over the axes.
+
+    Args:
+        axes, tau: see `ConstantStepFilter`.
+        window: number of innovations in H_0. A short window follows a manoeuvre soon, a long one has a
+        steadier
+            gain. The filter adapts after two windows.
+        smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.
+    """
+
+    def __init__(
+        self,
+        axes: int,
+        tau: float,
+        *,
+        window: int = 15,
+        smallest_gain: float = 0.12,
+        largest_gain: float = 0.9,
+    ):
+        super().__init__(axes, tau)
+        self.window = check_integer("window", window)
+        self.largest_gain = check_between("largest_gain", largest_gain, 0.0, 1.0)
+        self.smallest_gain = check_between("smallest_gain", smallest_gain, 0.0, self.largest_gain)
+
+    def _begin(self, tracks: int) -> None:
+        super()._begin(tracks)
+        self._measurements = np.full((4, tracks, self.axes), np.nan)
+        self._squares = np.full((self.window, tracks), np.nan)  # of innovations, mean over the axes
+        self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
+
+    def _remember(
+        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
+    ) -> None:
+        self._measurements = _shifted(self._measurements, measurement)
+        new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
+        known = ~np.isnan(new)
+        self._differences += known
+        self._noise += np.where(known, new - self._noise, 0.0) / np.maximum(self._differences, 1.0)
+        measured = ~np.isnan(innovation[:, 0])
+        shifted = _shifted(self._squares, (innovation**2).mean(-1))
+        self._squares = np.where(measured, shifted, self._squares)
+
+    def _adapted(self) -> FloatArray:
+        mean = self._squares.mean(0)  # NaN until the window is full
+        ready = (self._count > 2 * self.window) & (mean > 0.0)
+        ratio = self._noise / np.where(ready, mean, 1.0)
+        gain = np.clip(1.0 - ratio, self.smallest_gain, self.largest_gain)
+        gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
+        return np.broadcast_to(np.where(ready, gains, np.nan)[..., None], self.gains.shape)

@@ -1,0 +1,113 @@
+"""A recorded flight: measured positions in metres, the aircraft's own track angle, and what was left out."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.flights.tiers import Tier
+from baselines.recordings.reading.projection import Projection, centred_projection
+from hybrid_env.checks import ArgumentError
+
+FloatArray = NDArray[np.float64]
+
+ON_A_LINE = 2e-8
+"""A position that is closer to the line between its neighbours [deg] was computed by interpolation."""
+
+FEWEST = 50  # positions of a flight
+
+LONGEST_STEP = 60.0
+"""A flight is divided where two positions are further apart in time [s]. Filters begin anew."""
+
+SHORTEST_PIECE = 20  # positions; shorter ones are not used
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Positions of one flight.
+
+    Attributes:
+        identity: `file:icao24:k`.
+        tier: quality.
+        times: (n,) strictly increasing, from 0 [s].
+        positions: (n, 2) x east and y north [m].
+        tracks: (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported.
+        projection: from latitude and longitude.
+        repeated: number of reports that were left out because they repeat a position.
+        interpolated: number that were left out because they lie exactly between their neighbours.
+    """
+
+    identity: str
+    tier: Tier
+    times: FloatArray
+    positions: FloatArray
+    tracks: FloatArray
+    projection: Projection
+    repeated: int
+    interpolated: int
+
+    @property
+    def hours(self) -> float:
+        """Duration [h]."""
+        return float(self.times[-1] - self.times[0]) / 3600.0
+
+    @property
+    def pieces(self) -> list[tuple[int, int]]:
+        """First row and end of the pieces between gaps of more than a minute, of at least 20 positions."""
+        cuts = np.flatnonzero(np.diff(self.times) > LONGEST_STEP) + 1
+        borders = [0, *cuts.tolist(), len(self.times)]
+        return [(a, b) for a, b in pairwise(borders) if b - a >= SHORTEST_PIECE]
+
+
+def clean_flight(
+    identity: str,
+    tier: Tier,
+    times: FloatArray,
+    latitudes: FloatArray,
+    longitudes: FloatArray,
+    angles: FloatArray,
+) -> Flight:
+    """Return a flight of reports in any order.
+
+    Reports without a position, repeated positions and interpolated positions are left out.
+
+    Args:
+        identity: `file:icao24:k`.
+        tier: quality.
+        times: (n,) [s].
+        latitudes, longitudes: (n,) [deg].
+        angles: (n,) track angle, clockwise from north [deg], NaN where not reported.
+
+    Raises:
+        ArgumentError: fewer than 50 positions remain.
+    """
+    known = np.flatnonzero(~np.isnan(times + latitudes + longitudes))
+    known = known[np.argsort(times[known], kind="stable")]
+    changed = np.ones(len(known), np.bool_)
+    changed[1:] = (np.diff(latitudes[known]) != 0.0) | (np.diff(longitudes[known]) != 0.0)
+    moved = known[changed]
+    # two positions with one time: the first remains
+    moved = moved[np.diff(times[moved], prepend=-np.inf) > 0.0]
+    rows = moved[~on_lines(times[moved], latitudes[moved], longitudes[moved])]
+    if len(rows) < FEWEST:
+        raise ArgumentError(f"flight {identity} has {len(rows)} positions: expected at least {FEWEST}")
+    projection = centred_projection(latitudes[rows], longitudes[rows])
+    return Flight(
+        identity, tier, times[rows] - times[rows[0]], projection.forward(latitudes[rows], longitudes[rows]),
+        np.radians(90.0 - angles[rows]), projection, len(known) - len(moved), len(moved) - len(rows),
+    )  # fmt: skip
+
+
+def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> NDArray[np.bool_]:
+    """Return which positions, (n,), lie on the line in time between their two neighbours."""
+    found = np.zeros(len(times), np.bool_)
+    if len(times) < 3:
+        return found
+    share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
+    off = [
+        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
+        for values in (latitudes, longitudes)
+    ]
+    found[1:-1] = np.maximum(*off) < ON_A_LINE
+    return found

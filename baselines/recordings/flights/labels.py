@@ -1,0 +1,234 @@
+"""What each flight was doing, from a smoother that sees the whole flight.
+
+The Rauch-Tung-Striebel smoother of constant acceleration gives the turn rate at every position. Rows in which
+it exceeds a bound are a candidate; candidates that turn fast, far and long enough are turns, other rows
+are straight motion. Rows in which this cannot be said with confidence are not scored: candidates that are no
+turns (slow drifts, wiggles), low speeds, and rows in which the same rules say something else when they are
+applied to the track angle that the aircraft reports from its own sensors.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.run_filter import run_filter
+from baselines.estimation.smoother import smooth
+from baselines.recordings.flights.batch import Batch, local_velocities, measurement_covariances, stack_flights
+from baselines.recordings.flights.flight import Flight
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STRAIGHT, LEFT, RIGHT = 0, 1, 2
+MODE_NAMES = ("straight", "left", "right")
+
+START_DEVIATIONS = (200.0, 5.0)  # of velocity and acceleration at the start [m/s, m/s^2]
+OWN_WINDOW = 10.0  # time over which the rate of the own track angle is taken [s]
+LONGEST_WEIGHT = 3.0  # steps; time in longer gaps is not scored
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelRules:
+    """Settings of the labels.
+
+    Attributes:
+        jerk: spectral density of the white jerk of the smoother [m^2/s^5].
+        peak: largest turn rate that a turn must reach [deg/s].
+        bound: turn rate at which it begins and ends [deg/s].
+        change: smallest change of heading [deg].
+        duration: shortest turn [s]; it must also last 1.5 steps.
+        merge: candidates of one direction with a shorter gap are one [s].
+        speed: slowest speed that is scored [m/s].
+    """
+
+    jerk: float = 1.0
+    peak: float = 0.75
+    bound: float = 0.35
+    change: float = 15.0
+    duration: float = 8.0
+    merge: float = 6.0
+    speed: float = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Labels of one flight.
+
+    Attributes:
+        times: (n,) of its positions [s].
+        modes: (n,) straight 0, left turn 1, right turn 2.
+        scored: (n,) False where the mode is uncertain.
+        weights: (n,) time that a row stands for [s]; 0 where it is not scored.
+        rates: (n,) smoothed turn rate [rad/s], anticlockwise.
+        speeds: (n,) smoothed speed [m/s].
+        own: (n,) modes from the aircraft's own track angle; -1 without one.
+    """
+
+    times: FloatArray
+    modes: IntArray
+    scored: NDArray[np.bool_]
+    weights: FloatArray
+    rates: FloatArray
+    speeds: FloatArray
+    own: IntArray
+
+    @property
+    def pieces(self) -> list[tuple[int, int, int]]:
+        """First row, end and mode of each label."""
+        begins = np.flatnonzero(np.diff(self.modes, prepend=-1))
+        ends = np.append(begins[1:], len(self.modes))
+        return list(zip(begins.tolist(), ends.tolist(), self.modes[begins].tolist(), strict=True))
+
+
+def label_flights(
+    flights: Sequence[Flight],
+    rules: LabelRules | None = None,
+    smoothed: tuple[FloatArray, FloatArray] | None = None,
+) -> list[Labels]:
+    """Return the labels of flights.
+
+    Args:
+        flights: the flights.
+        rules: settings.
+        smoothed: turn rates and speeds of `smoothed_rates` with the same jerk, if they are known already.
+    """
+    chosen = LabelRules() if rules is None else rules
+    batch = stack_flights(flights)
+    rates, speeds = smoothed_rates(batch, chosen.jerk) if smoothed is None else smoothed
+    columns = {piece: column for column, piece in enumerate(batch.pieces)}
+    found = []
+    for k, flight in enumerate(flights):
+
+        def piece(first: int, end: int, k: int = k, flight: Flight = flight) -> Labels:
+            column = columns[k, first, end]
+            count = end - first
+            return make_labels(
+                flight.times[first:end], rates[:count, column], speeds[:count, column],
+                flight.tracks[first:end], chosen,
+            )  # fmt: skip
+
+        found.append(label_pieces(flight, piece))
+    return found
+
+
+def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
+    """Return the labels of a flight; `piece` returns those of its rows from a first one to an end."""
+    n = len(flight.times)
+    nothing = np.zeros(n, np.int64)
+    weights, rates, speeds = np.zeros((3, n))
+    found = Labels(flight.times, nothing, np.zeros(n, np.bool_), weights, rates, speeds, nothing - 1)
+    for first, end in flight.pieces:
+        part = piece(first, end)
+        for name in ("modes", "scored", "weights", "rates", "speeds", "own"):
+            getattr(found, name)[first:end] = getattr(part, name)
+    return found
+
+
+def scored_alike(labels: Labels, other: Labels) -> Labels:
+    """Return labels that are scored only where those of another flight with the same times are scored too."""
+    return replace(
+        labels,
+        scored=labels.scored & other.scored,
+        weights=np.where(other.scored, labels.weights, 0.0),
+    )
+
+
+def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
+    """Return turn rates [rad/s] and speeds [m/s], (T, B), of the smoother that sees the whole flight."""
+    states = smoothed_states(batch, jerk)
+    vx, ax, vy, ay = (states[..., k] for k in (1, 2, 4, 5))
+    squares = vx**2 + vy**2
+    return (vx * ay - vy * ax) / np.maximum(squares, 1e-12), np.sqrt(squares)
+
+
+def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
+    """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
+    noises = measurement_covariances(local_velocities(batch), batch.across, batch.timing)
+    model = MotionModel("CA", 2, jerk)
+    filtered = run_filter(
+        KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises
+    )
+    return np.asarray(smooth(model, filtered, batch.times).states)
+
+
+def make_labels(
+    times: FloatArray, rates: FloatArray, speeds: FloatArray, tracks: FloatArray, rules: LabelRules
+) -> Labels:
+    """Return the labels of one flight.
+
+    Args:
+        times: (n,) [s].
+        rates: (n,) turn rate [rad/s].
+        speeds: (n,) [m/s].
+        tracks: (n,) own track angle [rad], NaN where there is none.
+        rules: settings.
+    """
+    edges = row_edges(times)
+    modes, turning = find_turns(edges, rates, rules)
+    own = np.full(len(times), -1)
+    known = ~np.isnan(tracks)
+    if known.sum() > 2:
+        own_rates = angle_rates(times[known], tracks[known])
+        own[known] = find_turns(row_edges(times[known]), own_rates, rules)[0]
+    scored = (modes != STRAIGHT) | ~turning
+    scored &= (speeds >= rules.speed) & ((own < 0) | (own == modes))
+    widths = np.minimum(np.diff(edges), LONGEST_WEIGHT * float(np.median(np.diff(times))))
+    return Labels(times, modes, scored, np.where(scored, widths, 0.0), rates, speeds, own)
+
+
+def row_edges(times: FloatArray) -> FloatArray:
+    """Return the edges (n + 1,) of the time that each row stands for [s]."""
+    middle = 0.5 * (times[1:] + times[:-1])
+    return np.concatenate([times[:1], middle, times[-1:]])
+
+
+def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Return the mode of every row, (n,), and whether its turn rate exceeds the bound.
+
+    Args:
+        edges: (n + 1,) of the rows [s].
+        rates: (n,) [rad/s].
+        rules: settings.
+    """
+    bound, peak = np.radians([rules.bound, rules.peak])
+    shortest = max(rules.duration, 1.5 * float(np.median(np.diff(edges))))
+    modes = np.zeros(len(rates), np.int64)
+    turning = np.abs(rates) > bound
+    for mode, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
+        flags = np.concatenate([[False], sign * rates > bound, [False]]).astype(np.int8)
+        firsts, ends = np.flatnonzero(np.diff(flags) == 1), np.flatnonzero(np.diff(flags) == -1)
+        if not firsts.size:
+            continue
+        apart = edges[firsts[1:]] - edges[ends[:-1]] >= rules.merge
+        for first, end in zip(firsts[np.append(True, apart)], ends[np.append(apart, True)], strict=True):
+            rows = slice(int(first), int(end))
+            widths = np.diff(edges[rows.start : rows.stop + 1])
+            turned = abs(float((rates[rows] * widths).sum()))
+            enough = turned >= np.radians(rules.change) and widths.sum() >= shortest
+            if enough and (sign * rates[rows]).max() > peak:
+                modes[rows] = mode
+    return modes, turning
+
+
+def angle_rates(times: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return the rate (n,) of angles [rad], the slope of a line over 10 s, or over three rows if longer."""
+    unwrapped = np.unwrap(angles)
+    rows = np.arange(len(times))
+    first = np.minimum(np.searchsorted(times, times - 0.5 * OWN_WINDOW), np.maximum(rows - 1, 0))
+    end = np.maximum(
+        np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"), np.minimum(rows + 2, len(times))
+    )
+    origin = times - times[0]
+
+    def total(values: FloatArray) -> FloatArray:
+        sums = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray(sums[end] - sums[first])
+
+    count = (end - first).astype(np.float64)
+    t, a, tt, ta = (total(values) for values in (origin, unwrapped, origin**2, origin * unwrapped))
+    spread = tt - t * t / count
+    return np.asarray((ta - t * a / count) / np.maximum(spread, 1e-9))

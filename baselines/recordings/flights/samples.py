@@ -1,0 +1,155 @@
+"""The recorded flights in the samples of the package `traffic`, read without importing it.
+
+Olive 2019, "traffic, a toolbox for processing and analysing air traffic data", doi 10.21105/joss.01518. The
+samples are ADS-B reports, most of them from the OpenSky Network. They are read where they are installed, or
+from a folder or wheel that the user names, and are no part of this package.
+"""
+
+import gzip
+import importlib.util
+import zipfile
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from baselines.recordings.flights.flight import Flight, clean_flight
+from baselines.recordings.flights.tiers import UNUSABLE, tier_of
+from hybrid_env.checks import ArgumentError, reject
+
+GAP = 600.0
+"""Reports of an aircraft that are further apart in time [s] belong to different flights."""
+
+SUFFIX = ".json.gz"
+MILLISECONDS = 1e11  # larger times since 1970 are in milliseconds
+INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or the folder or wheel of it"
+
+
+class Samples:
+    """The sample files of a source.
+
+    Args:
+        source: folder with `.json.gz` files, also in its subfolders, or a wheel of the package; None uses the
+            installed package.
+
+    Raises:
+        ArgumentError: there are no samples.
+
+    Attributes:
+        source: the folder or wheel.
+        names: names of the files, without suffix.
+    """
+
+    def __init__(self, source: Path | str | None = None):
+        self.source = installed_samples() if source is None else Path(source)
+        if self.source.is_dir():
+            found = sorted(self.source.rglob(f"*{SUFFIX}"))
+            self._files = {path.name.removesuffix(SUFFIX): str(path) for path in found}
+        elif zipfile.is_zipfile(self.source):
+            with zipfile.ZipFile(self.source) as archive:
+                found_names = sorted(name for name in archive.namelist() if name.endswith(SUFFIX))
+            self._files = {PurePosixPath(name).name.removesuffix(SUFFIX): name for name in found_names}
+        else:
+            raise ArgumentError(f"source={self.source} is not a folder or a wheel: {INSTALL}")
+        if not self._files:
+            raise ArgumentError(f"source={self.source} contains no {SUFFIX} files: {INSTALL}")
+        self.names = tuple(self._files)
+        self._last: tuple[str, dict[str, pd.DataFrame]] = "", {}
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return the reports of a file, as they are.
+
+        Raises:
+            ArgumentError: there is no such file, or it cannot be read.
+        """
+        if name not in self._files:
+            raise reject("file", name, f"a sample of {self.source}")
+        return _read_table(str(self.source), self._files[name])
+
+    def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
+        """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
+        if self._last[0] == name:  # flights of a file are often read one by one
+            return self._last[1]
+        table = self.table(name)
+        flights = {}
+        for aircraft, reports in table.groupby("icao24", sort=True):
+            times = report_times(reports["timestamp"])
+            order = np.argsort(times, kind="stable")
+            cuts = np.flatnonzero(np.diff(times[order]) > GAP) + 1
+            for k, rows in enumerate(np.split(order, cuts)):
+                flights[f"{name}:{aircraft}:{k}"] = reports.iloc[rows]
+        self._last = name, flights
+        return flights
+
+    def flight(self, identity: str) -> Flight:
+        """Return a flight by its id `file:icao24:k`.
+
+        Raises:
+            ArgumentError: there is no such flight, or it has too few positions.
+        """
+        name, separator, _ = identity.partition(":")
+        if name in UNUSABLE:
+            raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
+        flights = self.flights_of(name) if separator else {}
+        if identity not in flights:
+            some = ", ".join(list(flights)[:5])
+            allowed = f"an id file:icao24:k, such as {some}" if some else "an id file:icao24:k"
+            raise reject("flight", identity, allowed)
+        reports = flights[identity]
+        times = report_times(reports["timestamp"])
+        if "last_position" in reports:  # when the position was received; the timestamp is that of the report
+            received = report_times(reports["last_position"])
+            times = np.where(np.isnan(received), times, received)
+        return clean_flight(
+            identity,
+            tier_of(identity, "last_position" in reports, times),
+            times,
+            *(_numbers(reports[column]) for column in ("latitude", "longitude", "track")),
+        )
+
+
+def installed_samples() -> Path:
+    """Return the folder of the samples of the installed package, which is not imported.
+
+    Raises:
+        ArgumentError: the package is not installed.
+    """
+    spec = importlib.util.find_spec("traffic")
+    places = (
+        [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
+    )
+    for place in places:
+        folder = Path(place) / "data" / "samples"
+        if folder.is_dir():
+            return folder
+    raise ArgumentError(f"source=None is not allowed: {INSTALL}")
+
+
+def report_times(column: pd.Series) -> NDArray[np.float64]:
+    """Return times since 1970 [s], NaN where there is none, of dates or of numbers [s or ms]."""
+    if column.dtype.kind == "M":
+        milliseconds = column.astype("datetime64[ms]").to_numpy()
+        return np.where(np.isnat(milliseconds), np.nan, milliseconds.astype(np.int64) / 1000.0)
+    values = _numbers(column)
+    return np.where(values > MILLISECONDS, values / 1000.0, values)
+
+
+def _numbers(column: pd.Series) -> NDArray[np.float64]:
+    return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
+
+
+def _read_table(source: str, name: str) -> pd.DataFrame:
+    try:
+        if zipfile.is_zipfile(source):
+            with zipfile.ZipFile(source) as archive, archive.open(name) as raw, gzip.open(raw) as file:
+                table = pd.read_json(file, dtype=False)
+        else:
+            with gzip.open(name) as file:
+                table = pd.read_json(file, dtype=False)
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
+        raise ArgumentError(f"{name} cannot be read: {error}") from None
+    missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
+    if missing:
+        raise ArgumentError(f"{name} has no column {', '.join(sorted(missing))}")
+    return table

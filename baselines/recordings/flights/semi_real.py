@@ -1,0 +1,131 @@
+"""Recorded flights in the setting of `HybridTrackQuickest-v0`: real motion, simulated noise.
+
+The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one.
+White noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of
+the flight is as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma
+and times in ticks, the environment's deciders then read a flight as they are, without having seen one. Its
+turns have a radius of 25 v s, which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at
+115 m/s (tan bank = v omega / g); aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg,
+whichever is slower (ICAO Doc 8168).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import LONGEST_WEIGHT, LabelRules, Labels, smoothed_states
+from baselines.rules.decider import Decider
+from baselines.rules.tracker import OnlineTracker
+from hybrid_env.quickest_options import QuickestOptions
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+TICK = 1.0  # [s]
+
+WORLD = QuickestOptions(start="random")
+"""The default environment; a flight begins at any moment of a mode that nobody knows."""
+
+
+def semi_real_flights(
+    flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
+) -> tuple[list[Flight], list[Labels]]:
+    """Return flights at ticks of 1 s with white noise, and their labels.
+
+    Their speed v is the median over the ticks at speeds that are scored. The tier of a result has its sigma
+    as `across`, and no error of the time. A tick has the label of the nearest recorded position; it is not
+    scored if that is not, or is 1.5 median steps away.
+
+    Args:
+        flights: recorded or simulated flights.
+        labels: of each flight.
+        generator: random numbers of the noise.
+    """
+    batch = stack_flights(flights)
+    states = smoothed_states(batch, LabelRules().jerk)
+    parts: list[list[tuple[FloatArray, FloatArray, IntArray]]] = [[] for _ in flights]
+    for column, (k, first, end) in enumerate(batch.pieces):
+        times = flights[k].times[first:end]
+        ticks = np.arange(times[0], times[-1] + 1e-9, TICK)
+        path = smooth_path(times, states[: end - first, column], ticks)
+        nearest = first + np.searchsorted(0.5 * (times[1:] + times[:-1]), ticks)
+        parts[k].append((ticks, path, nearest))
+    results = []
+    for flight, label, part in zip(flights, labels, parts, strict=True):
+        ticks, path, rows = (np.concatenate(one) for one in zip(*part, strict=True))
+        results.append(_semi_real(flight, label, ticks, path, rows, generator))
+    return [one for one, _ in results], [one for _, one in results]
+
+
+def _semi_real(
+    flight: Flight, labels: Labels, ticks: FloatArray, path: FloatArray, rows: IntArray,
+    generator: np.random.Generator,
+) -> tuple[Flight, Labels]:  # fmt: skip
+    """Return one flight, from its path (T, 4) [x, vx, y, vy] and the nearest recorded positions (T,)."""
+    speeds = np.hypot(path[:, 1], path[:, 3])
+    moving = speeds >= LabelRules().speed
+    sigma = noise_deviation(float(np.median(speeds[moving] if moving.any() else speeds)))
+    positions = path[:, ::2] + sigma * generator.standard_normal((len(path), 2))
+    far = np.abs(labels.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(np.median(np.diff(labels.times)))
+    scored = labels.scored[rows] & ~far
+    made = replace(
+        flight, tier=flight.tier._replace(across=sigma, timing=0.0), times=ticks, positions=positions,
+        tracks=flight.tracks[rows],
+    )  # fmt: skip
+    return made, Labels(
+        ticks, labels.modes[rows], scored, np.where(scored, TICK, 0.0), labels.rates[rows], speeds,
+        labels.own[rows],
+    )  # fmt: skip
+
+
+def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:
+    """Return the smoothed [x, vx, y, vy], (T, 4), between recorded positions.
+
+    With white jerk the expected path between two states is the polynomial of degree five through both.
+
+    Args:
+        times: (n,) of the states, increasing [s].
+        states: (n, 6) smoothed [x, vx, ax, y, vy, ay].
+        ticks: (T,) from the first to the last of these times [s].
+    """
+    row = np.clip(np.searchsorted(times, ticks, "right") - 1, 0, len(times) - 2)
+    h = (times[row + 1] - times[row])[:, None]
+    s = (ticks - times[row])[:, None] / h
+    x, v, a = (states[:, k::3] * 1.0 for k in range(3))
+    x0, v0, a0, a1 = x[row], h * v[row], h**2 * a[row], h**2 * a[row + 1]
+    # what is missing at the end of the step, of position, velocity and acceleration
+    p, q, r = x[row + 1] - x0 - v0 - 0.5 * a0, h * v[row + 1] - v0 - a0, a1 - a0
+    c3, c4, c5 = 10.0 * p - 4.0 * q + 0.5 * r, -15.0 * p + 7.0 * q - r, 6.0 * p - 3.0 * q + 0.5 * r
+    position = x0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+    velocity = (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
+    return np.stack([position[:, 0], velocity[:, 0], position[:, 1], velocity[:, 1]], axis=1)
+
+
+def noise_deviation(speed: float) -> float:
+    """Return the standard deviation of the noise [m] for a speed [m/s]."""
+    return speed * TICK * float(np.sqrt(WORLD.variances[0])) / (WORLD.speed * WORLD.tau)
+
+
+def state_semi_real(decider: Decider, flights: Sequence[Flight]) -> list[IntArray]:
+    """Return the statements, (T,), of a decider of `HybridTrackQuickest-v0` on semi-real flights.
+
+    Args:
+        decider: for the options `WORLD`.
+        flights: from `semi_real_flights`.
+    """
+    tracker = OnlineTracker(WORLD, decider)
+    results = []
+    for flight in flights:
+        stated = np.zeros(len(flight.times), np.int64)
+        scale = float(np.sqrt(WORLD.variances[0])) / flight.tier.across
+        for first, end in flight.pieces:
+            tracker.begin()
+            points = ((flight.positions[first:end] - flight.positions[first]) * scale).tolist()
+            for row, (x, y) in enumerate(points, first):
+                stated[row] = tracker.update((x, y)).mode
+        results.append(stated)
+    return results

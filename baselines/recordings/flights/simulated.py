@@ -1,0 +1,222 @@
+"""Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
+
+A flight is a sequence of straight motion and turns. In a turn the aircraft rolls in within some seconds and
+keeps a turn rate that jitters; in straight motion the heading wanders slowly. Positions have the noise of the
+tier: an error of their time, and one of the position itself, both with a Student t distribution. The default
+settings are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the
+score of a decider. Agents are trained on flights with settings of their own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import STRAIGHT, LabelRules, Labels, label_pieces, make_labels
+from baselines.recordings.flights.tiers import Tier
+from baselines.recordings.reading.projection import Projection
+
+FloatArray = NDArray[np.float64]
+
+GRID = 0.5  # step of the integration [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightWorld:
+    """How flights are simulated.
+
+    Attributes:
+        rates: smallest and largest turn rate, log-uniform [rad/s].
+        turns: shortest and longest turn, log-uniform [s].
+        straight: median duration of straight motion in each tier, log-normal [s].
+        spread: standard deviation of the logarithm of that duration.
+        reversal: probability that a turn is followed by one to the other side without straight motion.
+        roll: time to roll in or out [s].
+        jitter: standard deviation of the turn rate in a turn, as a share of it.
+        jitter_time: correlation time of the jitter [s].
+        wander: standard deviation of the turn rate in straight motion [rad/s].
+        wander_time: its correlation time [s].
+        speeds: slowest and fastest, log-uniform [m/s].
+        freedom: degrees of freedom of the noise.
+    """
+
+    rates: tuple[float, float] = (0.012, 0.05)
+    turns: tuple[float, float] = (16.0, 105.0)
+    straight: tuple[tuple[str, float], ...] = (("A", 720.0), ("B", 116.0), ("C", 60.0), ("D", 60.0))
+    spread: float = 1.0
+    reversal: float = 0.1
+    roll: float = 4.5
+    jitter: float = 0.18
+    jitter_time: float = 8.0
+    wander: float = float(np.radians(0.12))
+    wander_time: float = 20.0
+    speeds: tuple[float, float] = (40.0, 160.0)
+    freedom: float = 5.0
+
+
+DRAWN = {
+    "straight": (30.0, 900.0),
+    "reversal": (0.05, 0.3),
+    "roll": (2.0, 7.0),
+    "jitter": (0.08, 0.3),
+    "jitter_time": (4.0, 20.0),
+    "wander": (0.0007, 0.007),
+    "wander_time": (8.0, 40.0),
+    "freedom": (3.5, 12.0),
+}
+"""Ranges of the settings that differ from flight to flight in training, log-uniform."""
+
+
+WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
+"""The other settings in training: turns and speeds have wider ranges."""
+
+
+def draw_world(generator: np.random.Generator) -> FlightWorld:
+    """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
+    drawn: dict[str, Any] = {
+        name: float(np.exp(generator.uniform(np.log(low), np.log(high))))
+        for name, (low, high) in DRAWN.items()
+    }
+    straight = drawn.pop("straight")
+    return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
+
+
+def simulate_flights(
+    tier: Tier, count: int, duration: float, generator: np.random.Generator, world: FlightWorld | None = None
+) -> tuple[list[Flight], list[Labels]]:
+    """Return flights and their labels, which follow from their true turn rates.
+
+    Args:
+        tier: gives noise and steps.
+        count: number of flights.
+        duration: of each [s].
+        generator: random numbers.
+        world: settings.
+    """
+    settings = FlightWorld() if world is None else world
+    flights, labels = [], []
+    for k in range(count):
+        times = _draw_times(tier, duration, generator)
+        grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
+        wanted = _draw_rates(grid, dict(settings.straight)[tier.name], generator, settings)
+        speed = np.exp(generator.uniform(*np.log(settings.speeds)))
+        flight, label = fly(
+            f"simulated:{k}:0", tier, times, wanted, np.full(len(grid), speed), generator, settings
+        )
+        flights.append(flight)
+        labels.append(label)
+    return flights, labels
+
+
+def twins(
+    flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
+) -> tuple[list[Flight], list[Labels]]:
+    """Return simulated flights with the steps, speeds and turns of recorded ones, and their true modes.
+
+    The turns have the times and mean rates of the labels of the recorded flights.
+    """
+    settings = FlightWorld()
+    results = []
+    for flight, label in zip(flights, labels, strict=True):
+        grid = np.arange(0.0, flight.times[-1] + 4.0 * GRID, GRID)
+        rates = np.zeros(len(flight.times))
+        for first, end, mode in label.pieces:
+            if mode != STRAIGHT:
+                rates[first:end] = np.clip(np.mean(label.rates[first:end]), -0.1, 0.1)
+        row = np.clip(np.searchsorted(flight.times, grid, "right") - 1, 0, len(rates) - 1)
+        speeds = np.interp(grid, flight.times, np.clip(label.speeds, 1.0, 400.0))
+        smooth = np.convolve(np.pad(speeds, 30, mode="edge"), np.ones(61) / 61.0, "valid")
+        results.append(
+            fly(
+                f"twin of {flight.identity}",
+                flight.tier,
+                flight.times,
+                rates[row],
+                smooth,
+                generator,
+                settings,
+            )
+        )
+    return [one for one, _ in results], [one for _, one in results]
+
+
+def fly(
+    identity: str, tier: Tier, times: FloatArray, wanted: FloatArray, speeds: FloatArray,
+    generator: np.random.Generator, world: FlightWorld,
+) -> tuple[Flight, Labels]:  # fmt: skip
+    """Simulate one flight.
+
+    Args:
+        identity: name.
+        tier: of the noise.
+        times: (n,) of its positions, from 0 [s].
+        wanted: (g,) turn rate that the pilot wants, every half second [rad/s].
+        speeds: (g,) [m/s].
+        generator: random numbers.
+        world: settings.
+    """
+    grid = GRID * np.arange(len(wanted))
+    width = max(round(world.roll / GRID), 1)
+    rolled = np.convolve(np.pad(wanted, (width - 1, 0), mode="edge"), np.ones(width) / width, "valid")
+    jitter = _coloured(len(grid), world.jitter, world.jitter_time, generator)
+    wander = _coloured(len(grid), world.wander, world.wander_time, generator)
+    rates = rolled * (1.0 + jitter) + wander
+    heading = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - rates)
+    middle = heading + 0.5 * GRID * rates
+    moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    path = np.cumsum(moved, axis=0) - moved
+    scale = np.sqrt((world.freedom - 2.0) / world.freedom)
+    late = scale * tier.timing * generator.standard_t(world.freedom, len(times))
+    errors = scale * tier.across * generator.standard_t(world.freedom, (len(times), 2))
+    when = times + late
+    positions = np.column_stack([np.interp(when, grid, axis) for axis in path.T]) + errors
+    before, after = (np.where(when < 0.0, when, 0.0), np.maximum(when - grid[-1], 0.0))  # outside of the grid
+    positions += before[:, None] * moved[0] / GRID + after[:, None] * moved[-1] / GRID
+    flight = Flight(identity, tier, times, positions, np.full(len(times), np.nan), Projection(0.0, 0.0), 0, 0)
+    true_rates, speed = np.interp(times, grid, rates), np.interp(times, grid, speeds)
+    return flight, label_pieces(
+        flight,
+        lambda a, b: make_labels(times[a:b], true_rates[a:b], speed[a:b], flight.tracks[a:b], LabelRules()),
+    )
+
+
+def _coloured(count: int, deviation: float, time: float, generator: np.random.Generator) -> FloatArray:
+    """Return noise with an exponential autocorrelation (Ornstein-Uhlenbeck), (count,)."""
+    kept = np.exp(-GRID / time)
+    white = deviation * generator.standard_normal(count)
+    white[1:] *= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([1.0], [1.0, -kept], white))
+
+
+def _draw_times(tier: Tier, duration: float, generator: np.random.Generator) -> FloatArray:
+    """Return times with steps as in a tier: reports that repeat a position are missing."""
+    nominal = 1.0 if tier.name in "AB" else 5.0
+    missing = {"A": 0.15, "B": 0.15, "C": 0.03, "D": 0.4}[tier.name]
+    steps = nominal * generator.geometric(1.0 - missing, int(duration / nominal))
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    if tier.name == "A":
+        times += generator.uniform(-0.3, 0.3, len(times))
+    return np.asarray(times[times < duration] - times[0])
+
+
+def _draw_rates(
+    grid: FloatArray, median: float, generator: np.random.Generator, world: FlightWorld
+) -> FloatArray:
+    """Return the wanted turn rate at every time of the grid [rad/s]."""
+    rates = np.zeros(len(grid))
+    time = median * np.exp(world.spread * generator.standard_normal()) * generator.uniform()
+    side = 0.0
+    while time < grid[-1]:
+        lasting = np.exp(generator.uniform(*np.log(world.turns)))
+        size = np.exp(generator.uniform(*np.log(world.rates)))
+        side = -side if side and generator.uniform() < world.reversal else generator.choice([-1.0, 1.0])
+        rates[(grid >= time) & (grid < time + lasting)] = side * size
+        time += lasting
+        if generator.uniform() >= world.reversal:
+            time += median * np.exp(world.spread * generator.standard_normal())
+            side = 0.0
+    return rates

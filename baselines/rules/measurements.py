@@ -1,0 +1,113 @@
+"""Deciders that filter the measurements of the environment themselves, instead of reading its rows."""
+
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions
+from hybrid_env.checks import reject
+from hybrid_env.core.compilation import prepare
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.quickest_world import QuickestWorld
+
+FloatArray = NDArray[np.float64]
+State = TypeVar("State")
+
+OBSERVED = 2 + 4 + 10
+"""Width of an observation without the probabilities: measurement, estimate and covariance."""
+
+
+def check_measured(options: QuickestOptions) -> None:
+    """Raise `ArgumentError` if ticks may have no measurement, or those of several sensors."""
+    for name, value in (("missed", options.missed), ("sensors", options.sensors)):
+        if value:
+            raise reject(name, value, "none for a decider with filters of its own")
+
+
+_prepared: set[Any] = set()
+
+
+def run_compiled(function: Any, *arguments: Any) -> None:
+    """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
+
+    To find the types of records takes far longer than one tick of one track.
+    """
+    if function not in _prepared:
+        prepare(function, *arguments)
+        _prepared.add(function)
+    function(*arguments)
+
+
+class MeasurementDecider(Generic[State]):
+    """A decider that observes the measurements, and the first estimate and probabilities of the bank.
+
+    Its state describes N tracks and is changed in place.
+
+    Attributes:
+        hypotheses: M, number of modes.
+    """
+
+    needs_measurements = True
+    hypotheses: int
+
+    def begin(self, tracks: int) -> State:
+        """Return the state of N tracks before their first observation."""
+        raise NotImplementedError
+
+    def begin_track(self, state: State, track: int, start: FloatArray) -> None:
+        """Begin an episode of a track.
+
+        Args:
+            state: of all tracks.
+            track: index of the track.
+            start: (14 + M,) estimate [x, vx, y, vy] after the first measurement, its covariance, upper
+                triangle row by row, and the logarithms of the mode probabilities.
+        """
+        raise NotImplementedError
+
+    def step(self, state: State, measurements: FloatArray) -> None:
+        """Advance all tracks by one tick. measurements: (N, 2) [m]."""
+        raise NotImplementedError
+
+    def statements(self, state: State, starts: NDArray[np.bool_]) -> Actions:
+        """Return the statements (N,). starts: (N,) True where an episode begins."""
+        raise NotImplementedError
+
+    @staticmethod
+    def observe(world: QuickestWorld) -> FloatArray:
+        """Return what the decider observes, (N, 16 + M).
+
+        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.
+        """
+        parts = [world.field(name) for name in ("measurement", "estimate", "covariance")]
+        return np.hstack([*parts, world.copy_tick()()["log_probability"]])
+
+    def predict(
+        self,
+        observation: FloatArray,
+        state: State | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, State]:
+        """See `Decider.predict`; action i states mode i.
+
+        Args:
+            observation: (N, 16 + M) from `observe`. All but the measurement are used where an episode begins.
+            state: returned by the previous call and changed in place; None begins anew.
+            episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
+            deterministic: not used.
+        """
+        width = OBSERVED + self.hypotheses
+        if observation.ndim != 2 or observation.shape[1] != width:
+            raise reject("observation shape", observation.shape, f"(N, {width})")
+        tracks = len(observation)
+        if state is None:
+            state = self.begin(tracks)
+            episode_start = np.ones(tracks, np.bool_)
+        starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
+        if not starts.all():
+            self.step(state, np.ascontiguousarray(observation[:, :2]))
+        for track in np.flatnonzero(starts).tolist():
+            self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:]))
+        return self.statements(state, starts), state

@@ -1,0 +1,162 @@
+"""Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active.
+
+With equal priors, the posterior of a hypothesis is its likelihood divided by the sum of all likelihoods.
+The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential
+procedure for multihypothesis testing"). The gap rule declares a hypothesis when its likelihood ratio to
+every other hypothesis is large enough (Armitage 1950). If only the type of motion is rewarded (straight,
+left or right), the test should use the posterior of the type: neighbouring radii share it.
+"""
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions, Observations
+from hybrid_env.checks import check_choice, check_number, check_positive, reject
+from hybrid_env.observation import LOG_FLOOR, Layout
+
+FloatArray = NDArray[np.float64]
+CLIPPED_RATIO = LOG_FLOOR + 1e-3
+"""The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
+
+
+def mode_types(hypotheses: int) -> NDArray[np.int64]:
+    """Type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
+    n = hypotheses // 2
+    return np.repeat([0, 1, 2], [1, n, n])
+
+
+def type_sums(values: NDArray[Any]) -> FloatArray:
+    """Sums of (..., M) values over the hypotheses of each type, (..., 3): straight, left, right."""
+    n = values.shape[-1] // 2
+    parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
+    return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
+
+
+def type_posteriors(log_ratio: FloatArray) -> FloatArray:
+    """Posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
+    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
+    return np.asarray(types / types.sum(-1, keepdims=True))
+
+
+def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> NDArray[np.int64]:
+    """Hypothesis with the largest value within the type with the largest sum, (N,).
+
+    Args:
+        types: (N, 3) sums by type, see `type_sums`.
+        values: (N, M) likelihoods, posteriors or their logarithms.
+    """
+    of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
+    return np.where(of_type, values, -np.inf).argmax(-1)
+
+
+def other_types_sum(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
+    """Sum over all types except the chosen one, (N,).
+
+    The sum is accurate where 1 - p would cancel.
+
+    Args:
+        types: (N, 3) posterior of each type.
+        chosen: (N,) index of the excluded type.
+    """
+    return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
+
+
+def error_and_best(
+    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
+
+    Args:
+        posterior: (N, M).
+        by_type: only hypotheses of other types are errors, and the best one is the most likely one of the
+            most likely type; one value for all tracks, or (N,).
+    """
+    types = type_sums(posterior)
+    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(-1))
+    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
+        -1, dtype=np.float64
+    )
+    return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
+
+
+def read_error_probability(
+    observation: Observations, by: Literal["hypothesis", "type"]
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Log error probability of the best declaration, and the hypothesis to declare.
+
+    Args:
+        observation: (N, 6 M + 10) rows of the environment.
+        by: "hypothesis" counts every other hypothesis as an error, "type" only hypotheses of other types.
+
+    Returns:
+        (N,) natural logarithm of the posterior error probability, at least `LOG_FLOOR`, and (N,) hypothesis.
+    """
+    layout = Layout.of_rows(observation)
+    log_ratio = layout.read(observation, "log_ratio")
+    if by == "hypothesis":
+        return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
+    posterior = type_posteriors(log_ratio)
+    error_probability = other_types_sum(posterior, posterior.argmax(-1))
+    log_error_probability = np.log(np.maximum(error_probability, np.exp(LOG_FLOOR)))
+    return log_error_probability, likeliest_of_type(posterior, log_ratio)
+
+
+class MSPRTDecider:
+    """Declares the best hypothesis when its posterior error probability falls to alpha.
+
+    Args:
+        alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
+        by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
+            hypothesis of the most likely type and counts only other types as errors.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+
+    def __init__(self, alpha: float = 0.02, by: Literal["hypothesis", "type"] = "hypothesis"):
+        self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
+        if not np.exp(LOG_FLOOR) < alpha <= 1.0:
+            raise reject("alpha", alpha, "a number from 1e-13 to 1")
+        check_choice("by", by, ("hypothesis", "type"))
+        self.by: Literal["hypothesis", "type"] = by
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, None]:
+        """See `Decider.predict`. The decider has no state."""
+        log_error_probability, best = read_error_probability(observation, self.by)
+        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0), None
+
+
+class GapDecider:
+    """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a threshold.
+
+    Args:
+        gap: threshold ln A, above 0 and below 30, where the observation clips ratios.
+
+    Raises:
+        ArgumentError: `gap` is out of range.
+    """
+
+    def __init__(self, gap: float = 4.6):
+        self.gap = check_positive("gap", gap)
+        if gap >= -LOG_FLOOR:
+            raise reject("gap", gap, f"a number between 0 and {-LOG_FLOOR:g}")
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, None]:
+        """See `Decider.predict`. The decider has no state."""
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+        second = np.partition(log_ratio, -2, axis=-1)[:, -2]
+        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0), None

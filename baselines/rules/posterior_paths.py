@@ -1,0 +1,164 @@
+"""Simulated paths of the posterior within segments without an early decision, and its calibration."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.msprt import mode_types, read_error_probability
+from hybrid_env.checks import check_integer, reject
+from hybrid_env.options import WorldOptions
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
+FloatArray = NDArray[np.float64]
+BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
+"""Edges of the calibration bins of the stated probability."""
+
+MIN_COUNT = 1000
+"""Smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points."""
+
+
+@dataclass(frozen=True)
+class PosteriorPaths:
+    """Error probabilities of S segments over up to T ticks, when nobody decides before the end.
+
+    Attributes:
+        log_error_probability: (S, T) natural logarithm of the posterior error probability of the best
+            declaration.
+        correct: (S, T) whether that declaration would have been correct.
+        length: (S,) number of recorded ticks; later entries are meaningless.
+        by: what has to be correct, the hypothesis or only its type.
+    """
+
+    log_error_probability: FloatArray
+    correct: NDArray[np.bool_]
+    length: NDArray[np.int64]
+    by: Literal["hypothesis", "type"]
+
+
+def simulate_posterior_paths(
+    episodes: int, seed: int, ticks: int | None = None, **options: Any
+) -> PosteriorPaths:
+    """Simulate episodes in which every segment is decided at its end, so that most anchors are accurate.
+
+    Args:
+        episodes: number of parallel episodes; their seeds are seed, seed + 1, ...
+        seed: seed of the first episode.
+        ticks: number of ticks to record of each segment, None for all.
+        options: keyword options of the world, see `hybrid_env.WorldOptions`. `undecided` is always
+            "likeliest".
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+    check_integer("seed", seed, minimum=0)
+    world = WorldOptions.of(**options | {"undecided": "likeliest"})
+    env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
+    last = (
+        world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
+    )
+    by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
+    n = len(world.radii)
+    kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
+    shape = (episodes * world.segments, last)
+    log_error_probability, correct = np.zeros(shape), np.zeros(shape, np.bool_)
+    length = np.zeros(shape[0], np.int64)
+    observation, _ = env.reset(seed=seed)
+    wait = np.zeros(episodes, np.int64)
+    running = np.ones(episodes, np.bool_)
+    first = np.arange(episodes) * world.segments
+    while running.any():
+        rows = first + env.world.field("segment")
+        tick = env.world.field("tick")
+        value, best = read_error_probability(observation, by)
+        best_correct = kind[best] == kind[env.world.field("true_mode")]
+        recorded = running & (tick <= last)
+        log_error_probability[rows[recorded], tick[recorded] - 1] = value[recorded]
+        correct[rows[recorded], tick[recorded] - 1] = best_correct[recorded]
+        length[rows[recorded]] = tick[recorded]
+        observation, _, terminated, _, _ = env.step(wait)
+        running &= ~terminated
+    return PosteriorPaths(log_error_probability, correct, length, by)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Stated probability and observed accuracy of the best declaration, in B bins of the stated probability.
+
+    Attributes:
+        stated: (B,) mean stated probability of each bin, 0 where the bin is empty.
+        accuracy: (B,) share of correct declarations in each bin, 0 where the bin is empty.
+        count: (B,) number of segments in each bin.
+    """
+
+    stated: FloatArray
+    accuracy: FloatArray
+    count: NDArray[np.int64]
+
+    @property
+    def largest_gap(self) -> float:
+        """Stated probability minus accuracy, of the bin where the two differ most.
+
+        Only bins with at least `MIN_COUNT` segments count; NaN if there are none.
+        """
+        large = self.count >= MIN_COUNT
+        gap = (self.stated - self.accuracy)[large]
+        return float(gap[np.abs(gap).argmax()]) if large.any() else float("nan")
+
+
+def _reaches(paths: PosteriorPaths, tick: int) -> NDArray[np.bool_]:
+    """(S,) True where a segment has the given tick."""
+    if check_integer("tick", tick) > paths.length.max():
+        raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
+    return np.asarray(paths.length >= tick)
+
+
+def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
+    """Calibration of the posterior at a tick, over the segments that reach it.
+
+    Raises:
+        ArgumentError: no segment reaches the tick.
+    """
+    reached = _reaches(paths, tick)
+    stated = 1.0 - np.exp(paths.log_error_probability[reached, tick - 1])
+    correct = paths.correct[reached, tick - 1]
+    bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
+    count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
+    total = np.maximum(count, 1)
+    return Calibration(
+        np.bincount(bins, stated, minlength=count.size) / total,
+        np.bincount(bins, correct, minlength=count.size) / total,
+        count,
+    )
+
+
+@dataclass(frozen=True)
+class CalibrationSummary:
+    """Accuracy and stated probability of the best declaration at one tick.
+
+    `hybridtrack compare` writes these field names to compare.json.
+
+    Attributes:
+        right: share of segments in which the declaration would be correct.
+        stated: mean posterior probability of the declaration.
+        worst: see `Calibration.largest_gap`.
+    """
+
+    right: float
+    stated: float
+    worst: float
+
+
+def summarise_calibration(paths: PosteriorPaths, tick: int) -> CalibrationSummary:
+    """Summary of the calibration at a tick, over the segments that reach it.
+
+    Raises:
+        ArgumentError: no segment reaches the tick.
+    """
+    reached = _reaches(paths, tick)
+    return CalibrationSummary(
+        float(paths.correct[reached, tick - 1].mean()),
+        float(1.0 - np.exp(paths.log_error_probability[reached, tick - 1]).mean()),
+        calibration(paths, tick).largest_gap,
+    )

@@ -1,0 +1,224 @@
+"""Deciders that run filters of their own on the measurements, see `component_filters`.
+
+`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the
+switch, not from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the
+uncertainty of the anchor in the state (see `hybrid_env.core.anchor_aware_bank`), from the distribution of the
+anchor error that was found in simulated episodes (see `anchor_prior`).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.component_filters import (
+    ANCHOR_COLUMNS,
+    ComponentFilters,
+    anchor_rows,
+    joint_posterior,
+    stated_covariance,
+)
+from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.msprt import error_and_best, mode_types
+from hybrid_env.checks import check_number, reject
+from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
+from hybrid_env.vector_env import HybridTrackVectorEnv
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class _State:
+    """Filters of N tracks, one for each component of the distribution of the anchor.
+
+    Attributes:
+        filters: one bank for each component.
+        log_weights: (N, C) logarithm of the weight of each component.
+        posterior: (N, M) posterior of the last row.
+    """
+
+    filters: ComponentFilters
+    log_weights: FloatArray
+    posterior: FloatArray
+
+
+class RefilteringDecider:
+    """Base class: declares when the posterior error probability of the filters falls to alpha.
+
+    Args:
+        world: options of the world; the filters use its model.
+        alpha: threshold of the error probability, above 0 and at most 1.
+        robust: the filters reject outliers and allow for axes of different variances, see `ComponentFilters`.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+
+    bank: str
+    components: int
+    every_tick = True
+
+    def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
+        self.world, self.robust = world, robust
+        self.alpha = check_number("alpha", alpha)
+        if not 0.0 < self.alpha <= 1.0:
+            raise reject("alpha", alpha, "a number > 0 and <= 1")
+        self.by_type = world.correctness == "type"
+        self.layout = Layout(world.hypotheses)
+
+    def anchors(
+        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C).
+
+        Args:
+            rows: (N, width) first rows of a segment.
+            first: (N,) True for the first segment of an episode.
+            correct: (N,) probability that the last declaration was correct.
+        """
+        raise NotImplementedError
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.predict`. The state holds the filters and is changed in place."""
+        rows = np.asarray(observation)
+        tracks, layout = len(rows), self.layout
+        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
+        begins = ticks == 1
+        if state is None:
+            filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
+            shape = (tracks, self.world.hypotheses)
+            state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
+            begins[:] = True
+        first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
+        anchors = np.zeros((self.components, tracks, ANCHOR_COLUMNS))
+        if begins.any():
+            decided = layout.read(rows[begins], "previous").argmax(-1)
+            correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
+            anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
+            state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
+        state.filters.advance(rows, begins, anchors)
+        state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
+        error, best = error_and_best(state.posterior, self.by_type)
+        return np.where(error <= self.alpha, best + 1, 0), state
+
+    def select_tracks(self, state: _State, tracks: NDArray[np.bool_]) -> _State:
+        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
+        return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
+
+
+class KeptCovarianceDecider(RefilteringDecider):
+    """MSPRT of the published bank started from the covariance of the estimate at the switch."""
+
+    bank = "published"
+    components = 1
+
+    def anchors(
+        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `RefilteringDecider.anchors`."""
+        covariance = stated_covariance(self.layout, rows)
+        return anchor_rows(self.layout, rows, 0.0, covariance)[None], np.ones((len(rows), 1))
+
+
+class CalibratedAnchorDecider(RefilteringDecider):
+    """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
+
+    Args:
+        world: see `RefilteringDecider`.
+        prior: distribution of the anchor error after correct and after wrong declarations; None uses the
+            covariance that the bank states.
+        alpha, robust: see `RefilteringDecider`.
+    """
+
+    bank = "anchor_aware"
+    components = 4
+
+    def __init__(
+        self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False
+    ):
+        super().__init__(world, alpha, robust)
+        self.prior = prior
+
+    def anchors(
+        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `RefilteringDecider.anchors`."""
+        tracks = len(rows)
+        weight = np.tile([1.0, 0.0, 0.0, 0.0], (tracks, 1))
+        mean = np.zeros((tracks, 4, 4))
+        covariance = np.repeat(stated_covariance(self.layout, rows)[:, None], 4, axis=1)
+        later = np.flatnonzero(~first)
+        if self.prior is not None and later.size:
+            decided = self.layout.read(rows[later], "previous").argmax(-1)
+            weights, means, covariances = self.prior.after(mode_types(self.world.hypotheses)[decided])
+            outcome = np.stack([correct[later], 1.0 - correct[later]], axis=1)
+            weight[later] = (weights * outcome[..., None]).reshape(-1, 4)
+            mean[later] = means.reshape(-1, 4, 4)
+            covariance[later] = covariances.reshape(-1, 4, 4, 4)
+        anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(4)]
+        return np.stack(anchors), weight
+
+
+def fit_calibrated_anchor(
+    world: WorldOptions,
+    episodes: int,
+    seed: int,
+    rounds: int = 2,
+    alpha: float = 0.05,
+    on_progress: Callable[[float], None] | None = None,
+    robust: bool = False,
+) -> AnchorPrior:
+    """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
+
+    Args:
+        world: options of the world.
+        episodes: simulated episodes per round.
+        seed: of the first episode.
+        rounds: the first round declares with the stated covariance, later rounds with the last fit.
+        alpha: error probability at which the decider declares.
+        on_progress: called with the finished share.
+        robust: see `RefilteringDecider`.
+    """
+    prior: AnchorPrior | None = None
+    for k in range(rounds):
+        decider = CalibratedAnchorDecider(world, prior, alpha, robust)
+        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
+        if on_progress is not None:
+            on_progress((k + 1) / rounds)
+    assert prior is not None
+    return prior
+
+
+def _anchor_errors(
+    decider: RefilteringDecider, episodes: int, seed: int
+) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the errors at the switches of simulated episodes; see `fit_anchor_prior`."""
+    world = decider.world
+    rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
+    env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
+    observation, _ = env.reset(seed=seed)
+    state: Any = None
+    start = np.ones(episodes, np.bool_)
+    running = np.ones(episodes, np.bool_)
+    errors, types, correct = [], [], []
+    while running.any():
+        actions, state = decider.predict(observation, state, start)
+        truth = env.world.field("truth")
+        observation, _, start, _, info = env.step(actions)
+        running &= ~start
+        decided = np.flatnonzero(running & info.get("_decided_mode", False))
+        if decided.size:
+            errors.append(anchor_errors(env, decided, truth[decided]))
+            types.append(mode_types(world.hypotheses)[info["decided_mode"][decided]])
+            correct.append(info["decided_mode"][decided] == info["decided_true_mode"][decided])
+    return np.concatenate(errors), np.concatenate(types), np.concatenate(correct)

@@ -1,0 +1,136 @@
+"""Classical tests for a switch with filters that start at every possible moment of the switch.
+
+The rules of `change_detection` read the likelihood ratios of a bank that runs on over the switches. Here
+every moment of the switch has a filter of its own. The filters follow the statements: after a wrong one they
+start from the estimate of a wrong mode.
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.restarted_filters import (
+    RestartedFilters,
+    RestartModel,
+    begin_restarted,
+    restart_arrays,
+    step_restarted,
+)
+from baselines.rules.decider import Actions
+from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
+from hybrid_env.checks import check_choice, check_integer, check_positive
+from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.quickest_options import QuickestOptions
+
+LONGEST_WINDOW = 10_000  # ticks
+Bank = Literal["published", "anchor_aware"]
+
+
+class RestartDecider(MeasurementDecider[RestartedFilters]):
+    """Changes its statement when a switch at one of the last ticks is likely enough; see the subclasses.
+
+    Args:
+        options: of the environment.
+        threshold: of the logarithm of the statistic of the new mode, above 0.
+        margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
+        window: number of last ticks at which the switch can be, 1 to 10,000. At most the ticks since the last
+            change of the statement are used.
+        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of
+            `hybrid_env.HybridTrackEnv`; their covariance is that of the estimate at which they start.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+
+    mean: bool
+
+    def __init__(self, options: QuickestOptions, threshold: float, margin: float, window: int, bank: Bank):
+        check_measured(options)
+        self.hypotheses = options.hypotheses
+        variances = options.variances
+        self.model = RestartModel(
+            np.array(options.radii),
+            check_integer("window", window, maximum=LONGEST_WINDOW),
+            check_choice("bank", bank, ("published", "anchor_aware")) == "published",
+            self.mean,
+            check_positive("threshold", threshold),
+            check_positive("margin", margin, allow_zero=True),
+            FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
+        )
+
+    def begin(self, tracks: int) -> RestartedFilters:
+        """Return filters without meaning; see `MeasurementDecider.begin`."""
+        return restart_arrays(tracks, self.hypotheses, self.model.window)
+
+    def begin_track(self, state: RestartedFilters, track: int, start: FloatArray) -> None:
+        """State the most probable mode and start its filter; see `MeasurementDecider.begin_track`."""
+        run_compiled(
+            begin_restarted, state, track, int(start[-self.hypotheses :].argmax()), start, self.model
+        )
+
+    def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
+        """Advance filters and statements; see `MeasurementDecider.step`."""
+        run_compiled(step_restarted, state, measurements, self.model)
+
+    def statements(self, state: RestartedFilters, starts: NDArray[np.bool_]) -> Actions:
+        """Return the statements; see `MeasurementDecider.statements`."""
+        return state.stated.copy()
+
+
+class GLRDecider(RestartDecider):
+    """The generalized likelihood ratio of a switch at one of the last ticks, with its own filter each.
+
+    The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones 1976, "A
+    generalized likelihood ratio approach to the detection and estimation of jumps in linear systems"; the
+    window as in Lai 1995, "Sequential changepoint detection in quality control and dynamical systems".
+
+    Without a margin wrong changes are frequent, because the measurements after a switch contradict the stated
+    mode before they tell the other modes apart.
+
+    Args:
+        options, threshold, margin, window, bank: see `RestartDecider`.
+    """
+
+    mean = False
+
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 5.0,
+        margin: float = 2.0,
+        window: int = 60,
+        bank: Bank = "anchor_aware",
+    ):
+        super().__init__(options, threshold, margin, window, bank)
+
+
+class MeanRatioDecider(RestartDecider):
+    """The detector of Golubkov 2020, for M modes and any number of switches.
+
+    The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
+    is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
+    straight motion, once; `baselines.recordings.change_detection.detect_switch` does that on recordings, with
+    the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
+    one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
+
+    The rule of the paper is `margin=0`, a window that is not shorter than the episode, and the threshold
+    ln A = ln((1 - beta) / alpha), 2.2 for alpha = beta = 0.1. The margin is that of `detect_switch`; the
+    paper has no second alternative. The lower threshold B, at which the paper ends the test in favour of the
+    stated mode, is not used: here the test would begin anew, and forget switches that have just begun.
+
+    Args:
+        options, threshold, margin, window, bank: see `RestartDecider`.
+    """
+
+    mean = True
+
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 5.0,
+        margin: float = 2.0,
+        window: int = 40,
+        bank: Bank = "published",
+    ):
+        super().__init__(options, threshold, margin, window, bank)

@@ -1,0 +1,144 @@
+"""Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule (5).
+
+Every hypothesis i is tested against the active hypothesis q_A, the last decided mode, with the log-likelihood
+ratio lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) of the paper uses all pairs
+lambda_ij; its algorithm, which is implemented here, uses only ratios to q_A.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.msprt import CLIPPED_RATIO
+from hybrid_env.checks import check_between, reject
+from hybrid_env.core.compilation import compiled
+from hybrid_env.observation import Layout
+
+
+def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
+    """Return Wald's thresholds A = ln((1 - beta) / alpha) and B = ln(beta / (1 - alpha)).
+
+    Golubkov 2018, after rule (5).
+
+    Args:
+        alpha: type I error probability, in (0, 1).
+        beta: type II error probability, in (0, 1), with alpha + beta < 1; None uses alpha.
+
+    Raises:
+        ArgumentError: alpha, beta or their sum is outside its range.
+    """
+    alpha = check_between("alpha", alpha, 0.0, 1.0)
+    if beta is None:
+        beta = check_between("alpha", alpha, 0.0, 0.5)
+    beta = check_between("beta", beta, 0.0, 1.0)
+    if alpha + beta >= 1.0:
+        raise reject("alpha + beta", alpha + beta, "a sum below 1")
+    return math.log((1.0 - beta) / alpha), math.log(beta / (1.0 - alpha))
+
+
+@compiled
+def sprt_test(
+    log_likelihood: NDArray[np.float64],
+    running: NDArray[np.bool_],
+    reference: int,
+    upper: float,
+    lower: float,
+) -> int:
+    """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
+
+    Args:
+        log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
+        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in
+            place.
+        reference: the active hypothesis q_A.
+        upper: threshold A. If several ratios are >= A, the hypothesis with the largest is decided.
+        lower: threshold B.
+
+    Returns:
+        The decided hypothesis, which is q_A if all others are rejected, or -1 to continue the test.
+    """
+    winner = -1
+    largest = upper
+    left = 0
+    for h in range(log_likelihood.size):
+        if h == reference or not running[h]:
+            continue
+        ratio = log_likelihood[h] - log_likelihood[reference]
+        if ratio >= largest and (winner < 0 or ratio > largest):
+            winner = h
+            largest = ratio
+        if ratio <= lower:
+            running[h] = False
+        else:
+            left += 1
+    if winner >= 0:
+        return winner
+    return -1 if left else reference
+
+
+@compiled
+def _test_tracks(
+    log_likelihood: NDArray[np.float64],
+    reference: NDArray[np.int64],
+    running: NDArray[np.bool_],
+    upper: float,
+    lower: float,
+    actions: NDArray[np.int64],
+) -> None:
+    for i in range(reference.size):
+        actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
+
+
+class SPRTDecider:
+    """The test of ATE as a decider on observations.
+
+    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and
+    they are clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the
+    innovations and their variances. Its decisions differ from `ate.track` only where a ratio is within
+    float32 precision of a threshold.
+
+    Args:
+        alpha: type I error probability.
+        beta: type II error probability; None uses alpha.
+
+    Raises:
+        ArgumentError: alpha, beta or their sum is outside its range.
+    """
+
+    def __init__(self, alpha: float = 1e-3, beta: float | None = None):
+        self.upper, self.lower = sprt_thresholds(alpha, beta)
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+        """See `Decider.predict`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
+
+        If there is no state after the first tick of a segment, the test starts from the clipped ratios with
+        all hypotheses.
+        """
+        layout = Layout.of_rows(observation)
+        along, across = (layout.read(observation, f"innovation_{axis}") for axis in ("along", "across"))
+        increment = -layout.read(observation, "log_variance") - 0.5 * (along**2 + across**2)
+        ratios = layout.read(observation, "log_ratio")
+        log_likelihood, running = ratios, np.ones(ratios.shape, np.bool_)
+        if state is not None:
+            best = ratios.argmax(-1)[:, None]
+            accumulated = state[0] + increment
+            log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
+            clipped = ratios <= CLIPPED_RATIO
+            log_likelihood[clipped] = accumulated[clipped]
+            running = state[1].copy()
+        first = np.rint(layout.read(observation, "ticks")) <= 1
+        log_likelihood[first] = increment[first]
+        running[first] = True
+        reference = layout.read(observation, "previous").argmax(-1)
+        actions = np.empty(len(observation), np.int64)
+        _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
+        return actions, (log_likelihood, running)

@@ -1,0 +1,127 @@
+"""A threshold with hysteresis on the probabilities of the bank."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions, Observations
+from hybrid_env.checks import check_number, reject
+from hybrid_env.core.compilation import compiled
+from hybrid_env.observation import QuickestLayout
+
+
+@compiled
+def _choose(
+    log_probability: NDArray[np.float64],
+    stated: Actions,
+    started: NDArray[np.bool_],
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    """Write the next statements; see `ThresholdDecider.choose`. The thresholds are logarithms."""
+    for i in range(stated.size):
+        values = log_probability[i]
+        best = values.argmax()
+        changes = values[best] >= threshold and values[stated[i]] <= release
+        actions[i] = best if changes or not started[i] else stated[i]
+
+
+@compiled
+def _choose_by_rows(
+    observation: Observations,
+    modes: int,
+    columns: tuple[int, int],
+    scale: float,
+    threshold: float,
+    release: float,
+    actions: Actions,
+) -> None:
+    """Write the next statements from rows. columns: the first of the log probabilities, of the statement."""
+    tracks = observation.shape[0]
+    log_probability = np.empty((tracks, modes))
+    stated, started = np.zeros(tracks, np.int64), np.zeros(tracks, np.bool_)
+    for i in range(tracks):
+        for h in range(modes):
+            log_probability[i, h] = observation[i, columns[0] + h] / scale
+            if observation[i, columns[1] + h] > 0.0:
+                stated[i], started[i] = h, True
+    _choose(log_probability, stated, started, threshold, release, actions)
+
+
+class ThresholdDecider:
+    """Changes its statement to the most probable mode when that is probable enough.
+
+    Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
+    about equally probable.
+
+    Args:
+        threshold: smallest probability of a mode to which the statement changes, 0 to 1.
+        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no
+            effect.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+
+    def __init__(self, threshold: float = 0.6, release: float = 1.0):
+        self.threshold = _check_probability("threshold", threshold)
+        self.release = _check_probability("release", release)
+        self._log_threshold, self._log_release = _log(self.threshold), _log(self.release)
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, None]:
+        """See `Decider.predict`; action i states mode i. The decider has no state: rows have the statement.
+
+        Args:
+            observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
+            state, episode_start, deterministic: not used.
+        """
+        rows = np.ascontiguousarray(observation, np.float32)
+        layout = QuickestLayout.of_rows(rows)
+        actions = np.empty(len(rows), np.int64)
+        columns = layout.slices["log_probability"].start, layout.slices["stated"].start
+        scale = layout.scales["log_probability"]
+        _choose_by_rows(
+            rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
+        )
+        return actions, None
+
+    def choose(
+        self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
+    ) -> Actions:
+        """Return the next statements of N tracks, (N,).
+
+        Args:
+            log_probability: (N, M) logarithms of the probabilities of the modes.
+            stated: (N,) last statements.
+            started: (N,) whether there has been a statement; the first one is the most probable mode.
+        """
+        actions = np.empty(len(stated), np.int64)
+        _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
+        return actions
+
+
+def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
+    """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
+    stated = QuickestLayout.of_rows(observation).read(observation, "stated")
+    return stated.argmax(-1), stated.max(-1) > 0.0
+
+
+def _check_probability(name: str, value: Any) -> float:
+    allowed = "a number from 0 to 1"
+    number = check_number(name, value, allowed)
+    if not 0.0 <= number <= 1.0:
+        raise reject(name, value, allowed)
+    return number
+
+
+def _log(probability: float) -> float:
+    return math.log(probability) if probability > 0.0 else -math.inf

@@ -1,0 +1,305 @@
+"""A decider on a live sensor: a measurement at a time gives mode, probabilities, estimate and covariance."""
+
+import copy
+import operator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baselines.rules.decider import Decider
+from baselines.rules.start import FEW, MANY, FirstMeasurements
+from hybrid_env.checks import (
+    LARGEST_NUMBER,
+    check_array,
+    check_between,
+    check_integer,
+    check_number,
+    reject,
+)
+from hybrid_env.limits import check_ticks
+from hybrid_env.online_worlds import OnlineQuickestWorld, OnlineTrack, OnlineWorld
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_GAP = 1000  # ticks between two measurements
+ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix
+SMALLEST = 1e-300
+
+
+class OnlineEstimate(NamedTuple):
+    """What is known after a measurement.
+
+    Attributes:
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of
+            the radii.
+        decided: False while the first measurements are collected, and with announced switches from a switch
+            to the declaration of its mode; then `mode` is the one before.
+        probabilities: (M,) of the modes.
+        estimate: (4,) [x, vx, y, vy] [m, m/s].
+        covariance: (4, 4) of the estimate.
+    """
+
+    mode: int
+    decided: bool
+    probabilities: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+
+
+class OnlineTracker:
+    """A decider behind the bank of its environment, on measurements that come one at a time.
+
+    Bank, observation and decider are those of the environment: the same measurements, first estimate and
+    switches give the same rows, modes and estimates, bit for bit.
+
+    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the
+    decider states a mode at every measurement. Probabilities, estimate and covariance are those of the bank,
+    merged over all modes.
+
+    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the
+    segment, the estimate is that of the filter of the last decided mode. From the declaration on, the filter
+    of the declared mode follows the object to the next switch and gives its anchor; the decider is not asked
+    and the probabilities do not change. A segment that ends undecided is decided as in the options. With
+    `follow="bank"` all filters run on, and the estimate is merged over them.
+
+    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
+    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
+    are asked in these ticks: their filters predict, too. Those whose `needs_measurements` is True need a
+    measurement at every tick.
+
+    A new object begins a track, see `begin`. Copies and pickled objects go on independently.
+
+    Args:
+        options: of the environment whose model the bank uses. Options of its simulated object, such as speed,
+            noise and scheme, are not used, except `initial_error` if `begin` is given an estimate without
+            a covariance, and by deciders.
+        decider: reads rows of that environment.
+        tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed, or the decider does not read these rows.
+
+    >>> from baselines import ThresholdDecider
+    >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
+    >>> for k in range(30):
+    ...     now = tracker.update((0.2 * k, 0.0), time=0.1 * k)
+    >>> now.mode, now.estimate.shape, now.covariance.shape
+    (0, (4,), (4, 4))
+    """
+
+    def __init__(self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1):
+        if not isinstance(options, (WorldOptions, QuickestOptions)):
+            raise reject("options", options, "WorldOptions or QuickestOptions")
+        if not callable(getattr(decider, "predict", None)):
+            raise reject("decider", decider, "an object with a method predict")
+        self.options, self.decider = options, decider
+        self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
+        known = isinstance(options, WorldOptions)
+        self.world: OnlineTrack = OnlineWorld(options) if known else OnlineQuickestWorld(options)
+        self._action_count = int(self.world.action_space().n)
+        self._longest = options.longest_segment
+        self._every_tick = bool(getattr(decider, "every_tick", False))
+        self._try_decider()
+        self.begin()
+
+    def begin(
+        self, estimate: ArrayLike | None = None, covariance: ArrayLike | None = None, mode: int | None = None
+    ) -> None:
+        """Begin a track, and forget the last one.
+
+        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced
+        switches, and a straight line is fitted to them (`start.FirstMeasurements`). The bank begins after the
+        last of them; until then the estimate is that of the line, and all modes are equally probable.
+
+        Args:
+            estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
+            covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
+            mode: before the first tick; None if it is not known.
+
+        Raises:
+            ArgumentError: an argument has a value that is not allowed.
+        """
+        if mode is not None:
+            mode = check_integer("mode", mode, 0, self.options.hypotheses - 1)
+        if estimate is None and covariance is not None:
+            raise reject("covariance", covariance, "None without an estimate")
+        first = None if estimate is None else self._checked_estimate(estimate, covariance)
+        self._mode = -1 if mode is None else mode
+        self._collected: FirstMeasurements | None = None
+        if first is None:
+            known = isinstance(self.options, WorldOptions)
+            self._collected = FirstMeasurements(self.options, MANY if known else FEW)
+        else:
+            self.world.begin_track(*first, self._mode)
+        self._last_time: float | None = None
+        self._measured = False
+        self._ticks: int | None = self._longest  # of the segment that the next measurement begins
+        self._decider_state: Any = None
+        self._episode_start = np.ones(1, np.bool_)
+
+    def switch(self, ticks: int | None = None) -> None:
+        """Announce that the next update is the first one after a switch, also `update(None)`.
+
+        Args:
+            ticks: until the next switch, which some learned deciders read; None assumes the longest segment
+                of the options.
+
+        Raises:
+            ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
+        """
+        if isinstance(self.options, QuickestOptions):
+            raise reject("switch", "an announced switch", "none with QuickestOptions")
+        self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
+
+    def update(self, measurement: ArrayLike | None, time: float | None = None) -> OnlineEstimate:
+        """Process one measurement.
+
+        Args:
+            measurement: (2,) position [m]; None if the sensor has none in this tick.
+            time: of the measurement [s]; None is one tick after the last one.
+
+        Returns:
+            What is known after it.
+
+        Raises:
+            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is
+                missing and the decider cannot do without it.
+        """
+        point = None if measurement is None else _checked_point(measurement)
+        moment = None if time is None else check_number("time", time)
+        missing = self._missing_ticks(moment) + (point is None)
+        missing = missing if self._measured else 0
+        if missing and getattr(self.decider, "needs_measurements", False):
+            allowed = (
+                f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
+            )
+            raise reject("missing measurements", missing, allowed)
+        if moment is not None:
+            self._last_time = moment
+        elif self._last_time is not None:
+            self._last_time += self.options.tau
+        if self._collected is not None:
+            if not self._begins_after(self._collected, point, missing):
+                return self._line_so_far(self._collected)
+            missing = 0
+        world = self.world
+        for k in range(missing):
+            if point is None and k == missing - 1:
+                self._begin_announced()  # the tick of `update(None)` itself
+            world.skip()
+            if self._every_tick and world.asks:
+                world.decide(self._ask_decider())
+        if point is not None:
+            self._measured = True
+            self._begin_announced()
+            world.measure(*point)
+            if world.asks:
+                world.decide(self._ask_decider())
+        return OnlineEstimate(
+            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance()
+        )
+
+    def _begin_announced(self) -> None:
+        """Begin the segment that `switch` has announced, if there is one."""
+        if self._ticks is not None:
+            self.world.begin_segment(self._ticks)
+            self._ticks = None
+
+    def __copy__(self) -> "OnlineTracker":
+        return copy.deepcopy(self)  # two objects that share a bank would disturb each other
+
+    def _missing_ticks(self, time: float | None) -> int:
+        """Return the number of ticks between the last measurement and a time, without both."""
+        if time is None or self._last_time is None:
+            return 0
+        tau = self.options.tau
+        passed = (time - self._last_time) / tau
+        ticks = round(passed) if abs(passed) < 2 * LONGEST_GAP else 0  # it may be infinite
+        if not (1 <= ticks <= LONGEST_GAP and abs(passed - ticks) <= self.tolerance):
+            allowed = (
+                f"{self._last_time:.9g} and 1 to {LONGEST_GAP} ticks of {tau:g} s more, within "
+                f"{self.tolerance:g} of a tick; begin() begins a new track"
+            )
+            raise reject("time", time, allowed)
+        return ticks - 1
+
+    def _begins_after(
+        self, collected: FirstMeasurements, point: tuple[float, float] | None, missing: int
+    ) -> bool:
+        """Collect a measurement after missing ones; return whether the bank has begun before it instead."""
+        for _ in range(missing):
+            collected.skip()
+        if point is None:
+            return False
+        if collected.complete:
+            self.world.begin_track(collected.estimate, collected.covariance, self._mode)
+            self._collected = None
+            return True
+        collected.add(*point)
+        self._measured = True
+        if self._ticks is not None:
+            self._ticks = max(self._ticks - 1, 1)
+        return False
+
+    def _line_so_far(self, collected: FirstMeasurements) -> OnlineEstimate:
+        M = self.options.hypotheses
+        return OnlineEstimate(
+            max(self._mode, 0), False, np.full(M, 1.0 / M),
+            collected.estimate.copy(), collected.covariance.copy(),
+        )  # fmt: skip
+
+    def _ask_decider(self) -> int:
+        """Return the action of the decider on the present row."""
+        observe = getattr(self.decider, "observe", None)
+        seen = self.world.take_rows() if observe is None else observe(self.world)
+        actions, self._decider_state = self.decider.predict(
+            seen, self._decider_state, self._episode_start, True
+        )
+        self._episode_start = np.zeros(1, np.bool_)
+        action = operator.index(actions[0])
+        if not 0 <= action < self._action_count:
+            raise reject("action", action, f"an integer from 0 to {self._action_count - 1}")
+        return action
+
+    def _try_decider(self) -> None:
+        """Ask the decider about a row, so that its code is compiled and a wrong decider is found at once."""
+        options, world = self.options, self.world
+        self.begin(np.array([0.0, options.speed, 0.0, 0.0]))
+        world.begin_segment(self._longest)
+        world.measure(options.speed * options.tau, 0.0)
+        try:
+            self._ask_decider()
+        except Exception as error:
+            environment = "HybridTrack-v0" if isinstance(options, WorldOptions) else "HybridTrackQuickest-v0"
+            allowed = f"one for rows of {environment} with {options.hypotheses} hypotheses: {error}"
+            raise reject("decider", type(self.decider).__name__, allowed) from error
+
+    def _checked_estimate(
+        self, estimate: ArrayLike, covariance: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
+        mean = check_array("estimate", estimate, (4,))
+        if covariance is None:
+            assert isinstance(self.options.initial_error, tuple)
+            position, velocity = self.options.initial_error
+            x, y = position * np.broadcast_to(self.options.variances, 2)
+            return mean, np.diag([x, velocity, y, velocity])
+        matrix = check_array("covariance", covariance, (4, 4))
+        deviations = np.sqrt(matrix.diagonal().clip(0.0))
+        scaled = matrix / np.maximum(np.outer(deviations, deviations), SMALLEST)  # correlations
+        if not np.allclose(scaled, scaled.T) or np.linalg.eigvalsh(scaled).min() < -ROUNDING:
+            raise reject("covariance", matrix.tolist(), "a symmetric matrix without negative eigenvalues")
+        return mean, matrix
+
+
+def _checked_point(measurement: ArrayLike) -> tuple[float, float]:
+    """Return a checked measurement; two floats are checked without an array, which would be slow."""
+    if isinstance(measurement, tuple) and len(measurement) == 2:
+        x, y = measurement
+        if isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER:  # not NaN
+            return x, y
+    x, y = check_array("measurement", measurement, (2,)).tolist()
+    return x, y

@@ -1,0 +1,92 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
+from baselines.estimation.turn_filters import correct, predict_turns, start_filters
+from baselines.estimation.turn_imm import TurnModel, run_turn_imm
+from baselines.recordings.flights.batch import Batch, stack_flights
+from baselines.recordings.flights.labels import STRAIGHT
+from baselines.recordings.flights.simulated import simulate_flights
+from baselines.recordings.flights.tiers import TIERS
+
+
+def one_piece(positions, times, across, timing=0.0):
+    return Batch(
+        ((0, 0, len(times)),), times[:, None], positions[:, None], np.array([across]), np.array([timing])
+    )
+
+
+def test_without_information_the_posterior_is_the_law_of_durations():
+    # a chain of modes is drawn tick by tick; with noise far above all motion the beam can only know its law
+    times = np.arange(25.0)
+    batch = one_piece(np.column_stack([80.0 * times, 0.0 * times]), times, 1e9)
+    model = TurnModel(rates=(0.0, 2.0, -2.0), straight=12.0, turn=10.0)
+    law = TurnHistories(shortest=(4.0, 6.0), branches=100)
+    found = run_turn_beam(batch, model, law)[:, 0]
+    generator, draws = np.random.default_rng(0), 20_000
+    mode = np.searchsorted(np.cumsum([0.9, 0.05]), generator.random(draws))
+    shortest, mean = np.array([4.0, 6.0, 6.0]), np.array([12.0, 10.0, 10.0])
+    age = shortest[mode]
+    for row in range(1, len(times)):
+        survived = np.exp(-np.maximum(age + 1.0 - shortest[mode], 0.0) / (mean - shortest)[mode])
+        before = np.exp(-np.maximum(age - shortest[mode], 0.0) / (mean - shortest)[mode])
+        ends = generator.random(draws) > survived / before
+        other = np.where(generator.random(draws) < 0.9, STRAIGHT, 3 - mode)
+        after = np.where(mode == STRAIGHT, generator.integers(1, 3, draws), other)
+        mode, age = np.where(ends, after, mode), np.where(ends, 0.0, age) + 1.0
+        share = np.bincount(mode, minlength=3) / draws
+        assert np.abs(share - found[row]).max() < 4.5 * np.sqrt(0.25 / draws)
+
+
+def test_all_histories_of_a_few_positions():
+    # every sequence of modes has a filter of its own; merging histories is the only difference
+    generator = np.random.default_rng(3)
+    times = np.array([0.0, 1.0, 2.1, 3.0, 4.2])
+    positions = np.column_stack([80.0 * times, 0.5 * times**2]) + generator.normal(0.0, 2.0, (5, 2))
+    batch = one_piece(positions, times, 2.0)
+    model = TurnModel(rates=(0.0, 2.0, -2.0), straight=10.0, turn=6.0)
+    found = run_turn_beam(batch, model, TurnHistories(shortest=(0.0, 1e-9), branches=60))[-1, 0]
+    omega = np.radians(model.rates)
+    leave = 1.0 / np.array([10.0, 6.0, 6.0])
+    share = np.array([[0.0, 0.5, 0.5], [0.9, 0.0, 0.1], [0.9, 0.1, 0.0]])
+    weights = np.zeros(3)
+    for sequence in itertools.product(range(3), repeat=5):
+        state, covariance = start_filters(batch, 1)
+        log_weight = np.log([0.9, 0.05, 0.05][sequence[0]])
+        for row, (last, mode) in enumerate(itertools.pairwise(sequence), 1):
+            step = np.diff(times)[row - 1 : row]
+            ends = -np.expm1(-leave[last] * step[0])
+            log_weight += np.log(1.0 - ends if mode == last else ends * share[last, mode])
+            state, covariance = predict_turns(state, covariance, omega[[mode]], model.acceleration, step)
+            state, covariance, likelihood = correct(
+                state, covariance, positions[row, None], 4.0 * np.eye(2)[None], model.freedom
+            )
+            log_weight += float(likelihood[0, 0])
+        weights[sequence[-1]] += np.exp(log_weight)
+    np.testing.assert_allclose(found, weights / weights.sum(), atol=0.01)
+
+
+@pytest.fixture(scope="module")
+def batch():
+    return stack_flights(simulate_flights(TIERS["B"], 2, 500.0, np.random.default_rng(5))[0])
+
+
+def test_exponential_durations_give_about_the_filter_bank(batch):
+    beam = run_turn_beam(batch, None, TurnHistories(shortest=(0.0, 0.0)))
+    bank = run_turn_imm(batch).probabilities
+    same = (beam.argmax(-1) == bank.argmax(-1))[batch.present]
+    assert same.mean() > 0.98
+    np.testing.assert_allclose(beam.sum(-1), 1.0)
+
+
+def test_turned_flights_have_the_same_posterior(batch):
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    turned = batch._replace(positions=batch.positions @ turn.T)
+    np.testing.assert_allclose(run_turn_beam(turned), run_turn_beam(batch), atol=1e-6)
+
+
+def test_a_longer_piece_does_not_affect_a_short_one(batch):
+    short = Batch(*(part[:1] if k in (0, 3, 4) else part[:, :1] for k, part in enumerate(batch)))
+    np.testing.assert_allclose(run_turn_beam(short)[:, 0], run_turn_beam(batch)[:, 0], atol=1e-6)

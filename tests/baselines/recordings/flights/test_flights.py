@@ -1,0 +1,282 @@
+import gzip
+import json
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.run_filter import run_filter
+from baselines.estimation.turn_imm import TurnModel, run_turn_imm
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.labels import (
+    LEFT,
+    RIGHT,
+    STRAIGHT,
+    LabelRules,
+    find_turns,
+    label_flights,
+    row_edges,
+    scored_alike,
+)
+from baselines.recordings.flights.metrics import (
+    FlightCounts,
+    bootstrap,
+    count_flight,
+    figures,
+    paired_agreement,
+    unstack,
+)
+from baselines.recordings.flights.samples import Samples, installed_samples
+from baselines.recordings.flights.simulated import draw_world, simulate_flights, twins
+from baselines.recordings.flights.tiers import SCORED, TIERS
+from baselines.rules.flight_rules import Cusum, Threshold, held
+from hybrid_env.checks import ArgumentError
+
+METRE = 1.0 / 111_320.0  # degrees of latitude
+
+
+def reports(icao="abc123", start=1_600_000_000.0, seed=0):
+    """A flight at 80 m/s near the equator with a left turn of 2 deg/s and a right one of 1.5 deg/s."""
+    generator = np.random.default_rng(seed)
+    rates = np.radians(np.repeat([0.0, 2.0, 0.0, -1.5, 0.0], [200, 45, 120, 60, 200]))
+    heading = 0.3 + np.cumsum(rates)
+    path = np.cumsum(80.0 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    path += generator.normal(0.0, 1.5, path.shape)
+    return [
+        {
+            "timestamp": int(1000 * (start + k)), "icao24": icao,
+            "latitude": y * METRE, "longitude": x * METRE,
+            "track": float(np.degrees(np.pi / 2.0 - angle) % 360.0),
+        }
+        for k, ((x, y), angle) in enumerate(zip(path, heading, strict=True))
+    ]  # fmt: skip
+
+
+def write(folder, rows, name="known"):
+    folder.mkdir(parents=True, exist_ok=True)
+    with gzip.open(folder / f"{name}.json.gz", "wt") as file:
+        json.dump(rows, file)
+    return folder
+
+
+@pytest.fixture
+def flight(tmp_path):
+    return Samples(write(tmp_path, reports())).flight("known:abc123:0")
+
+
+def test_flights_are_divided_at_gaps_and_by_aircraft(tmp_path):
+    rows = reports() + reports(start=1_600_002_000.0, seed=1) + reports(icao="39e415", seed=2)
+    samples = Samples(write(tmp_path / "inner", rows).parent)
+    assert set(samples.flights_of("known")) == {"known:abc123:0", "known:abc123:1", "known:39e415:0"}
+    flight = samples.flight("known:abc123:1")
+    assert (flight.tier.name, len(flight.times), flight.times[0]) == ("B", 625, 0.0)
+
+
+def test_a_wheel_is_read_like_a_folder(tmp_path):
+    path = write(tmp_path, reports()) / "known.json.gz"
+    wheel = tmp_path / "some-1-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        archive.write(path, "traffic/data/samples/known.json.gz")
+    one, other = (Samples(source).flight("known:abc123:0") for source in (tmp_path, wheel))
+    np.testing.assert_array_equal(one.positions, other.positions)
+
+
+def test_repeated_and_interpolated_positions_are_left_out(tmp_path):
+    rows = reports()
+    rows[50] |= {name: rows[49][name] for name in ("latitude", "longitude")}
+    for name in ("latitude", "longitude"):
+        rows[101][name] = 0.5 * (rows[100][name] + rows[102][name])
+    flight = Samples(write(tmp_path, rows)).flight("known:abc123:0")
+    assert (flight.repeated, flight.interpolated) == (1, 1)
+    assert not {50.0, 101.0} & set(flight.times.tolist())
+
+
+def test_positions_are_metres_and_the_track_angle_is_anticlockwise_from_east(flight):
+    moved = np.diff(flight.positions[:200:199], axis=0)[0]
+    assert np.hypot(*moved) == pytest.approx(199 * 80.0, rel=0.01)
+    assert np.arctan2(*moved[::-1]) == pytest.approx(0.3, abs=0.01)
+    assert flight.tracks[0] % (2 * np.pi) == pytest.approx(0.3)
+
+
+def test_labels_of_known_turns(flight):
+    (labels,) = label_flights([flight])
+    pieces = [(mode, labels.times[first]) for first, _, mode in labels.pieces]
+    assert [mode for mode, _ in pieces] == [STRAIGHT, LEFT, STRAIGHT, RIGHT, STRAIGHT]
+    assert np.allclose([begin for _, begin in pieces], [0, 200, 245, 365, 425], atol=5.0)
+    assert np.degrees(labels.rates[215:230]).mean() == pytest.approx(2.0, rel=0.1)
+    assert labels.scored.mean() > 0.93
+
+
+def test_rules_of_turns():
+    edges = row_edges(np.arange(100.0))
+    rates = np.zeros(100)
+    rates[10:30], rates[33:50] = 0.03, 0.03  # one turn, because the gap is short
+    rates[60:65] = -0.05  # too short
+    rates[75:95] = -0.008  # too slow
+    modes, turning = find_turns(edges, rates, LabelRules())
+    assert (modes[10:50] == LEFT).all()
+    assert (modes[50:] == STRAIGHT).all()
+    assert turning[60:65].all()
+    assert turning[75:95].all()
+
+
+def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
+    rows = reports()
+    for row in rows[195:255]:
+        row["track"] = rows[190]["track"]
+    flight = Samples(write(tmp_path, rows)).flight("known:abc123:0")
+    (labels,) = label_flights([flight])
+    assert not labels.scored[215:235].any()
+
+
+def test_the_deciders_find_known_turns(flight):
+    batch = stack_flights([flight])
+    estimates = run_turn_imm(batch)
+    (labels,) = label_flights([flight])
+    for decider in (Threshold(), Cusum()):
+        (stated,) = unstack(batch, decider.state_modes(batch, estimates), [len(flight.times)])
+        values = figures([count_flight(labels, stated, flight.pieces)])
+        assert values.agreement > 0.93
+        assert values.misses == 0.0
+        assert values.delay < 8.0
+
+
+def test_the_filter_with_one_model_is_a_kalman_filter(flight):
+    # isotropic noise and a Gaussian likelihood: the Kalman filter of constant velocity
+    batch = stack_flights([flight])._replace(timing=np.zeros(1))
+    model = TurnModel(rates=(0.0,), acceleration=0.1, freedom=1e9)
+    estimates = run_turn_imm(batch, model)
+    across = float(batch.across[0])
+    kalman = KalmanFilter(MotionModel("CV", 2, 0.1), across**2)
+    first = batch.positions[0, 0], batch.positions[1, 0] - batch.positions[0, 0]
+    start = np.column_stack(first).reshape(1, 4)
+    spread = np.diag([across**2, 1e4, across**2, 1e4])
+    filtered = run_filter(kalman, batch.positions[1:], batch.times[1:], start=(start, spread, 0.0))
+    speeds = np.hypot(*np.moveaxis(filtered.velocities[:, 0], -1, 0))
+    np.testing.assert_allclose(estimates.speeds[1:, 0], speeds, rtol=1e-6)
+
+
+def test_flights_of_different_length_do_not_affect_each_other(tmp_path, flight):
+    short = Samples(write(tmp_path, reports(seed=3)[:300], "other")).flight("other:abc123:0")
+    both, one = stack_flights([flight, short]), stack_flights([short])
+    together, alone = run_turn_imm(both), run_turn_imm(one)
+    count = len(short.times)
+    np.testing.assert_allclose(together.probabilities[:count, 1], alone.probabilities[:, 0], atol=1e-9)
+
+
+def test_held_statements():
+    values = np.array([[1], [2], [2], [1]])
+    assert held(values, np.array([[False], [True], [False], [True]]))[:, 0].tolist() == [0, 2, 2, 1]
+
+
+def test_counts_by_hand(flight):
+    (labels,) = label_flights([flight])
+    exact = count_flight(labels, labels.modes, flight.pieces)
+    assert (exact.labels, exact.missed, exact.delay, exact.false, exact.changes) == (4, 0, 0.0, 0, 4)
+    assert exact.agreed == exact.scored
+    stated = labels.modes.copy()
+    stated[labels.modes == RIGHT] = STRAIGHT  # a miss
+    stated[100:110] = LEFT  # two changes, one of them false
+    wrong = count_flight(labels, stated, flight.pieces)
+    assert (wrong.missed, wrong.false, wrong.false_turns) == (1, 1, 1)
+    stated = labels.modes.copy()
+    stated[215:222] = STRAIGHT  # a turn with a gap: two changes, one of them false
+    gap = count_flight(labels, stated, flight.pieces)
+    assert (gap.missed, gap.false, gap.false_turns, gap.changes) == (0, 1, 0, 6)
+    assert [
+        low <= value <= high
+        for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]).values(), strict=True)
+    ]
+
+
+def test_paired_agreement_of_flights_that_differ_equally():
+    counts = [FlightCounts(100.0, 100.0 - k, 1, 0, 0.0, 0, 0, 0) for k in (5.0, 20.0, 40.0)]
+    better = [one._replace(agreed=one.agreed + 3.0) for one in counts]
+    value, interval = paired_agreement(better, counts)
+    np.testing.assert_allclose((value, *interval), 0.03)  # the same in every draw
+    nothing = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0, 0)
+    assert np.isnan(paired_agreement([nothing], [nothing])[1]).all()
+    low, high = bootstrap(counts)["agreement"]
+    assert high - low > 0.1
+
+
+def test_simulated_flights_have_the_noise_of_their_tier():
+    flights, labels = simulate_flights(TIERS["B"], 4, 1500.0, np.random.default_rng(0))
+    assert sum(mode != STRAIGHT for one in labels for *_, mode in one.pieces) > 4
+    copies, copied = twins(flights, labels, np.random.default_rng(1))
+    for one, other, label in zip(flights, copies, copied, strict=True):
+        np.testing.assert_array_equal(one.times, other.times)
+        speed = np.hypot(*np.diff(other.positions, axis=0).T) / np.diff(other.times)
+        assert np.median(speed) == pytest.approx(np.median(label.speeds), rel=0.1)
+    same = [np.mean(one.modes == other.modes) for one, other in zip(labels, copied, strict=True)]
+    assert min(same) > 0.9
+
+
+def test_drawn_settings_differ_and_give_flights_with_turns():
+    generator = np.random.default_rng(4)
+    worlds = [draw_world(generator) for _ in range(20)]
+    assert len({world.wander for world in worlds}) == 20
+    assert all(0.0 < world.jitter < 1.0 and world.freedom > 2.0 for world in worlds)
+    flights = [simulate_flights(TIERS["C"], 1, 4000.0, generator, world)[0][0] for world in worlds]
+    turning = [np.mean(labels.modes != STRAIGHT) for labels in label_flights(flights)]
+    assert 0.1 < np.mean(turning) < 0.6
+
+
+def test_twins_are_scored_where_their_flights_are(flight):
+    (labels,) = label_flights([flight])
+    known = replace(labels, scored=labels.scored & (labels.times < 300.0))
+    found = scored_alike(labels, known)
+    assert (found.scored == known.scored).all()
+    assert found.weights[labels.times < 300.0].sum() == labels.weights[labels.times < 300.0].sum()
+    assert not found.weights[labels.times >= 300.0].any()
+    np.testing.assert_array_equal(found.modes, labels.modes)
+
+
+def test_covariances_stay_symmetric_with_turned_noise():
+    generator = np.random.default_rng(0)
+    velocity = np.array([100.0, 70.0])
+    noise = 2.5 * np.eye(2) + 0.0064 * np.outer(velocity, velocity)
+    times = np.cumsum(generator.uniform(0.5, 2.5, 6000))
+    values = times[:, None] * velocity + generator.multivariate_normal(np.zeros(2), noise, 6000)
+    kalman = KalmanFilter(MotionModel("CA", 2, 1.0), noise, (200.0, 5.0))
+    covariances = run_filter(kalman, values, times).covariances
+    assert np.abs(covariances - covariances.swapaxes(-1, -2)).max() < 1e-6
+    assert np.linalg.eigvalsh(covariances[100:]).min() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("identity", "text"),
+    [("known", "file:icao24:k"), ("known:abc123:7", "known:abc123:0"), ("nothing:abc123:0", "file=")],
+)
+def test_unknown_flights_are_refused(tmp_path, identity, text):
+    samples = Samples(write(tmp_path, reports()))
+    with pytest.raises(ArgumentError, match=text):
+        samples.flight(identity)
+
+
+def test_bad_sources_are_refused(tmp_path):
+    with pytest.raises(ArgumentError, match=r"no \.json\.gz files"):
+        Samples(tmp_path)
+    with pytest.raises(ArgumentError, match="not a folder or a wheel"):
+        Samples(tmp_path / "absent")
+    (tmp_path / "known.json.gz").write_bytes(gzip.compress(b"[{}]")[:-9])
+    with pytest.raises(ArgumentError, match="cannot be read"):
+        Samples(tmp_path).table("known")
+
+
+def installed():
+    try:
+        return installed_samples()
+    except ArgumentError:
+        return None
+
+
+@pytest.mark.skipif(installed() is None, reason="the package 'traffic' is not installed")
+def test_a_recorded_flight():
+    flight = Samples().flight(SCORED["A"][-1])
+    assert flight.tier.name == "A"
+    (labels,) = label_flights([flight])
+    assert sum(mode != STRAIGHT for *_, mode in labels.pieces) >= 3

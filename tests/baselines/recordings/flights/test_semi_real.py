@@ -1,0 +1,112 @@
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from baselines import ThresholdDecider
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.run_filter import run_filter
+from baselines.estimation.smoother import smooth
+from baselines.recordings.flights.labels import STRAIGHT
+from baselines.recordings.flights.metrics import count_flight, figures
+from baselines.recordings.flights.semi_real import (
+    WORLD,
+    noise_deviation,
+    semi_real_flights,
+    smooth_path,
+    state_semi_real,
+)
+from baselines.recordings.flights.simulated import FlightWorld, simulate_flights
+from baselines.recordings.flights.tiers import TIERS
+
+
+def test_between_positions_the_path_is_that_of_the_smoother():
+    # the smoother itself, with times without a measurement
+    generator = np.random.default_rng(0)
+    times = np.cumsum(generator.uniform(1.0, 6.0, 40))
+    heading = np.cumsum(generator.normal(0.0, 0.2, 40))
+    positions = np.cumsum(300.0 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    middle = np.setdiff1d(np.linspace(times[0], times[-1], 77), times)
+    moments = np.sort(np.concatenate([times, middle]))
+    values = np.full((len(moments), 2), np.nan)
+    measured = np.isin(moments, times)
+    values[measured] = positions
+
+    def states(z, t):
+        model = MotionModel("CA", 2, 1.0)
+        return smooth(model, run_filter(KalmanFilter(model, 25.0, (200.0, 5.0)), z, t), t).states
+
+    path = smooth_path(times, states(positions, times), middle)
+    np.testing.assert_allclose(
+        path, states(values, moments)[~measured][:, [0, 1, 3, 4]], rtol=1e-4, atol=0.05
+    )
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    # with hardly any noise or jitter, so that the truth is known
+    world = FlightWorld(jitter=1e-6, wander=1e-9, rates=(0.039, 0.041), speeds=(89.0, 91.0))
+    tier = TIERS["B"]._replace(across=0.1, timing=1e-3)
+    return simulate_flights(tier, 3, 2500.0, np.random.default_rng(2), world)
+
+
+def test_the_setting_is_that_of_the_environment():
+    sigma = noise_deviation(90.0)
+    assert sigma == pytest.approx(90.0 / 0.632, rel=1e-3)
+    # the default radius and speed are a turn of 2.3 deg/s
+    scale = np.sqrt(WORLD.variances[0]) / sigma
+    assert np.degrees(90.0 / (WORLD.radii[0] / scale)) == pytest.approx(2.29, abs=0.01)
+
+
+def test_noise_and_ticks(simulated):
+    flights, labels = simulated
+    made, copied = semi_real_flights(flights, labels, np.random.default_rng(1))
+    for flight, one, label, copy in zip(flights, made, labels, copied, strict=True):
+        np.testing.assert_array_equal(np.diff(one.times), 1.0)
+        assert one.pieces == [(0, len(one.times))]
+        assert one.tier[1:3] == (pytest.approx(142.0, rel=0.02), 0.0)
+        true = np.column_stack([np.interp(one.times, flight.times, axis) for axis in flight.positions.T])
+        errors = (one.positions - true) / one.tier.across
+        count = errors.size
+        # mean and mean square of standard normal errors, 4.5 standard deviations
+        assert abs(errors.mean()) < 4.5 / np.sqrt(count)
+        assert abs((errors**2).mean() - 1.0) < 4.5 * np.sqrt(2.0 / count)
+        row = np.abs(one.times[:, None] - flight.times).argmin(1)
+        apart = np.abs(one.times - flight.times[row])
+        clear = np.abs(apart - 0.5) > 1e-6  # two positions are not equally near
+        np.testing.assert_array_equal(copy.modes[clear], label.modes[row][clear])
+
+
+def test_ticks_far_from_any_position_are_not_scored(simulated):
+    flight, label = simulated[0][0], simulated[1][0]
+    kept = (flight.times < 100.0) | (flight.times > 130.0)
+    cut = replace(
+        flight, times=flight.times[kept], positions=flight.positions[kept], tracks=flight.tracks[kept]
+    )
+    labels = replace(label, **{field.name: getattr(label, field.name)[kept] for field in fields(label)})
+    (made,), (copied,) = semi_real_flights([cut], [labels], np.random.default_rng(0))
+    gap = (made.times > 103.0) & (made.times < 127.0)
+    assert gap.sum() > 20
+    assert not copied.scored[gap].any()
+    assert (copied.weights[gap] == 0.0).all()
+
+
+def test_deciders_of_the_environment_read_flights_in_any_unit(simulated):
+    made, copied = semi_real_flights(*simulated, np.random.default_rng(1))
+    stated = state_semi_real(ThresholdDecider(0.6), made)
+    values = figures(
+        [count_flight(label, s, f.pieces) for label, s, f in zip(copied, stated, made, strict=True)]
+    )
+    assert values.agreement > 0.85
+    assert any((one != STRAIGHT).any() for one in stated)
+    scaled = [
+        replace(
+            one,
+            tier=one.tier._replace(across=1000.0 * one.tier.across),
+            positions=1000.0 * one.positions,
+        )
+        for one in made
+    ]
+    for one, other in zip(stated, state_semi_real(ThresholdDecider(0.6), scaled), strict=True):
+        np.testing.assert_array_equal(one, other)

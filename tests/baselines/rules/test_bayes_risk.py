@@ -1,0 +1,129 @@
+"""Optimal stopping against dynamic programming on a scalar problem, and calibration of the banks."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from agents.evaluation.evaluate import evaluate
+from baselines import MSPRTDecider
+from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
+from baselines.rules.posterior_paths import (
+    PosteriorPaths,
+    calibration,
+    simulate_posterior_paths,
+    summarise_calibration,
+)
+from hybrid_env.checks import ArgumentError
+
+DRIFT, LAST, COST = 0.35, 60, 0.02
+
+
+def gaussian_paths(count, seed):
+    """Posterior paths of two hypotheses with observations N(+-DRIFT, 1)."""
+    generator = np.random.default_rng(seed)
+    ratio = 2 * DRIFT * np.cumsum(generator.normal(DRIFT, 1, (count, LAST)), axis=1)  # ln p(true) / p(other)
+    log_error_probability = -np.logaddexp(0, np.abs(ratio))
+    return PosteriorPaths(log_error_probability, ratio > 0, np.full(count, LAST), "hypothesis")
+
+
+def optimal_value():
+    """Expected reward of the optimal rule, by backward induction on a grid of the log-likelihood ratio."""
+    grid = np.linspace(-14, 14, 1401)
+    posterior = 1 / (1 + np.exp(-grid))
+    stop = 2 * np.maximum(posterior, 1 - posterior) - 1
+    step, spread = 2 * DRIFT**2, 2 * DRIFT
+    width = grid[1] - grid[0]
+    up = stats.norm.pdf(grid[None, :], grid[:, None] + step, spread) * width
+    down = stats.norm.pdf(grid[None, :], grid[:, None] - step, spread) * width
+    transition = posterior[:, None] * up + (1 - posterior)[:, None] * down
+    transition /= transition.sum(1, keepdims=True)
+    value = stop
+    for _ in range(LAST - 1):
+        value = np.maximum(stop, transition @ value - COST)
+    # the first tick, from a log-ratio of 0; it has no cost here
+    first = 0.5 * (stats.norm.pdf(grid, step, spread) + stats.norm.pdf(grid, -step, spread)) * width
+    return float(first @ value)
+
+
+def reward_of(boundary, paths):
+    declares = paths.log_error_probability <= boundary
+    declares[:, -1] = True
+    when = declares.argmax(1)
+    correct = paths.correct[np.arange(len(when)), when]
+    return np.where(correct, 1.0, -1.0) - COST * when
+
+
+def test_stopping_boundary_earns_the_optimal_reward_of_dynamic_programming():
+    boundary = stopping_boundary(gaussian_paths(20_000, 1), COST)
+    rewards = reward_of(boundary, gaussian_paths(40_000, 2))
+    error = rewards.std() / math.sqrt(rewards.size)
+    best = optimal_value()
+    # the regression may lose 0.005, half a per cent of the reward of a correct decision
+    assert rewards.mean() > best - 0.005 - 4 * error
+    assert rewards.mean() < best + 4 * error
+
+
+def test_lower_delay_cost_gives_a_stricter_boundary():
+    paths = gaussian_paths(20_000, 3)
+    low_cost, high_cost = (stopping_boundary(paths, cost) for cost in (0.005, 0.05))
+    assert (low_cost[5:40] < high_cost[5:40]).all()
+
+
+def test_bayes_risk_earns_at_least_as_much_as_constant_thresholds():
+    paths = simulate_posterior_paths(1000, 10**9, bank="anchor_aware")
+    bayes_risk = BayesRiskDecider(stopping_boundary(paths, 0.02), paths.by)
+    reward = evaluate(bayes_risk, episodes=1000, bank="anchor_aware").reward.mean(1)
+    for alpha in (0.1, 0.03, 0.01):
+        constant = evaluate(MSPRTDecider(alpha), episodes=1000, bank="anchor_aware").reward.mean(1)
+        gain = reward - constant
+        assert gain.mean() > -4 * gain.std() / math.sqrt(gain.size)
+
+
+@pytest.mark.parametrize("R", [0.01, 0.1, 1.0])
+def test_anchor_aware_posterior_is_calibrated_and_published_posterior_is_overconfident(R):
+    aware = simulate_posterior_paths(5000, 5, bank="anchor_aware", measurement_variance=R)
+    # 30,000 segments: the standard error of the accuracy is at most 0.3 percentage points
+    for tick in (2, 5, 10, 20, 40):
+        summary = summarise_calibration(aware, tick)
+        assert abs(summary.stated - summary.right) < 0.012
+        bins = calibration(aware, tick)
+        for stated, accuracy, count in zip(bins.stated, bins.accuracy, bins.count, strict=True):
+            if count:
+                error = math.sqrt(max(stated * (1 - stated), 1e-4) / count)
+                assert abs(stated - accuracy) < 0.02 + 4 * error
+    kept = simulate_posterior_paths(5000, 5, bank="published", reset_covariance=False, measurement_variance=R)
+    least_gap = {0.01: 0.005, 0.1: 0.03, 1.0: 0.04}[R]  # the standard error is 0.003
+    summary = summarise_calibration(kept, 10)
+    assert summary.stated - summary.right > least_gap
+
+
+def test_posterior_paths_have_one_row_per_segment():
+    paths = simulate_posterior_paths(3, 7, scheme="S5 L7r5 S3")
+    assert paths.length.tolist() == [5, 7, 3] * 3
+    assert paths.log_error_probability.shape == (9, 7)
+    assert (paths.log_error_probability <= 0).all()
+
+
+def test_ticks_truncates_paths_and_undecided_is_always_likeliest():
+    short = simulate_posterior_paths(20, 7, ticks=10)
+    whole = simulate_posterior_paths(20, 7, undecided="keep")
+    np.testing.assert_array_equal(short.log_error_probability, whole.log_error_probability[:, :10])
+    assert (short.length == 10).all()
+
+
+def test_invalid_arguments_raise():
+    paths = simulate_posterior_paths(3, 7, scheme="S5 L7r5 S3")
+    for bad in (0, 2.5, 8):
+        with pytest.raises(ArgumentError, match="tick="):
+            summarise_calibration(paths, bad)
+    with pytest.raises(ArgumentError, match="paths=9"):
+        stopping_boundary(paths, 0.02)
+    with pytest.raises(ArgumentError, match="seed=-1"):
+        simulate_posterior_paths(3, -1)
+    for bad in ([], [np.nan], 3.0, "low"):
+        with pytest.raises(ArgumentError, match="boundary"):
+            BayesRiskDecider(bad)
+    with pytest.raises(ArgumentError, match="by="):
+        BayesRiskDecider([0.0], by="types")

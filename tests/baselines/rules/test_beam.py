@@ -1,0 +1,189 @@
+"""The beam equals the posterior of all histories of switches, and survives outliers and new episodes."""
+
+import copy
+import itertools
+
+import numpy as np
+import pytest
+from matrix_filters import MatrixExtendedKalmanFilter
+
+from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import record_statements
+from baselines.rules.threshold import ThresholdDecider
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
+
+TRIANGLE = np.triu_indices(4)
+TICKS = 12  # with a measurement after the first one
+
+
+def histories(law, modes, ticks):
+    """Return (modes of all ticks, ticks at which a segment begins, probability) of every history."""
+    longest = 4 * ticks
+    first, later = (function(law, longest) for function in (remaining_probabilities, duration_probabilities))
+    found = []
+
+    def extend(path, starts, probability, law_of_segment):
+        left = ticks - len(path)
+        for length in range(1, left + 1):
+            if law_of_segment[length - 1] > 0:
+                mode = path[-1]
+                for other in set(range(modes)) - {mode}:
+                    extend(
+                        (*path, *[mode] * (length - 1), other),
+                        (*starts, len(path) + length - 1),
+                        probability * law_of_segment[length - 1] / (modes - 1),
+                        later,
+                    )
+        lasts = probability * law_of_segment[max(left, 0) :].sum()
+        if lasts > 0:
+            found.append(((*path, *[path[-1]] * left), starts, lasts))
+
+    for mode in range(modes):
+        extend((mode,), (), 1.0 / modes, first)
+    return found
+
+
+def test_the_enumerated_histories_are_complete():
+    law = parse_durations("uniform 2-4")
+    found = histories(law, 3, 6)
+    assert len(set(found)) == len(found)
+    assert sum(probability for _, _, probability in found) == pytest.approx(1.0, rel=1e-12)
+    # by the definition of the law: the first segment ends after tick 1 with probability 1 / mean
+    assert sum(p for _, starts, p in found if 1 in starts) == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
+def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
+    options = QuickestOptions(
+        durations=text,
+        measurement_variance=(0.01, 0.02),
+        process_variance=0.01,
+        ticks=40,
+        radii=(1.5,),
+        start="random",
+    )
+    law, R = options.law, options.measurement_variance
+    generator = np.random.default_rng(5)
+    root = 0.1 * generator.normal(0, 1, (4, 4))
+    anchor, P = np.array([3.0, 1.5, -1.0, 1.2]), root @ root.T
+    position = np.cumsum(np.tile(0.1 * anchor[[1, 3]], (TICKS, 1)), axis=0) + anchor[[0, 2]]
+    z = position + generator.normal(0, 0.15, (TICKS, 2))
+    filters = {}
+
+    def filter_after(path, starts):
+        """Return the filter of a history after the measurements of its ticks, and the log-likelihood."""
+        tick = len(path) - 1
+        key = path, starts
+        if key not in filters:
+            if tick == 0:
+                new = MatrixExtendedKalmanFilter(anchor, P, signed(path[0]), 0.1, 0.01, R)
+            else:
+                new = copy.deepcopy(filter_after(path[:-1], tuple(k for k in starts if k < tick)))
+                if tick in starts:
+                    total = new.log_likelihood
+                    new = MatrixExtendedKalmanFilter(new.s[:4], new.P[:4, :4], signed(path[-1]), 0.1, 0.01, R)
+                    new.log_likelihood = total
+                new.step(z[tick - 1])
+            filters[key] = new
+        return filters[key]
+
+    def signed(mode):
+        return (0.0, 1.5, -1.5)[mode]
+
+    decider = BeamDecider(options, branches=20_000, merged=False)
+    start = [*anchor, *P[TRIANGLE], *np.log([1 / 3] * 3)]
+    rows = np.hstack([np.vstack([position[:1], z]), np.tile(start, (TICKS + 1, 1))])
+    state = None
+    for tick in range(TICKS + 1):
+        _, state = decider.predict(rows[tick : tick + 1], state)
+        if tick not in (0, 1, 5, 12):
+            continue
+        weights = np.zeros(3)
+        for path, starts, probability in histories(law, 3, tick + 1):
+            weights[path[-1]] += probability * np.exp(filter_after(path, starts).log_likelihood)
+        np.testing.assert_allclose(
+            np.exp(state.log_probability[0]), weights / weights.sum(), rtol=2e-5, atol=1e-9
+        )
+    assert 50 < state.branches.counts[0] < 20_000
+
+
+def test_merging_changes_nothing_while_only_one_switch_is_possible():
+    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-11", ticks=15)
+    env.reset(seed=3)
+    deciders = [BeamDecider(env.options, branches=200, merged=merged) for merged in (False, True)]
+    states = [None, None]
+    for _ in range(15):
+        seen = deciders[0].observe(env.world)
+        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
+        states = [decider.predict(seen, state)[1] for decider, state in zip(deciders, states, strict=True)]
+        np.testing.assert_allclose(*(np.exp(state.log_probability) for state in states), atol=1e-12)
+        env.step(np.zeros(6, np.int64))
+    separate, merged = (state.branches.counts for state in states)
+    assert (merged < separate).all()
+
+
+@pytest.mark.parametrize("start", ["known", "random"])
+@pytest.mark.parametrize("text", ["25 + geometric 50", "geometric 75", "uniform 5-9"])
+def test_hazards_give_back_the_law(text, start):
+    laws = QuickestOptions(durations=text, start=start, ticks=400).duration_laws
+    table = hazards(laws)
+    survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
+    np.testing.assert_allclose(survival * table, laws, atol=1e-12)
+
+
+def test_the_hazard_of_a_geometric_law_stays_the_same_in_very_long_segments():
+    """After 30 mean durations the probability of such a segment is below 1e-13."""
+    laws = QuickestOptions(durations="geometric 10", ticks=1000).duration_laws
+    np.testing.assert_allclose(hazards(laws), 0.1, rtol=1e-3)
+
+
+def test_episodes_that_begin_again_have_the_statements_of_fresh_ones():
+    options = {"ticks": 30, "durations": "uniform 5-12", "radii": (3.0, 8.0)}
+    env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)
+    env.reset(seed=1)
+    decider, state = BeamDecider(env.options, branches=20), None
+    start, second = np.ones(5, bool), []
+    for k in range(60):
+        seen = decider.observe(env.world)
+        actions, state = decider.predict(seen, state, start)
+        if k >= 30:
+            second.append((seen, actions, state.log_probability.copy()))
+        _, _, start, _, _ = env.step(actions)
+    assert start.all()
+    state = None
+    for seen, actions, log_probability in second:
+        again, state = decider.predict(seen, state)
+        np.testing.assert_array_equal(again, actions)
+        np.testing.assert_array_equal(state.log_probability, log_probability)
+
+
+def test_probabilities_are_finite_after_outliers():
+    env = HybridTrackQuickestVectorEnv(4, ticks=100)
+    env.reset(seed=0)
+    decider, state = BeamDecider(env.options, branches=16), None
+    for k in range(100):
+        seen = decider.observe(env.world)
+        seen[:, :2] += 30.0 * (k % 10 == 5)  # 100 sigma
+        actions, state = decider.predict(seen, state)
+        assert np.isfinite(state.log_probability).all()
+        np.testing.assert_allclose(np.exp(state.log_probability).sum(1), 1, rtol=1e-9)
+        env.step(actions)
+
+
+def test_a_beam_that_knows_the_law_is_better_than_the_bank():
+    options = {"durations": "uniform 50-100", "measurement_variance": 0.1}
+    rules = ThresholdDecider(0.6), BeamDecider(QuickestOptions(**options), 0.6, branches=32)
+    rewards = [measure_statements(record_statements(rule, 40, 3, **options)).reward for rule in rules]
+    assert (rewards[1] - rewards[0]).mean() > 0.0
+
+
+def test_arguments_out_of_range_are_refused():
+    options = QuickestOptions(radii=(3.0, 8.0))
+    for bad in ({"branches": 4}, {"threshold": 2.0}, {"durations": "often"}):
+        with pytest.raises(ArgumentError):
+            BeamDecider(options, **bad)
+    for shape in itertools.product((3,), (2, 28)):
+        with pytest.raises(ArgumentError, match="observation shape"):
+            BeamDecider(options).predict(np.zeros(shape))

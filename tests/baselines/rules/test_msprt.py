@@ -1,0 +1,86 @@
+"""MSPRT and gap rule against independently computed posteriors and against the error bound of the MSPRT."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import softmax
+
+from agents.evaluation.evaluate import evaluate
+from baselines import GapDecider, MSPRTDecider
+from baselines.rules.msprt import error_and_best, type_posteriors
+from hybrid_env import HybridTrackVectorEnv
+from hybrid_env.checks import ArgumentError
+
+RADII = (3.0, 5.0, 9.0)
+
+
+@pytest.mark.parametrize("rule", ["posterior", "type", "gap"])
+def test_rules_decide_as_posteriors_from_log_likelihoods(rule):
+    env = HybridTrackVectorEnv(64, radii=RADII, correctness="type")
+    rows, info = env.reset(seed=3)
+    kind = np.array([0, 1, 1, 1, 2, 2, 2])
+    declared = 0
+    for _ in range(200):
+        posterior = softmax(info["log_likelihood"], axis=-1)
+        ranked = np.sort(info["log_likelihood"], axis=-1)
+        if rule == "posterior":
+            decider, decides = MSPRTDecider(0.05), 1.0 - posterior.max(-1) <= 0.05
+            expected = posterior.argmax(-1) + 1
+        elif rule == "gap":
+            decider, decides = GapDecider(3.0), ranked[:, -1] - ranked[:, -2] >= 3.0
+            expected = posterior.argmax(-1) + 1
+        else:
+            types = np.stack([posterior[:, kind == k].sum(-1) for k in range(3)], axis=-1)
+            decider, decides = MSPRTDecider(0.05, by="type"), 1.0 - types.max(-1) <= 0.05
+            of_type = kind == types.argmax(-1)[:, None]
+            expected = np.where(of_type, posterior, -1.0).argmax(-1) + 1
+        actions, _ = decider.predict(rows)
+        # rows are float32, so that a value exactly at the threshold could differ; none does
+        np.testing.assert_array_equal(actions, np.where(decides, expected, 0))
+        declared += np.count_nonzero(actions)
+        rows, _, _, _, info = env.step(actions)
+    assert declared > 100
+
+
+def test_type_posteriors_sum_over_hypotheses():
+    posterior = type_posteriors(np.log([[0.2, 0.1, 0.3, 0.15, 0.25]]))
+    np.testing.assert_allclose(posterior, [[0.2, 0.4, 0.4]])
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.02])
+def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact(alpha):
+    # the oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli 1994)
+    decisions = evaluate(MSPRTDecider(alpha), episodes=1500, bank="oracle")
+    decided = ~decisions.forced
+    errors, count = int((~decisions.correct[decided]).sum()), int(decided.sum())
+    assert errors / count < alpha + 4 * math.sqrt(alpha * (1 - alpha) / count)
+    assert errors / count > 0.3 * alpha  # the overshoot of one tick is small
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, 1.5, float("nan"), 1e-14, "small", True])
+def test_invalid_alpha_raises(bad):
+    with pytest.raises(ArgumentError, match="alpha="):
+        MSPRTDecider(bad)
+
+
+def test_invalid_by_and_gap_raise():
+    with pytest.raises(ArgumentError, match="by="):
+        MSPRTDecider(0.1, by="radius")
+    for bad in (0.0, -2.0, 30.0, float("inf"), None):
+        with pytest.raises(ArgumentError, match="gap="):
+            GapDecider(bad)
+
+
+def test_the_error_probability_is_the_posterior_of_wrong_declarations():
+    posterior = np.array([[0.05, 0.30, 0.31, 0.04, 0.30], [0.4, 0.2, 0.15, 0.15, 0.1]])
+    error, best = error_and_best(posterior, True)
+    np.testing.assert_allclose(error, [0.39, 0.6])
+    np.testing.assert_array_equal(best, [2, 0])
+    error, best = error_and_best(posterior, np.array([False, True]))
+    np.testing.assert_allclose(error, [0.69, 0.6])
+    # the most likely hypothesis need not be of the most likely type
+    split = np.array([[0.4, 0.35, 0.25, 0.0, 0.0]])
+    assert [error_and_best(split, by_type)[1][0] for by_type in (True, False)] == [1, 0]
+    small = np.array([[1.0, 1e-12, 1e-13]])
+    np.testing.assert_allclose(error_and_best(small, False)[0], 1.1e-12)

@@ -1,0 +1,114 @@
+"""Classical rules for unknown switch moments agree with literal loops over the ticks of single tracks."""
+
+import math
+
+import numpy as np
+import pytest
+
+from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
+from baselines.rules.statements import record_statements
+from baselines.rules.threshold import ThresholdDecider
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestLayout
+
+OPTIONS = {"ticks": 150, "durations": "uniform 15-40", "measurement_variance": 0.05}
+TRACKS = 12
+
+
+def run(decider, episodes=1):
+    """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
+    env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
+    rows, _ = env.reset(seed=3)
+    state, seen, stated = None, [], []
+    for _ in range(150 * episodes):
+        actions, state = decider.predict(rows, state)
+        seen.append(rows)
+        stated.append(actions)
+        rows, *_ = env.step(actions)
+    return np.array(seen), np.array(stated)
+
+
+def cusum(ratios):
+    best = 0.0
+    for value in ratios:
+        best = max(0.0, best + value)
+    return best
+
+
+def shiryaev_roberts(ratios):
+    total = 0.0
+    for value in ratios:
+        total = (1.0 + total) * math.exp(value)
+    return math.log(total)
+
+
+@pytest.mark.parametrize(
+    ("decider", "statistic"),
+    [
+        (CusumDecider(2.5), cusum),
+        (ShiryaevRobertsDecider(4.0), shiryaev_roberts),
+    ],
+)
+def test_statements_equal_those_of_a_literal_loop(decider, statistic):
+    rows, stated = run(decider, episodes=2)
+    layout = QuickestLayout(3)
+    ratio, probability = (layout.read(rows, name) for name in ("log_ratio", "log_probability"))
+    changes = 0
+    for i in range(TRACKS):
+        for begin in (0, 150):
+            mode = int(probability[begin, i].argmax())
+            since = begin
+            assert stated[begin, i] == mode
+            for k in range(begin + 1, begin + 150):
+                values = [
+                    -math.inf
+                    if other == mode
+                    else statistic(
+                        list(ratio[since + 1 : k + 1, i, other] - ratio[since + 1 : k + 1, i, mode])
+                    )
+                    for other in range(3)
+                ]
+                best = int(np.argmax(values))
+                assert abs(max(values) - decider.threshold) > 1e-9
+                if values[best] >= decider.threshold:
+                    mode, since = best, k
+                    changes += 1
+                assert stated[k, i] == mode
+    assert changes > 50
+
+
+@pytest.mark.parametrize(("threshold", "release"), [(0.6, 1.0), (0.45, 0.2)])
+def test_the_threshold_rule_keeps_its_statement_between_its_thresholds(threshold, release):
+    rows, stated = run(ThresholdDecider(threshold, release))
+    probability = np.exp(QuickestLayout(3).read(rows, "log_probability"))
+    mode = probability[0].argmax(-1)
+    for k in range(150):
+        for i in range(TRACKS):
+            best = probability[k, i].argmax()
+            if probability[k, i, best] >= threshold and probability[k, i, mode[i]] <= release:
+                mode[i] = best
+        np.testing.assert_array_equal(stated[k], mode)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ThresholdDecider(1.1),
+        lambda: ThresholdDecider(0.5, -0.1),
+        lambda: CusumDecider(0.0),
+        lambda: ShiryaevRobertsDecider(float("nan")),
+    ],
+)
+def test_arguments_out_of_range_are_refused(make):
+    with pytest.raises(ArgumentError):
+        make()
+
+
+@pytest.mark.parametrize("decider", [CusumDecider(3.0), ShiryaevRobertsDecider(4.5)])
+def test_a_rule_follows_switches(decider):
+    recorded = record_statements(decider, 50, 1, measurement_variance=0.01)
+    assert (recorded.true_modes == recorded.stated_modes).mean() > 0.6
+
+
+def test_rows_of_another_environment_are_refused():
+    with pytest.raises(ArgumentError, match="width=28"):
+        ThresholdDecider().predict(np.zeros((3, 28), np.float32))

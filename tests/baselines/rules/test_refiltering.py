@@ -1,0 +1,138 @@
+"""Deciders that filter the measurements again agree with banks that have the same prior."""
+
+import numpy as np
+import pytest
+
+from baselines.rules.anchor_prior import fit_anchor_prior
+from baselines.rules.refiltering import (
+    CalibratedAnchorDecider,
+    KeptCovarianceDecider,
+    fit_calibrated_anchor,
+)
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, WorldOptions
+
+TRACKS = 19
+
+
+def softmax(values):
+    weights = np.exp(values - values.max(-1, keepdims=True))
+    return weights / weights.sum(-1, keepdims=True)
+
+
+def run(decider, env, steps, policy, rows_of=lambda rows: rows):
+    """Yield rows and posteriors of some steps, with the actions of policy(rows)."""
+    rows, _ = env.reset(seed=5)
+    start, state = np.ones(TRACKS, np.bool_), None
+    for _ in range(steps):
+        actions, state = decider.predict(rows_of(rows), state, start)
+        yield rows, actions, state.posterior.copy()
+        rows, _, start, _, _ = env.step(policy(rows))
+
+
+def declare_at_20(rows):
+    layout = Layout.of_rows(rows)
+    late = layout.read(rows, "ticks") >= 19.5
+    return np.where(late, layout.read(rows, "log_ratio").argmax(-1) + 1, 0)
+
+
+@pytest.mark.parametrize("options", [{}, {"radii": (3.0, 8.0), "measurement_variance": 1.0}])
+def test_kept_covariance_equals_the_bank_that_keeps_its_covariance(options):
+    env = HybridTrackVectorEnv(TRACKS, reset_covariance=False, autoreset_mode="SameStep", **options)
+    decider = KeptCovarianceDecider(env.options)
+    for rows, _, posterior in run(decider, env, 100, declare_at_20):
+        expected = softmax(env.world.layout.read(rows, "log_ratio"))
+        large = expected > 1e-12  # smaller ones are clipped in the observation
+        np.testing.assert_allclose(posterior[large], expected[large], rtol=2e-2, atol=1e-4)
+
+
+def test_the_first_segment_equals_the_anchor_aware_bank():
+    published = HybridTrackVectorEnv(TRACKS, measurement_variance=1.0)
+    aware = HybridTrackVectorEnv(TRACKS, measurement_variance=1.0, bank="anchor_aware")
+    rows, _ = published.reset(seed=5)
+    expected, _ = aware.reset(seed=5)
+    decider, state = CalibratedAnchorDecider(published.options, None), None
+    for _ in range(49):
+        _, state = decider.predict(rows, state, np.ones(TRACKS, np.bool_))
+        posterior = softmax(aware.world.layout.read(expected, "log_ratio"))
+        np.testing.assert_allclose(state.posterior, posterior, rtol=2e-2, atol=1e-4)
+        wait = np.zeros(TRACKS, np.int64)
+        rows, expected = published.step(wait)[0], aware.step(wait)[0]
+
+
+def scaled(length, time):
+    """Return options of the same world in other units of length and time."""
+    return {
+        "radii": (5.0 * length, 9.0 * length),
+        "speed": 2.0 * length / time,
+        "tau": 0.1 * time,
+        "process_variance": 0.001 * (length / time) ** 2,
+        "measurement_variance": 0.5 * length**2,
+        "initial_error": (0.3, 0.02 * (length / time) ** 2),
+        "reset_covariance": False,  # the published covariance, the identity, depends on the units
+    }
+
+
+@pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (1e-3, 0.01)])
+def test_units_change_no_decision(length, time):
+    decisions = []
+    for units in ((1.0, 1.0), (length, time)):
+        env = HybridTrackVectorEnv(TRACKS, autoreset_mode="SameStep", **scaled(*units))
+        decider = CalibratedAnchorDecider(env.options, fit_calibrated_anchor(env.options, 100, 7), 0.03)
+        steps = list(run(decider, env, 60, declare_at_20))
+        decisions.append(np.array([posterior for _, _, posterior in steps]))
+    np.testing.assert_allclose(decisions[1], decisions[0], atol=2e-3)
+
+
+@pytest.mark.parametrize("options", [{"noise": "outliers 0.05"}, {"measurement_variance": (0.025, 0.4)}])
+def test_robust_filters_earn_more_under_outliers_and_with_unequal_axes(options):
+    world = WorldOptions(**options)
+    rewards = []
+    for robust in (False, True):
+        prior = fit_calibrated_anchor(world, 100, 7, robust=robust)
+        decider = CalibratedAnchorDecider(world, prior, 0.05, robust)
+        rewards.append(reward_of_episodes(decider, HybridTrackVectorEnv(100, **vars(world))))
+    gain = rewards[1] - rewards[0]
+    assert gain.mean() > 2 * gain.std() / np.sqrt(gain.size)
+
+
+def reward_of_episodes(decider, env):
+    """Return the reward of the first episode of every track, (N,)."""
+    rows, _ = env.reset(seed=11)
+    start = running = np.ones(env.num_envs, np.bool_)
+    state, total = None, np.zeros(env.num_envs)
+    while running.any():
+        actions, state = decider.predict(rows, state, start)
+        rows, reward, start, _, _ = env.step(actions)
+        total += np.where(running, reward, 0.0)
+        running = running & ~start
+    return total
+
+
+def test_a_mixture_is_recovered_and_mirrored():
+    rng = np.random.default_rng(0)
+    n = 20_000
+    types = rng.integers(3, size=n)
+    correct = rng.random(n) < 0.8
+    deviation = np.where(rng.random(n) < 0.25, 10.0, 1.0) * np.where(correct, 1.0, 3.0)
+    errors = rng.normal(size=(n, 4)) * deviation[:, None]
+    errors[:, 2] += np.where(types == 1, 5.0, np.where(types == 2, -5.0, 0.0)) * ~correct
+    prior = fit_anchor_prior(errors, types, correct)
+    weight, mean, covariance = prior.after(np.array([0, 1, 2]))
+    np.testing.assert_allclose(weight, np.broadcast_to([0.75, 0.25], (3, 2, 2)), atol=0.04)
+    expected = np.array([[1.0, 100.0], [9.0, 900.0]])
+    np.testing.assert_allclose(covariance[..., 0, 0], np.broadcast_to(expected, (3, 2, 2)), rtol=0.2)
+    np.testing.assert_allclose(mean[:, 1, 0, 2], [0.0, 5.0, -5.0], atol=0.4)
+    np.testing.assert_allclose(mean[:, 0, 0], 0.0, atol=0.1)
+
+
+def test_few_errors_are_pooled():
+    rng = np.random.default_rng(0)
+    prior = fit_anchor_prior(rng.normal(size=(150, 4)), np.zeros(150, np.int64), np.ones(150, np.bool_))
+    assert np.isfinite(prior.covariance).all()
+    assert (np.linalg.eigvalsh(prior.covariance) > 0.0).all()
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1.5, float("nan"), "0.1"])
+def test_alpha_is_checked(alpha):
+    with pytest.raises(ArgumentError, match="alpha="):
+        KeptCovarianceDecider(WorldOptions(), alpha)

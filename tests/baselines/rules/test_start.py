@@ -1,0 +1,148 @@
+"""The start from the first measurements: its covariance, and the tracks that begin with it."""
+
+import numpy as np
+import pytest
+from online_episodes import COMMON
+
+from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
+from baselines.rules.start import FEW, MANY, FirstMeasurements, line_estimate
+from hybrid_env import (
+    HybridTrackQuickestEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    QuickestOptions,
+    WorldOptions,
+)
+
+SIZE = 2000
+
+
+def straight_measurements(options, ticks, generator):
+    """Return noisy measurements (SIZE, m, 2) of straight tracks and the states (SIZE, 4) at the last one."""
+    steps = ticks[-1] - ticks[0] + 1
+    velocity = np.tile([3.0, -1.0], (SIZE, 1))
+    position = np.zeros((SIZE, 2))
+    points = []
+    for k in range(steps):
+        if k:
+            position = position + options.tau * velocity
+            velocity = velocity + np.sqrt(options.process_variance) * generator.normal(size=(SIZE, 2))
+        points.append(position + np.sqrt(options.variances) * generator.normal(size=(SIZE, 2)))
+    truth = np.stack([position[:, 0], velocity[:, 0], position[:, 1], velocity[:, 1]], axis=1)
+    return np.stack(points, axis=1)[:, ticks - ticks[0]], truth
+
+
+@pytest.mark.parametrize("ticks", [[1, 2], [1, 2, 3], [3, 4, 8, 9], list(range(1, 11))], ids=str)
+def test_the_covariance_is_that_of_the_errors_on_straight_tracks(ticks):
+    # a radius so large that the part of the turns is negligible
+    options = QuickestOptions(radii=(1e6,), process_variance=0.3, measurement_variance=(0.02, 0.5), tau=0.4)
+    ticks = np.array(ticks)
+    points, truth = straight_measurements(options, ticks, np.random.default_rng(len(ticks)))
+    found = [line_estimate(ticks, one, options) for one in points]
+    errors = np.array([estimate for estimate, _ in found]) - truth
+    covariance = found[0][1]
+    # the quadratic form of normal errors with 4 components has mean 4 and variance 8
+    quadratic = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(covariance), errors)
+    assert abs(quadratic.mean() - 4.0) < 4.0 * np.sqrt(8.0 / SIZE)
+    # the elements of the sample covariance deviate by sqrt((1 + r^2) / n) of the standard deviations
+    deviations = np.sqrt(covariance.diagonal())
+    sample = errors.T @ errors / SIZE
+    bound = 5.0 * np.sqrt(2.0 / SIZE)
+    assert (np.abs(sample - covariance) < bound * np.outer(deviations, deviations)).all()
+
+
+def test_the_part_of_the_turns_is_the_mean_square_error_of_a_line_fitted_to_turns():
+    # without noise the error is that of the turn; 0.04 rad per tick
+    options = QuickestOptions(radii=(5.0, 20.0), process_variance=0.0, measurement_variance=1e-12)
+    ticks = np.arange(1, 6)
+    times = 0.1 * (ticks - 5)
+    total = np.zeros((4, 4))
+    for curvature in (0.0, 0.2, 0.05, -0.2, -0.05):
+        rate = 2.0 * curvature
+        angle = rate * times
+        x = 2.0 * np.sin(angle) / rate if rate else 2.0 * times
+        y = 2.0 * (1.0 - np.cos(angle)) / rate if rate else np.zeros(5)
+        estimate, covariance = line_estimate(ticks, np.stack([x, y], axis=1), options)
+        error = estimate - [0.0, 2.0, 0.0, 0.0]
+        total += np.outer(error, error) / 5
+    across = np.ix_([2, 3], [2, 3])
+    np.testing.assert_allclose(total[across], covariance[across], rtol=0.03)
+
+
+def test_a_single_measurement_tells_nothing_about_the_velocity():
+    tracker = OnlineTracker(QuickestOptions(measurement_variance=(0.1, 0.4)), ThresholdDecider())
+    nothing = tracker.update(None)
+    assert np.isnan(nothing.estimate).all()
+    now = tracker.update((3.0, -2.0))
+    np.testing.assert_array_equal(now.estimate, [3.0, 0.0, -2.0, 0.0])
+    np.testing.assert_array_equal(now.covariance.diagonal(), [0.1, np.inf, 0.4, np.inf])
+    assert (now.mode, now.decided) == (0, False)
+    np.testing.assert_allclose(now.probabilities, 1 / 3)
+    now = tracker.update(None)
+    assert not np.isnan(now.covariance).any()
+
+
+def test_few_measurements_are_used_where_turns_are_sharp_and_many_where_noise_is_large():
+    counts = {}
+    for name in ("walker", "R 1"):
+        options = QuickestOptions(**COMMON[name])
+        env = HybridTrackQuickestEnv(**vars(options))
+        _, info = env.reset(seed=0)
+        first = FirstMeasurements(options, MANY)
+        counts[name] = 0
+        while not first.complete:
+            first.add(*info["measurement"].tolist())
+            counts[name] += 1
+            *_, info = env.step(0)
+    assert counts["walker"] <= 5
+    assert counts["R 1"] == MANY
+
+
+@pytest.mark.parametrize("name", COMMON)
+def test_missing_measurements_at_the_start(name):
+    options = QuickestOptions(start="random", **COMMON[name])
+    env = HybridTrackQuickestEnv(**vars(options))
+    _, info = env.reset(seed=0)
+    tracker = OnlineTracker(options, ThresholdDecider())
+    decided = []
+    for k in range(20):
+        missing = k in {0, 2, 5}
+        now = tracker.update(None if missing else tuple(info["measurement"].tolist()), options.tau * k)
+        decided.append(now.decided)
+        *_, info = env.step(0)
+    assert decided.index(True) == 6  # after the measurements of ticks 1, 3, 4
+    assert all(decided[6:])
+    assert np.isfinite(now.covariance).all()
+
+
+@pytest.mark.parametrize("name", ["R 0.1", "car", "ship", "aircraft"])
+def test_a_track_soon_is_as_good_as_one_that_begins_with_the_estimate_of_the_environment(name):
+    # the statements of both agree at nine of ten ticks after a while, in 12 episodes
+    options = QuickestOptions(start="random", ticks=120, **COMMON[name])
+    agree = []
+    for seed in range(12):
+        env = HybridTrackQuickestVectorEnv(1, **vars(options))
+        rows, info = env.reset(seed=seed)
+        tracker, decider = OnlineTracker(options, ThresholdDecider()), ThresholdDecider()
+        for k in range(options.ticks):
+            now = tracker.update(tuple(info["measurement"][0].tolist()))
+            actions, _ = decider.predict(rows)
+            if k >= 60:
+                agree.append(now.mode == actions[0])
+            rows, *_, info = env.step(actions)
+    assert np.mean(agree) > 0.9
+
+
+def test_announced_segments_count_from_their_first_measurement():
+    tracker = OnlineTracker(WorldOptions(), MSPRTDecider())
+    tracker.switch(ticks=40)
+    env = HybridTrackVectorEnv(1, scheme="S60")
+    _, info = env.reset(seed=1)
+    for _ in range(MANY + 3):
+        tracker.update(tuple(info["measurement"][0].tolist()))
+        *_, info = env.step(np.zeros(1, np.int64))
+    row = tracker.world.observations[0]
+    left = tracker.world.layout.read(row, "ticks") + tracker.world.layout.read(row, "ticks_left")
+    collected = 40 - round(float(left))
+    assert 2 <= collected <= MANY
+    assert FEW <= MANY

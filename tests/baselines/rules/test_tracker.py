@@ -1,0 +1,258 @@
+"""The on-line tracker: times, missing measurements, starts, copies and bad input."""
+
+import copy
+import pickle
+import re
+
+import numpy as np
+import pytest
+from hostile_input import VALUES, accepted, profile
+from hypothesis import given
+from hypothesis import strategies as st
+from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
+
+from baselines import (
+    BeamDecider,
+    FixedTimeDecider,
+    MSPRTDecider,
+    OnlineTracker,
+    ThresholdDecider,
+)
+from baselines.rules.refiltering import KeptCovarianceDecider
+from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
+
+START = [0.0, 2.0, 0.0, 0.3]
+P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array(
+    [[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]]
+)
+
+
+def quickest(**options):
+    return OnlineTracker(QuickestOptions(**options), ThresholdDecider(0.6))
+
+
+def announced(decider=None, **options):
+    return OnlineTracker(WorldOptions(**options), decider or MSPRTDecider(0.02))
+
+
+def measurements(count, seed=0, scale=0.3):
+    generator = np.random.default_rng(seed)
+    path = 0.2 * np.arange(1, count + 1)[:, None] * [1.0, 0.1] + generator.normal(0, scale, (count, 2))
+    return [tuple(one) for one in path.tolist()]
+
+
+def assert_same(one, other):
+    assert (one.mode, one.decided) == (other.mode, other.decided)
+    for mine, theirs in zip(one[2:], other[2:], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+@pytest.mark.parametrize("by_time", [True, False])
+def test_missing_measurements_are_predicted_by_the_interacting_multiple_model(by_time):
+    options = QuickestOptions(radii=(2.0, 9.0), measurement_variance=(0.1, 0.3), hazard=0.1)
+    tracker = OnlineTracker(options, ThresholdDecider())
+    tracker.begin(START, P)
+    curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
+    literal = LiteralImm(START, P, curvatures, options.transition_matrix, 0.1, 0.001, (0.1, 0.3))
+    missing = {6, 10, 11, 12, 20, 38, 39}
+    for k, point in enumerate(measurements(40)):
+        literal.step(None if k in missing else point)
+        if k in missing and by_time:
+            continue
+        now = tracker.update(None if k in missing else point, 0.1 * k)
+        np.testing.assert_allclose(now.probabilities, literal.probability, rtol=1e-8)
+        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("declared", [False, True])
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(bank, declared):
+    tracker = announced(FixedTimeDecider(4 if declared else 1000), bank=bank, reset_covariance=False)
+    covariance = np.diag([0.1, 0.04, 0.1, 0.04])
+    tracker.begin(START, covariance, mode=1)
+    if bank == "published":
+        modes = [("S", 0.0), ("L", 5.0), ("R", 5.0)]
+        R = 0.1 * np.eye(2)
+        filters = [MatrixKalmanFilter(START, covariance, *mode, 0.1, 0.001, R) for mode in modes]
+    else:
+        R = (0.1, 0.1)
+        filters = [MatrixExtendedKalmanFilter(START, covariance, r, 0.1, 0.001, R) for r in (0.0, 5.0, -5.0)]
+    for k, point in enumerate(measurements(25)):
+        missing = k in {2, 7, 8, 24}
+        for one in filters:
+            one.step(None if missing else point)
+        now = tracker.update(None if missing else point)
+        assert now.decided == (declared and k >= 3)  # at tick 4, also after missing ones
+        one = filters[now.mode]
+        mean = one.x if bank == "published" else one.s[:4]
+        np.testing.assert_allclose(now.estimate, mean, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(now.covariance, one.P[:4, :4], rtol=1e-5, atol=1e-8)
+        if k <= 3 or not declared:
+            likelihoods = np.array([one.log_likelihood for one in filters])
+        expected = np.exp(likelihoods - likelihoods.max())
+        np.testing.assert_allclose(now.probabilities, expected / expected.sum(), rtol=1e-5)
+
+
+def test_missing_ticks_count_in_observations():
+    tracker = quickest()
+    tracker.begin(START, P)
+    tracker.update((0.2, 0.0), 1.0)
+    tracker.update((1.0, 0.0), 1.4)
+    assert tracker.world.layout.read(tracker.world.observations[0], "stated_ticks") == pytest.approx(4)
+    tracker = announced()
+    tracker.begin(START, P)
+    tracker.switch(ticks=30)
+    for time in (1.0, 1.1, 1.4):
+        tracker.update((2 * time - 1.8, 0.0), time)
+    read = {
+        name: tracker.world.layout.read(tracker.world.observations[0], name)
+        for name in ("ticks", "ticks_left")
+    }
+    assert read == {"ticks": pytest.approx(5), "ticks_left": pytest.approx(25)}
+
+
+@pytest.mark.parametrize("tau", [1e-6, 0.1, 5.0])
+def test_times_may_deviate_by_the_tolerance_and_give_the_same_as_ticks(tau):
+    options = QuickestOptions(tau=tau, speed=0.2 / tau, initial_error=(1.0, (0.02 / tau) ** 2))
+    one, other = (OnlineTracker(options, ThresholdDecider(), tolerance=0.2) for _ in range(2))
+    generator = np.random.default_rng(0)
+    for k, point in enumerate(measurements(40)):
+        time = 100 * tau + tau * (k + generator.uniform(-0.09, 0.09))
+        assert_same(one.update(point, time), other.update(point))
+
+
+@pytest.mark.parametrize("time", [0.95, 0.9, 1.0, 1.13, 1.25, -7.0, 101.1, 1e300, -1e300])
+def test_a_time_that_is_not_a_tick_later_is_refused_and_changes_nothing(time):
+    tracker, other = quickest(), quickest()
+    for k, point in enumerate(measurements(20)):
+        tracker.update(point, 0.1 * k - 0.9)
+        other.update(point)
+    with pytest.raises(ArgumentError, match=re.escape(f"time={time} ")) as caught:
+        tracker.update((0.0, 0.0), time)
+    assert "\n" not in str(caught.value)
+    assert_same(tracker.update((4.0, 0.4), 1.1), other.update((4.0, 0.4)))
+
+
+BAD = [
+    (1.0, float("nan")), (float("inf"), 0.0), (1e31, 0.0), (1.0,), (1.0, 2.0, 3.0), 5.0, "12", ("1", "2"),
+    [[1.0, 2.0]], (True, False), (None, 1.0), {"x": 1.0}, np.ma.masked_array([1.0, 2.0], [True, False]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("point", BAD, ids=repr)
+def test_a_bad_measurement_is_refused_and_changes_nothing(point):
+    tracker, other = announced(), announced()
+    for one in measurements(15):
+        tracker.update(one, None)
+        other.update(one)
+    with pytest.raises(ArgumentError, match="measurement") as caught:
+        tracker.update(point, 3.0)
+    assert "\n" not in str(caught.value)
+    assert_same(tracker.update((3.2, 0.3)), other.update((3.2, 0.3)))
+
+
+@profile(300)
+@given(point=st.sampled_from(VALUES), time=st.sampled_from(VALUES), known=st.booleans())
+def test_hostile_values_are_accepted_or_processed(point, time, known):
+    tracker = TRACKERS[known]
+    tracker.begin(START)
+    tracker.update((0.0, 0.0), 0.0)
+    now = accepted(lambda: tracker.update(point, time))
+    assert now is None or np.isfinite(now.estimate).all()
+
+
+TRACKERS = {False: quickest(), True: announced()}
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: OnlineTracker({}, ThresholdDecider()), "options="),
+        (lambda: OnlineTracker(QuickestOptions(), None), "decider=None"),
+        (lambda: OnlineTracker(QuickestOptions(), MSPRTDecider()), "decider='MSPRTDecider'"),
+        (lambda: OnlineTracker(WorldOptions(), ThresholdDecider()), "decider='ThresholdDecider'"),
+        (lambda: OnlineTracker(WorldOptions(), BeamDecider(QuickestOptions())), "decider='BeamDecider'"),
+        (
+            lambda: OnlineTracker(QuickestOptions(radii=(1.0, 2.0)), BeamDecider(QuickestOptions())),
+            "decider='BeamDecider'",
+        ),
+        (lambda: OnlineTracker(WorldOptions(bank="oracle"), MSPRTDecider()), "bank='oracle'"),
+        (lambda: OnlineTracker(QuickestOptions(), ThresholdDecider(), tolerance=0.7), "tolerance=0.7"),
+        (lambda: quickest().begin([0.0, 1.0]), "estimate"),
+        (lambda: quickest().begin(covariance=np.eye(4)), "covariance"),
+        (lambda: quickest().begin(START, -np.eye(4)), "covariance"),
+        (lambda: quickest().begin(START, np.triu(np.ones((4, 4)))), "covariance"),
+        (lambda: quickest().begin(START, np.full((4, 4), np.nan)), "covariance"),
+        (lambda: quickest().begin(START, mode=3), "mode=3"),
+        (lambda: quickest().switch(), "switch"),
+        (lambda: announced().switch(0), "ticks=0"),
+    ],
+)
+def test_bad_arguments_are_named_in_one_line(make, message):
+    with pytest.raises(ArgumentError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+class Wrong:
+    """Answers as it is told."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return self.answer, state
+
+
+@pytest.mark.parametrize("answer", [[3], [-1], [1.0], [], None, ["left"], [None]], ids=repr)
+def test_a_decider_with_an_action_outside_the_space_is_refused(answer):
+    with pytest.raises(ArgumentError, match="decider='Wrong' is not allowed"):
+        OnlineTracker(QuickestOptions(), Wrong(answer))
+
+
+def test_a_decider_that_cannot_predict_needs_every_measurement():
+    tracker = OnlineTracker(QuickestOptions(), BeamDecider(QuickestOptions()))
+    for k, point in enumerate(measurements(20)):
+        tracker.update(point, 0.1 * k)
+    for point, time in (((4.0, 0.0), 2.2), (None, 2.0)):
+        with pytest.raises(ArgumentError, match=r"missing measurements=\d is not allowed"):
+            tracker.update(point, time)
+    tracker.update((4.0, 0.4), 2.0)
+
+
+def test_a_decider_with_filters_of_its_own_is_asked_in_ticks_without_a_measurement(monkeypatch):
+    decider, points, results = KeptCovarianceDecider(WorldOptions(), 1e-9), measurements(40), []
+    for jump in (False, True):
+        tracker = OnlineTracker(WorldOptions(), decider)
+        asked, ask = [], tracker._ask_decider
+        monkeypatch.setattr(tracker, "_ask_decider", lambda ask=ask, asked=asked: asked.append(1) or ask())
+        for k, point in enumerate(points):
+            if not 12 <= k < 15:
+                now = tracker.update(point, 0.1 * k)
+            elif not jump:
+                now = tracker.update(None)
+            if k == 15:
+                results.append((len(asked), now.decided, now.mode, now.estimate.tolist()))
+    assert results[0] == results[1]
+    assert not results[0][1]
+    assert results[0][0] == 6  # after ten measurements for the start, three of them missing
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda one: pickle.loads(pickle.dumps(one))])
+@pytest.mark.parametrize("after", [0, 2, 5, 30])
+@pytest.mark.parametrize("known", [True, False])
+def test_copies_go_on_alike_and_independently(known, after, how):
+    if known:
+        tracker = announced(KeptCovarianceDecider(WorldOptions()))
+    else:
+        tracker = OnlineTracker(QuickestOptions(), BeamDecider(QuickestOptions(), branches=9))
+    points = measurements(60, seed=4)
+    for k in range(after):
+        tracker.update(points[k], 0.1 * k)
+    other = how(tracker)
+    for name, array in other.world.arrays().items():
+        assert not np.shares_memory(array, tracker.world.arrays()[name])
+    found = [tracker.update(points[k], 0.1 * k) for k in range(after, 60)]
+    for k in range(after, 60):
+        assert_same(other.update(points[k], 0.1 * k), found[k - after])
