@@ -130,6 +130,13 @@ class ThresholdDecider(Decider):
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
 
+    def statements(self, log_probability: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the statements (T, N) at every tick, from log probabilities (T, N, M)."""
+        stated = np.zeros(log_probability.shape[:2], np.int64)
+        for tick, values in enumerate(log_probability):
+            stated[tick] = self.choose(values, stated[tick - 1], np.full(len(values), tick > 0))
+        return stated
+
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
     """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
