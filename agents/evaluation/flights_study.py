@@ -79,7 +79,8 @@ class FlightComparison:
         scores: of each decider.
         twins: the same on simulated twins.
         truth: scores of the true modes of the twins against their labels.
-        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. Neither is there in the semi-real form, whose labels are those of the native one.
+        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form
+            has neither, since its labels are those of the native one.
         sensitivity: of the labels; none in the semi-real form.
     """
 
