@@ -57,7 +57,7 @@ class Decider(ABC):
     @abstractmethod
     def predict(
         self,
-        observation: Observations,
+        observation: Any,
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
@@ -179,7 +179,8 @@ def rules(task: str) -> dict[str, type[Decider]]:
     package = importlib.import_module("baselines.rules")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    found = [kind for kind in _subclasses(Decider) if kind.name and kind.__module__.startswith("baselines.")]
+    base: Any = Decider
+    found = [kind for kind in _subclasses(base) if kind.name and kind.__module__.startswith("baselines.")]
     found = [kind for kind in found if kind.task == task and "name" in vars(kind)]
     found.sort(key=lambda kind: (kind.__module__, inspect.getsourcelines(kind)[1]))
     return {kind.name: kind for kind in found}
