@@ -1,168 +1,186 @@
-"""Episodes of a decider on one track: of announced segments, or with unknown switch moments."""
+"""Episodes of a decider on one track, with announced or with unknown switch moments."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.statement_deciders import statement_decider
-from agents.playing.evidence import DeciderEvidence, decider_evidence
-from agents.playing.statement_evidence import statement_evidence
 from baselines.rules.metrics import measure_statements
+from baselines.rules.msprt import bank_posterior
 from baselines.rules.statements import Statements
-from hybrid_env.env import HybridTrackEnv
-from hybrid_env.quickest_env import HybridTrackQuickestEnv
-from hybrid_env.rendering.figure import Renderer
+from baselines.rules.threshold import bank_probabilities
+from hybrid_env.model_options import ModelOptions
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.registration import environment_options
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
+from hybrid_env.rendering.history import ACTIVE, History
 from hybrid_env.rendering.modes import mode_name
-from hybrid_env.rendering.quickest_figure import QuickestRenderer
-from hybrid_env.rendering.quickest_history import ACTIVE
+from hybrid_env.rendering.renderer import Renderer
 from hybrid_env.track_env import TrackEnv
 
 
-class Episodes(ABC):
+class Task(NamedTuple):
+    """What is decided in an environment.
+
+    Attributes:
+        default: name of the decider if none is given.
+        load: returns the decider for its name and the options of the environment.
+        panel, evidence: of deciders without a panel and evidence of their own; see `Decider`.
+        length: of an episode, in units of `done`.
+        done: progress of an episode.
+        fill: adds columns and rows to the table of an episode.
+    """
+
+    default: str
+    load: Callable[[str, Any], Any]
+    panel: EvidencePanel
+    evidence: Callable[..., Any]
+    length: Callable[[Any], int]
+    done: Callable[[History], int]
+    fill: Callable[[Table, History, Any], None]
+
+
+def task_of(env_id: str) -> Task:
+    """Return what is decided in an environment: a mode for each segment, or the mode at every tick."""
+    return STATEMENTS if issubclass(environment_options(env_id), QuickestOptions) else DECISIONS
+
+
+class Episodes:
     """Episodes of a decider on one track.
 
     Args:
-        env: environment with a render mode.
-        name: of the decider.
+        env_id: registered id of the environment.
+        options: keyword arguments of the environment.
+        name: of the decider; None for the default of the task.
 
     Attributes:
-        env, name: as given.
+        env: environment with the render mode "rgb_array".
+        name: of the decider.
         decider: the decider.
-        evidence: what it compares with its threshold.
+        panel: of the evidence that it compares with its threshold.
         length: of an episode, in units of `done`.
 
     Raises:
         ArgumentError: the decider is unknown, or not for this environment.
     """
 
-    decider: Any
-    evidence: DeciderEvidence
-    length: int
-
-    def __init__(self, env: TrackEnv, name: str):
-        self.env, self.name = env, name
+    def __init__(self, env_id: str, options: dict[str, Any], name: str | None = None):
+        self._task = task_of(env_id)
+        env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
+        assert isinstance(env, TrackEnv)
+        self.env, self.name = env, name or self._task.default
+        self.decider = self._task.load(self.name, env.options)
+        own = hasattr(self.decider, "evidence")
+        self.panel: EvidencePanel = self.decider.panel() if own else self._task.panel
+        self._evidence = self.decider.evidence if own else self._task.evidence
+        self.length = self._task.length(env.options)
 
     @property
-    @abstractmethod
+    def history(self) -> History:
+        """The running episode."""
+        assert self.env.history is not None
+        return self.env.history
+
+    @property
     def done(self) -> int:
-        """Progress of the running episode."""
+        """Progress of the running episode: number of decisions or of statements."""
+        return self._task.done(self.history)
 
-    @abstractmethod
     def renderer(self, human: bool) -> Renderer:
-        """Return a renderer, of a window if `human`."""
+        """Return a renderer with the evidence of the decider, of a window if `human`."""
+        return Renderer(self.env.options, human, self.panel)
 
-    @abstractmethod
-    def table(self, title: str) -> Table:
-        """Return a table of the episode that has just ended."""
-
-    def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[Any]:
+    def play(self, seed: int, on_step: Callable[[], None]) -> Iterator[History]:
         """Play an episode; yield its history before every step, with the evidence of the decider.
 
         Args:
             seed: of the episode.
             on_step: called after every step.
         """
-        env, history = self.env, self.env.history
+        env = self.env
         observe = getattr(self.decider, "observe", None)
         observation, _ = env.reset(seed=seed)
         start, state, terminated = np.ones(1, np.bool_), None, False
         while not terminated:
             rows = observation[None] if observe is None else observe(env.world)
-            history.set_evidence(self.evidence.compute(rows, state, start)[0])
+            self.history.set_evidence(self._evidence(rows, state, start)[0])
             actions, state = self.decider.predict(rows, state, start, deterministic=True)
-            yield history
+            yield self.history
             start = np.zeros(1, np.bool_)
             observation, _, terminated, _, _ = env.step(int(actions[0]))
             on_step()
 
-
-class DecisionEpisodes(Episodes):
-    """Episodes in which the decider waits, or declares a mode of a segment; see `Episodes`."""
-
-    def __init__(self, env: HybridTrackEnv, name: str):
-        super().__init__(env, name)
-        self.decider = load_decider(name, env.options)
-        self.evidence = decider_evidence(self.decider)
-        self.length = env.options.segments
-
-    @property
-    def done(self) -> int:
-        """Number of decisions."""
-        return len(self.env.history.decisions)
-
-    def renderer(self, human: bool) -> Renderer:
-        """See `Episodes.renderer`."""
-        return Renderer(self.env.options, human, self.evidence.panel)
-
     def table(self, title: str) -> Table:
-        """Return a table with one row for each decision."""
-        radii = self.env.options.radii
-        table = Table(title=escape(title), title_justify="left")
-        for name in ("segment", "true mode", "decided mode", "decision"):
-            table.add_column(name)
-        table.add_column("ticks", justify="right")
-        for number, decision in enumerate(self.env.history.decisions, start=1):
-            verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
-            table.add_row(
-                str(number),
-                mode_name(decision.true_mode, radii),
-                mode_name(decision.mode, radii),
-                verdict + (", forced" if decision.forced else ""),
-                f"{decision.ticks} of {decision.length}",
-            )
+        """Return a table of the episode that has just ended."""
+        table = Table(title=escape(title), title_justify="left", caption_justify="left")
+        self._task.fill(table, self.history, self.env.options)
         return table
 
 
-class StatementEpisodes(Episodes):
-    """Episodes in which the decider states the present mode at every tick; see `Episodes`."""
-
-    def __init__(self, env: HybridTrackQuickestEnv, name: str):
-        super().__init__(env, name)
-        *_, self.decider = statement_decider(name, env.options)
-        self.evidence = statement_evidence(self.decider)
-        self.length = env.options.ticks
-
-    @property
-    def done(self) -> int:
-        """Number of statements."""
-        return len(self.env.history.trace)
-
-    def renderer(self, human: bool) -> QuickestRenderer:
-        """See `Episodes.renderer`."""
-        return QuickestRenderer(self.env.options, human, self.evidence.panel)
-
-    def table(self, title: str) -> Table:
-        """Return a table with one row for each segment, and metrics of the episode."""
-        history, options = self.env.history, self.env.options
-        true, stated = history.true_modes, history.trace[:, ACTIVE].astype(np.int64)
-        right = true == stated
-        wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
-        metrics = measure_statements(Statements(true[:, None], stated[:, None]), options.change_cost)
-        table = Table(
-            title=escape(title),
-            title_justify="left",
-            caption=f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick",
-            caption_justify="left",
+def _fill_decisions(table: Table, history: History, options: ModelOptions) -> None:
+    """Add one row for each decision."""
+    for name in ("segment", "true mode", "decided mode", "decision"):
+        table.add_column(name)
+    table.add_column("ticks", justify="right")
+    for number, decision in enumerate(history.decisions, start=1):
+        verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
+        table.add_row(
+            str(number),
+            mode_name(decision.true_mode, options.radii),
+            mode_name(decision.mode, options.radii),
+            verdict + (", forced" if decision.forced else ""),
+            f"{decision.ticks} of {decision.length}",
         )
-        table.add_column("segment")
-        table.add_column("true mode")
-        for name in ("ticks", "ticks until stated", "right", "wrong changes"):
-            table.add_column(name, justify="right")
-        bounds = [*history.switches.tolist(), len(true)]
-        for number, (first, end) in enumerate(pairwise(bounds), start=1):
-            inside = right[first:end]
-            table.add_row(
-                str(number),
-                mode_name(int(true[first]), options.radii),
-                str(end - first),
-                str(inside.argmax()) if inside.any() else "[red]never[/]",
-                f"{inside.mean():.0%}",
-                str(wrong[first:end].sum()),
-            )
-        return table
+
+
+def _fill_statements(table: Table, history: History, options: QuickestOptions) -> None:
+    """Add one row for each segment, and metrics of the episode."""
+    true, stated = history.true_modes, history.trace[:, ACTIVE].astype(np.int64)
+    right = true == stated
+    wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
+    metrics = measure_statements(Statements(true[:, None], stated[:, None]), options.change_cost)
+    table.caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
+    table.add_column("segment")
+    table.add_column("true mode")
+    for name in ("ticks", "ticks until stated", "right", "wrong changes"):
+        table.add_column(name, justify="right")
+    bounds = [*history.switches.tolist(), len(true)]
+    for number, (first, end) in enumerate(pairwise(bounds), start=1):
+        inside = right[first:end]
+        table.add_row(
+            str(number),
+            mode_name(int(true[first]), options.radii),
+            str(end - first),
+            str(inside.argmax()) if inside.any() else "[red]never[/]",
+            f"{inside.mean():.0%}",
+            str(wrong[first:end].sum()),
+        )
+
+
+DECISIONS = Task(
+    default="ate",
+    load=load_decider,
+    panel=posterior_panel("Kalman filters"),
+    evidence=lambda rows, state, start: bank_posterior(rows),
+    length=lambda options: options.segments,
+    done=lambda history: len(history.decisions),
+    fill=_fill_decisions,
+)
+"""The decider waits, or declares a mode of a segment."""
+
+STATEMENTS = Task(
+    default="threshold",
+    load=lambda name, options: statement_decider(name, options)[2],
+    panel=probability_panel("bank"),
+    evidence=lambda rows, state, start: bank_probabilities(rows),
+    length=lambda options: options.ticks,
+    done=lambda history: len(history.trace),
+    fill=_fill_statements,
+)
+"""The decider states the present mode at every tick."""

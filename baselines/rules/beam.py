@@ -1,7 +1,8 @@
 """A beam of switch histories as a decider: the semi-Markov posterior with a law of the durations."""
 
+import copy
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from hybrid_env.checks import check_flag, check_integer
 from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.durations import Durations
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 MOST_BRANCHES = 100_000
 
@@ -115,3 +117,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
         return state.stated.copy()
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("beam", self.rule.threshold)
+
+    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of the modes, (N, M)."""
+        # a copy, because `predict` changes the state in place
+        return np.asarray(
+            np.exp(self.predict(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+        )

@@ -16,6 +16,10 @@ class Decider(Protocol):
     asks it also in ticks without a measurement, so that its filters predict. One that cannot predict has an
     attribute `needs_measurements` that is True. One for `HybridTrackQuickestEnv` that needs more than rows
     has a method `observe`; its result for the world is then given in place of the rows.
+
+    One that compares a quantity of its own with its threshold may show it: `evidence`, with the first three
+    arguments of `predict`, returns this quantity for each hypothesis, (N, M), and leaves the state as it is;
+    `panel` returns the `EvidencePanel` in which it is drawn.
     """
 
     def predict(

@@ -10,6 +10,7 @@ from baselines.rules.decider import Actions, Observations
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 
 @compiled
@@ -94,6 +95,16 @@ class ThresholdDecider:
         )
         return actions, None
 
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("bank", self.threshold)
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes, (N, M)."""
+        return bank_probabilities(observation)
+
     def choose(
         self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
     ) -> Actions:
@@ -107,6 +118,12 @@ class ThresholdDecider:
         actions = np.empty(len(stated), np.int64)
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
+
+
+def bank_probabilities(observation: Observations) -> NDArray[np.float64]:
+    """Return the probabilities of the modes by the bank, (N, M), from rows (N, 6 M + 2)."""
+    log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")
+    return np.asarray(np.exp(log_probability))
 
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
