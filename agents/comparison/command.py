@@ -159,7 +159,7 @@ class Compare(WorldArguments, ParallelArguments):
         from rich.console import Console
 
         from agents.comparison.continuation import TRAINED
-        from agents.comparison.figure import draw_operating_curves
+        from agents.comparison.figures import operating_curves
         from agents.comparison.plan import Plan
         from agents.comparison.report import (
             calibration_table,
@@ -169,6 +169,7 @@ class Compare(WorldArguments, ParallelArguments):
             unreached_accuracy_lines,
         )
         from agents.comparison.study import compare, evaluate_ahead
+        from agents.figures.canvas import save_figure
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
 
@@ -205,7 +206,7 @@ class Compare(WorldArguments, ParallelArguments):
             console.print(line, markup=False, highlight=False)
         console.print(error_table(result))
         console.print(calibration_table(result))
-        draw_operating_curves(result, folder / "compare.png")
+        save_figure(operating_curves(result), folder / "compare.png")
         self._draw_episode(result, folder)
         write_json(folder / "compare.json", result.as_json())
         pictures = "compare.png, episode.png" if result.learned else "compare.png"
@@ -214,7 +215,9 @@ class Compare(WorldArguments, ParallelArguments):
             console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 
     def _draw_episode(self, result: "Comparison", folder: Path) -> None:
-        from agents.comparison.episode_figure import draw_episode, record_episode
+        from agents.comparison.tracks import record_episode
+        from agents.figures.canvas import save_figure
+        from agents.figures.tracks import track_figure
 
         found = result.largest_difference()
         if found is None:
@@ -232,4 +235,6 @@ class Compare(WorldArguments, ParallelArguments):
             f"{plan.env_id.rpartition(':')[2]}, seed {seed}: "
             f"largest difference in reward among {plan.episodes:,} episodes"
         )
-        draw_episode(records[0], records[1], result.world, title, folder / "episode.png")
+        rewards = ", ".join(f"{record.name} {record.summary}" for record in records)
+        title += f"\nMean reward per segment: {rewards}"
+        save_figure(track_figure(records, result.world.radii, title), folder / "episode.png")

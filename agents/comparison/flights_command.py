@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from agents.comparison.flights_figure import draw_flight
+from agents.comparison.figures import flight_figure
 from agents.comparison.flights_report import (
     differences_table,
     flights_json,
@@ -13,6 +13,7 @@ from agents.comparison.flights_report import (
     sensitivity_table,
 )
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, steps
+from agents.figures.canvas import save_figure
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.progress import progress_display
 from baselines.recordings.flights.metrics import figures
@@ -36,14 +37,12 @@ def run_flight_comparison(plan: FlightPlan, out: Path) -> None:
         folder = output_folder("out", out)
         note("pictures")
         for k, flight in enumerate(result.flights):
-            stated = [(label, result.stated[name][k]) for name, label in reversed(plan.labels.items())]
+            stated = {label: result.stated[name][k] for name, label in reversed(plan.labels.items())}
+            first = next(iter(stated))
             values = figures([result.counts[list(plan.labels)[-1]][k]])
-            title = (
-                f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {values.agreement:.1%}"
-            )
-            draw_flight(
-                flight, result.labels[k], stated, title, folder / f"{flight.identity.replace(':', '-')}.png"
-            )
+            title = f"{flight.identity}, tier {flight.tier.name}: {first} agrees {values.agreement:.1%}"
+            picture = flight_figure(flight, result.labels[k], stated, title)
+            save_figure(picture, folder / f"{flight.identity.replace(':', '-')}.png")
     write_json(folder / "flights.json", flights_json(result))
     console.print(flights_table(result))
     if len(plan.labels) > 1:

@@ -4,10 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from agents.comparison.statement_figure import draw_tradeoff
+from agents.comparison.figures import tradeoff
 from agents.comparison.statement_report import chosen_table, equal_table
 from agents.comparison.statement_study import StatementComparison, StatementPlan, compare_statements
-from agents.comparison.statement_track_figure import draw_track, record_track
+from agents.comparison.tracks import record_track
+from agents.figures.canvas import save_figure
+from agents.figures.tracks import track_figure
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
@@ -26,7 +28,7 @@ def run_statement_comparison(plan: StatementPlan, workers: Workers, out: Path) -
         result = compare_statements(plan, workers, progress)
     console.print(chosen_table(result))
     console.print(equal_table(result))
-    draw_tradeoff(result, folder / "compare.png")
+    save_figure(tradeoff(result), folder / "compare.png")
     _draw_largest_difference(result, folder / "episode.png")
     write_json(folder / "compare.json", result.as_json())
     files = "compare.png, episode.png, compare.json"
@@ -45,4 +47,5 @@ def _draw_largest_difference(result: StatementComparison, path: Path) -> None:
     title = f"{plan.env_id.rpartition(':')[2]}, seed {plan.seed + index}"
     if len(entries) > 1:
         title += f": largest difference in reward among {plan.tracks:,} tracks"
-    draw_track(records, result.world, title, path)
+    lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
+    save_figure(track_figure(records, result.world.radii, "\n".join(lines)), path)

@@ -24,7 +24,7 @@ from agents.evaluation.operating_curve import (
     sweep,
     ticks_at_accuracy,
 )
-from agents.interface.decider_colours import name_without_seed
+from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe

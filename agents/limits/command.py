@@ -56,9 +56,10 @@ class Limits(ParallelArguments):
         from rich.console import Console
         from rich.markdown import Markdown
 
+        from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
-        from agents.limits.figure import draw_decision_times
+        from agents.limits.figures import decision_times
         from agents.limits.report import calibration_markdown, rules_markdown, type_accuracy_markdown
         from agents.limits.steps import step_calls, steps_markdown, with_gains
         from agents.limits.study import (
@@ -110,7 +111,7 @@ class Limits(ParallelArguments):
                 "golubkov2018": [asdict(one) for one in accuracies],
             },
         )
-        draw_decision_times(found, folder / "limits.png")
+        save_figure(decision_times(found), folder / "limits.png")
         console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)
 
     def _run_statements(self, env_id: str, workers: "Workers") -> None:

@@ -5,10 +5,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.markdown import Markdown
 
+from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, output_folder, write_json
 from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
-from agents.limits.statement_figure import draw_statement_limits
+from agents.limits.figures import statement_limits
 from agents.limits.statement_report import statement_steps_markdown
 from agents.limits.statement_study import statement_calls
 
@@ -32,5 +33,5 @@ def run_statement_limits(tracks: int, seed: int, out: Path, workers: Workers) ->
     with atomic_file(folder / "limits.md") as part:
         part.write_text(text, encoding="utf-8")
     write_json(folder / "limits.json", {"steps": [one.as_json() for one in found]})
-    draw_statement_limits(found, folder / "limits.png")
+    save_figure(statement_limits(found), folder / "limits.png")
     console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)

@@ -13,7 +13,7 @@ from agents.evaluation.statement_curve import RIGHT, mean_of, sweep_statements
 from agents.evaluation.statement_deciders import beam_family
 from agents.interface.parallel import Workers
 from agents.limits import statement_study
-from agents.limits.statement_figure import NAMES, statement_limits
+from agents.limits.figures import NAMES, statement_limits
 from agents.limits.statement_report import statement_steps_markdown
 from agents.limits.statement_study import (
     BEAM,

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 
 from agents.evaluation.deciders import CLASSICAL, SHIPPED, bayes_family
 from agents.evaluation.statement_deciders import RULES
-from agents.interface.decider_colours import (
+from agents.figures.decider_colours import (
     FURTHER_STYLES,
     STATEMENT_STYLES,
     STYLES,
