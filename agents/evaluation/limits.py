@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from baselines.rules.beam_smoother import BeamSmoother
 
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.calibration import calibration_rows
@@ -19,6 +18,7 @@ from agents.interface.parallel import Call
 from baselines.papers import golubkov2018
 from baselines.rules import seeds
 from baselines.rules.beam import BeamDecider
+from baselines.rules.beam_smoother import BeamSmoother
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.msprt import GapDecider
 from baselines.rules.statements import record_statements

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from agents.interface.curve_labels import label_curves
+from agents.figures.curve_labels import label_curves
 
 
 def new_axes():

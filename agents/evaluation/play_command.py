@@ -3,28 +3,24 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import gymnasium as gym
 import numpy as np
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
+from agents.evaluation.animation import write_gif
+from agents.evaluation.episodes import Episodes
+from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
 from agents.interface.world_arguments import WorldArguments
-from agents.playing.animation import write_gif
-from agents.playing.episodes import DecisionEpisodes, Episodes, StatementEpisodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
-from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.env import HybridTrackEnv
-from hybrid_env.quickest_env import HybridTrackQuickestEnv
-from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.registration import environment_options
-from hybrid_env.rendering.figure import RENDER_FPS, Renderer
-from hybrid_env.rendering.window import display_available
+from hybrid_env.rendering.history import TRACE_INDEX, History
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import RENDER_FPS, display_available
 
 FINAL_FRAMES = 2 * RENDER_FPS
 """Number of times that the window shows the last frame of an episode: for two seconds."""
@@ -35,8 +31,8 @@ class Play(WorldArguments):
     """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
 
     decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
-    """A rule of `compare` such as 'ate' or 'msprt', or for unknown switch moments 'threshold' or 'beam', or
-    'shipped', or a run folder; optionally ':threshold'."""
+    """'shipped', a run folder or a rule, with an optional ':threshold'. Announced switches: {announced}.
+    Unknown switches: {unknown}."""
     episodes: int = 1
     """Number of episodes."""
     seed: int = 0
@@ -56,7 +52,7 @@ class Play(WorldArguments):
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
-        episodes = self._episodes()
+        episodes = Episodes(task_of(*self.world_of(self.decider or "")), self.decider or "")
         renderer = episodes.renderer(show)
         console = Console(emoji=False)
         try:
@@ -87,21 +83,9 @@ class Play(WorldArguments):
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
-    def _episodes(self) -> Episodes:
-        """Return the episodes of the decider in its environment."""
-        env_id, options = self.world_of(self.decider or "")
-        states = environment_options(env_id) is QuickestOptions
-        name = self.decider or ("threshold" if states else "ate")
-        env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
-        if states:
-            assert isinstance(env, HybridTrackQuickestEnv)
-            return StatementEpisodes(env, name)
-        assert isinstance(env, HybridTrackEnv)
-        return DecisionEpisodes(env, name)
-
-    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[Any]:
+    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
-        history = episodes.env.history
+        history = episodes.history
         task = progress.add_task("Playing", total=self.episodes * episodes.length, note="")
         for episode in range(self.episodes):
 
@@ -115,7 +99,7 @@ class Play(WorldArguments):
                 write_recording(self.record, history, episodes.env.options.tau)
             yield history
 
-    def _render(self, renderer: Renderer, histories: Iterator[Any]) -> bool:
+    def _render(self, renderer: Renderer, histories: Iterator[History]) -> bool:
         """Show or write the frames; return False if the user has closed the window before the end."""
         if self.out is not None and self.out.suffix.lower() == ".gif":
             write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
@@ -132,14 +116,14 @@ class Play(WorldArguments):
         return True
 
 
-def write_recording(path: Path, history: Any, tau: float) -> None:
+def write_recording(path: Path, history: History, tau: float) -> None:
     """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m].
 
     Ticks without a measurement have no row.
     """
     ticks = np.arange(1, len(history.trace) + 1)
     # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
-    measured = ~np.isnan(history.trace[:, TRACE_COLUMNS.index("measured_x")])
+    measured = ~np.isnan(history.trace[:, TRACE_INDEX["measured_x"]])
     times = [float(f"{time:.12g}") for time in tau * ticks[measured]]
-    x, y = (history.trace[measured, TRACE_COLUMNS.index(name)] for name in ("measured_x", "measured_y"))
+    x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
     write_table(path, {"t": times, "x": x, "y": y})

@@ -5,10 +5,13 @@ colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay
 red-green colour blindness.
 """
 
+import functools
 import re
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
 SEED_SUFFIX = r"[ -]seed ?\d+$"
 
@@ -26,34 +29,12 @@ class DeciderStyle:
     marker: str
 
 
-STYLES = {
-    "ATE (SPRT)": DeciderStyle("#6900ff", "o"),
-    "fixed time": DeciderStyle("#a0a0a0", "s"),
-    "MSPRT": DeciderStyle("#c80f82", "D"),
-    "MSPRT of types": DeciderStyle("#ff87f0", "d"),
-    "MSPRT, kept P": DeciderStyle("#0000b4", ">"),
-    "MSPRT, anchor-aware": DeciderStyle("#3c000f", "*"),
-    "calibrated anchor": DeciderStyle("#00e196", "p"),
-    "calibrated anchor, robust": DeciderStyle("#0f961e", "8"),
-    "gap rule": DeciderStyle("#695a00", "P"),
-    "ML at the end": DeciderStyle("#2d0069", "X"),
-    "Bayes risk": DeciderStyle("#780f3c", "h"),
+AGENT_STYLES = {
     "ppo": DeciderStyle("#d2b400", "^"),
     "anchor": DeciderStyle("#b469ff", "<"),
     "shipped": DeciderStyle("#000000", "v"),
 }
-"""Styles of the classical rules and of the most common agents, by name."""
-
-STATEMENT_STYLES = {
-    "IMM threshold": DeciderStyle("#6900ff", "o"),
-    "CUSUM": DeciderStyle("#a0a0a0", "s"),
-    "Shiryaev-Roberts": DeciderStyle("#ff87f0", "d"),
-    "GLR": DeciderStyle("#0000b4", ">"),
-    "detector 2020": DeciderStyle("#695a00", "P"),
-    "beam": DeciderStyle("#c80f82", "D"),
-    "beam, geometric": DeciderStyle("#00e196", "p"),
-}
-"""Styles of the rules for unknown switch moments, which share no figure with those of `STYLES` but agents."""
+"""Styles of the most common agents, by name."""
 
 _FURTHER_COLOURS = ("#690f96", "#f5a0b4", "#969600", "#4b4b4b")
 _FURTHER_MARKERS = (">", "p", "*", "8")
@@ -63,6 +44,13 @@ FURTHER_STYLES = tuple(
     for index, colour in enumerate(_FURTHER_COLOURS)
 )
 """Styles of all other deciders."""
+
+
+@functools.cache
+def rule_styles() -> dict[str, DeciderStyle]:
+    """Styles of the classical rules by their titles; rules of different tasks may share one."""
+    kinds = [kind for task in (ANNOUNCED, UNKNOWN) for kind in rules(task).values() if kind.colour]
+    return {kind.title: DeciderStyle(kind.colour, kind.marker) for kind in kinds}
 
 
 def name_without_seed(name: str) -> str:
@@ -78,7 +66,7 @@ def decider_style(name: str) -> DeciderStyle:
             ("HybridTrack-v0-ppo-seed0") with their recipe. An unknown name always gets the same style.
     """
     recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
-    known = STYLES | STATEMENT_STYLES
+    known = AGENT_STYLES | rule_styles()
     return known.get(recipe) or FURTHER_STYLES[zlib.crc32(recipe.encode()) % len(FURTHER_STYLES)]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from baselines.estimation.beam_filters import FIRST
 from baselines.rules.beam import BeamDecider, BeamState
-from baselines.rules.decider import Actions
+from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare
 
@@ -104,7 +104,7 @@ def carry_past(
                     target[1:] /= total
 
 
-class BeamSmoother:
+class BeamSmoother(Decider):
     """A beam that also gives the posterior of the mode at each tick, given measurements of later ticks.
 
     It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits
@@ -118,13 +118,20 @@ class BeamSmoother:
         ArgumentError: a lag is out of range, or the histories are not merged.
     """
 
+    task = UNKNOWN
+    observes = "tracks"
+
     def __init__(self, beam: BeamDecider, lags: Sequence[int]):
         if not beam.model.merged:
             raise reject("merged", beam.model.merged, "True: branches are found by their mode and age")
-        self.beam, self.observe = beam, beam.observe
+        self.beam = beam
         self.lags = tuple(check_integer("lags", lag, 0, LONGEST_LAG) for lag in lags)
         self._found: dict[int, list[FloatArray]] = {}
         self._state: SmootherState | None = None
+
+    def observe(self, tracks: Any) -> FloatArray:
+        """See `BeamDecider.observe`."""
+        return self.beam.observe(tracks)
 
     def predict(
         self,

@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
-
 from agents.evaluation.deciders import CLASSICAL, SHIPPED, bayes_family
 from agents.evaluation.statement_deciders import RULES
-from agents.interface.decider_colours import (
+from matplotlib.colors import to_rgb
+
+from agents.figures.decider_colours import (
     FURTHER_STYLES,
     STATEMENT_STYLES,
     STYLES,
