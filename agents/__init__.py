@@ -7,6 +7,6 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
 3. `evaluation`: deciders by name, measured on fixed episodes; operating curves; shifted worlds.
 4. `training`: recipes, runs and run folders, the Stable-Baselines3 VecEnv.
 5. one subpackage per study, with its command, plan, report and figures: `comparison`, `limits`,
-   `reproduction`, `benchmark`, `recordings`, `playing`, `tuning`.
+   `reproduction`, `recordings`, `playing`, `tuning`.
 6. `cli`: the console script, which knows every command.
 """
