@@ -1,7 +1,7 @@
 """Published and reproduced table values, and the sampling interval of a study of the paper's size."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,6 +136,22 @@ def study_interval(
     return statistics(per_run.mean(0)), low, high
 
 
+def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
+    """Ratio of the mean errors of two filters on the same measurements, with its interval over flights.
+
+    Args:
+        errors: (runs, F) of the first filter.
+        others: (runs, F) of the second one.
+        seed: of the resampling.
+
+    Returns:
+        Ratio of the means over everything, and the bounds of its 95 % bootstrap interval over flights.
+    """
+    both = np.stack([errors.mean(0), others.mean(0)], axis=-1)
+    value, low, high = study_interval(both, lambda means: means[..., 0] / means[..., 1], seed, len(both))
+    return float(value), float(low), float(high)
+
+
 def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
     """Root-mean-square errors and their Euclidean norm (nRMSE), (..., 5), from mean squares (..., 4)."""
     roots = np.sqrt(mean_squares)
@@ -145,10 +161,11 @@ def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
 def table_row(
     table: str,
     row: str,
-    columns: tuple[str, ...],
-    published: tuple[float, ...],
+    columns: Iterable[str],
+    published: Iterable[float],
     interval: tuple[FloatArray, FloatArray, FloatArray],
     digits: int = 4,
+    note: str = STUDY_INTERVAL,
 ) -> list[Cell]:
     """Cells of one row of a table.
 
@@ -158,8 +175,9 @@ def table_row(
         published: (C,) published values, NaN where there is none.
         interval: value, lower and upper bound of each column, from `study_interval`.
         digits: number of decimals to print.
+        note: meaning of the interval.
     """
     return [
-        Cell(table, row, column, value, float(ours), float(low), float(high), digits)
+        Cell(table, row, column, value, float(ours), float(low), float(high), digits, note)
         for column, value, ours, low, high in zip(columns, published, *interval, strict=True)
     ]

@@ -3,19 +3,23 @@
 A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that
 of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch
 2010, "Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor, so the body
-is built here.
+is built here. A flight takes some seconds, so that each is stored in a file; a killed run goes on with the
+next one.
 """
 
 import math
+import os
+import secrets
+import zipfile
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from baselines.papers.novospaskyi import vehicle
-from baselines.papers.novospaskyi.flights import Flight
-from baselines.papers.novospaskyi.paths import Path
+from baselines.papers.novospaskyi import flights
+from baselines.papers.novospaskyi.flights import Flight, Route, flight_route
 from hybrid_env.checks import ArgumentError
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +42,7 @@ TORQUE_SHARE = 0.02
 MOTOR_LAG = 0.03
 """Time constant from commanded to actual rotor force [s]."""
 
-LARGEST_ROTOR_FORCE = vehicle.LARGEST_FORCE * MASS / 4.0 * 1.2
+LARGEST_ROTOR_FORCE = flights.LARGEST_FORCE * MASS / 4.0 * 1.2
 """[N]; a fifth above the largest thrust of the guidance, so that torque remains available."""
 
 ATTITUDE_GAIN = 120.0
@@ -108,7 +112,7 @@ def rotor_commands(
     return np.minimum(np.maximum(_MIXER @ np.array([force, *torque]), 0.0), LARGEST_ROTOR_FORCE)
 
 
-def fly_quadrotor(path: Path) -> Flight | None:
+def fly_quadrotor(path: Route) -> Flight | None:
     """Fly a quadrotor through the waypoints of a path.
 
     Args:
@@ -128,18 +132,18 @@ def fly_quadrotor(path: Path) -> Flight | None:
         engine.disconnect(client)
 
 
-def _fly(engine: ModuleType, client: int, path: Path) -> Flight | None:
-    guidance = vehicle.Guidance([path.waypoints])
+def _fly(engine: ModuleType, client: int, path: Route) -> Flight | None:
+    guidance = flights.Guidance([path.waypoints])
     start, start_velocity = guidance.start()
     quadrotor = Quadrotor(engine, client, start[0], start_velocity[0])
     share = 1.0 - math.exp(-1.0 / (RATE * MOTOR_LAG))
-    steps = round(RATE * vehicle.RECORD_STEP)
+    steps = round(RATE * flights.RECORD_STEP)
     positions, velocities = [start[0]], [start_velocity[0]]
     while True:
         target = guidance.targets(positions[-1][None])[0]
         if not guidance.flying[0]:
             break
-        thrust = vehicle.thrust_command(positions[-1], velocities[-1], target)
+        thrust = flights.thrust_command(positions[-1], velocities[-1], target)
         desired = desired_attitude(thrust)
         for _ in range(steps):
             command = rotor_commands(quadrotor.rotation, quadrotor.rates, desired, thrust)
@@ -172,7 +176,7 @@ class Quadrotor:
     def __init__(self, engine: ModuleType, client: int, position: FloatArray, velocity: FloatArray):
         self._engine, self._client = engine, client
         engine.setTimeStep(1.0 / RATE, physicsClientId=client)
-        engine.setGravity(0.0, 0.0, -vehicle.GRAVITY, physicsClientId=client)
+        engine.setGravity(0.0, 0.0, -flights.GRAVITY, physicsClientId=client)
         self._body = engine.createMultiBody(
             baseMass=MASS, basePosition=position.tolist(), physicsClientId=client
         )
@@ -180,7 +184,7 @@ class Quadrotor:
             self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0,
             physicsClientId=client,
         )  # fmt: skip
-        thrust = np.array([0.0, 0.0, vehicle.GRAVITY]) - vehicle.drag(velocity)
+        thrust = np.array([0.0, 0.0, flights.GRAVITY]) - flights.drag(velocity)
         quaternion = Rotation.from_matrix(desired_attitude(thrust)).as_quat().tolist()
         engine.resetBasePositionAndOrientation(
             self._body, position.tolist(), quaternion, physicsClientId=client
@@ -198,7 +202,7 @@ class Quadrotor:
             )
         yaw = (TORQUE_SHARE * float(SPIN @ self.forces) * self.rotation[:, 2]).tolist()
         engine.applyExternalTorque(body, -1, yaw, engine.WORLD_FRAME, physicsClientId=client)
-        drag = (MASS * vehicle.drag(self.velocity)).tolist()
+        drag = (MASS * flights.drag(self.velocity)).tolist()
         engine.applyExternalForce(
             body, -1, drag, self.position.tolist(), engine.WORLD_FRAME, physicsClientId=client
         )
@@ -213,3 +217,39 @@ class Quadrotor:
         self.position, self.velocity = np.array(position), np.array(velocity)
         self.rotation = np.array(self._engine.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         self.rates = np.array(rates) @ self.rotation
+
+
+def flight_file(folder: Path, seed: int, attempt: int) -> Path:
+    """File of an attempt."""
+    return folder / f"quadrotor-{seed}-{attempt}.npz"
+
+
+def load_flight(file: Path, seed: int, attempt: int) -> tuple[bool, Flight | None]:
+    """Whether the attempt is stored, and its flight, None if it failed."""
+    try:
+        with file.open("rb") as stored, np.load(stored) as arrays:
+            points, positions, velocities = (arrays[name] for name in ("points", "positions", "velocities"))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return False, None
+    if not np.array_equal(points, flight_route(seed, attempt).control_points):
+        return False, None
+    return True, Flight(positions, velocities) if len(positions) else None
+
+
+def fly_and_store(folder: Path, seed: int, attempt: int) -> None:
+    """Fly an attempt with the quadrotor and write its file, unless it is there.
+
+    Raises:
+        ArgumentError: PyBullet is not installed, or the file cannot be written.
+    """
+    file = flight_file(folder, seed, attempt)
+    if load_flight(file, seed, attempt)[0]:
+        return
+    path = flight_route(seed, attempt)
+    flight = fly_quadrotor(path) or Flight(np.empty((0, 3)), np.empty((0, 3)))
+    part = file.with_name(f".{file.stem}-{secrets.token_hex(4)}.npz")
+    try:
+        np.savez(part, points=path.control_points, positions=flight.positions, velocities=flight.velocities)
+        os.replace(part, file)
+    except OSError as error:
+        raise ArgumentError(f"{file} cannot be written: {error}") from None

@@ -7,14 +7,14 @@ import pytest
 from PIL import Image
 
 from agents.cli import main
-from agents.reproduction import novospaskyi_study
+from agents.reproduction import command
 from baselines.papers import novospaskyi
 
 
 def test_the_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys, tmp_path):
     small = partial(novospaskyi.reproduce, flights=6, trials=1)
     monkeypatch.setattr(novospaskyi, "reproduce", small)
-    monkeypatch.setattr(novospaskyi_study, "MOST_WORKERS", 1)
+    monkeypatch.setattr(command, "MOST_PROCESSES", 1)
     assert main(["reproduce", "novospaskyi", "--runs", "2", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     for words in ("Table 3.5, Gaussian noise", "KF CJ", "2 runs, seed 0", "sound CV"):

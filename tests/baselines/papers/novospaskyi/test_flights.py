@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from baselines.papers.novospaskyi import quadrotor, stored_flights, vehicle
-from baselines.papers.novospaskyi.flights import flight_path, generate_flights
-from baselines.papers.novospaskyi.paths import SHORTEST, SPACE, SPACING, Path, bezier, random_path
-from baselines.papers.novospaskyi.point_mass import fly_point_masses
+from baselines.papers.novospaskyi import flights as model
+from baselines.papers.novospaskyi import quadrotor
+from baselines.papers.novospaskyi.flights import (
+    SHORTEST,
+    SPACE,
+    SPACING,
+    Route,
+    bezier,
+    flight_route,
+    fly_point_masses,
+    generate_flights,
+    random_route,
+)
 from hybrid_env.checks import ArgumentError
 
 
@@ -22,7 +31,7 @@ def hairpin():
     """A path that turns back within a few metres at full speed."""
     out = np.array([[100.0 * k, 0.0, 200.0] for k in range(6)])
     back = np.array([[500.0 - 100.0 * k, 5.0 + 300.0 * k, 200.0] for k in range(1, 3)])
-    return Path(out[:4], np.concatenate([out, back]))
+    return Route(out[:4], np.concatenate([out, back]))
 
 
 def test_a_curve_is_the_polynomial_in_bernstein_form():
@@ -33,7 +42,7 @@ def test_a_curve_is_the_polynomial_in_bernstein_form():
 
 
 def test_waypoints_are_evenly_spaced_on_a_long_curve_in_the_air_space():
-    path = random_path(np.random.default_rng(1))
+    path = random_route(np.random.default_rng(1))
     low, high = np.array(SPACE).T
     assert (path.waypoints >= low).all()
     assert (path.waypoints <= high).all()
@@ -49,16 +58,16 @@ def test_flights_have_the_speed_of_the_thesis_and_respect_the_limits(flights):
     speeds = [np.linalg.norm(flight.velocities, axis=1).mean() for flight in flights]
     assert np.mean(speeds) == pytest.approx(50.0, abs=1.0)
     for flight in flights:
-        change = np.diff(flight.velocities, axis=0) / vehicle.RECORD_STEP
-        thrust = change + np.array([0.0, 0.0, vehicle.GRAVITY]) - vehicle.drag(flight.velocities[:-1])
-        assert np.linalg.norm(thrust, axis=1).max() < 1.01 * vehicle.LARGEST_FORCE
+        change = np.diff(flight.velocities, axis=0) / model.RECORD_STEP
+        thrust = change + np.array([0.0, 0.0, model.GRAVITY]) - model.drag(flight.velocities[:-1])
+        assert np.linalg.norm(thrust, axis=1).max() < 1.01 * model.LARGEST_FORCE
         assert flight.positions[:, 2].min() > 0.0
 
 
 def test_positions_and_velocities_of_a_flight_fit_together(flights):
     flight = flights[0]
     middle = (flight.velocities[1:] + flight.velocities[:-1]) / 2.0
-    steps = np.diff(flight.positions, axis=0) / vehicle.RECORD_STEP
+    steps = np.diff(flight.positions, axis=0) / model.RECORD_STEP
     np.testing.assert_allclose(steps, middle, atol=0.05)  # drag within a step
     positions, velocities = flight.states_at(flight.times[3:5])
     np.testing.assert_allclose(positions, flight.positions[3:5])
@@ -72,7 +81,7 @@ def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights):
 
 
 def test_a_path_that_cannot_be_flown_is_discarded():
-    straight = Path(np.zeros((4, 3)), np.array([[100.0 * k, 0.0, 200.0] for k in range(6)]))
+    straight = Route(np.zeros((4, 3)), np.array([[100.0 * k, 0.0, 200.0] for k in range(6)]))
     flown = fly_point_masses([straight, hairpin()])
     assert flown[0] is not None
     assert flown[1] is None
@@ -81,7 +90,7 @@ def test_a_path_that_cannot_be_flown_is_discarded():
 def test_physics_without_pybullet_is_one_line_that_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(ArgumentError, match=r"hybrid-track\[physics\]") as caught:
-        quadrotor.fly_quadrotor(flight_path(0, 0))
+        quadrotor.fly_quadrotor(flight_route(0, 0))
     assert "\n" not in str(caught.value)
 
 
@@ -113,7 +122,7 @@ def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
     client = engine.connect(engine.DIRECT)
     body = quadrotor.Quadrotor(engine, client, np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
     assert body.rotation[2, 2] < 0.99  # leans against the drag
-    up = np.array([0.0, 0.0, vehicle.GRAVITY])
+    up = np.array([0.0, 0.0, model.GRAVITY])
     desired = quadrotor.desired_attitude(up)
     for _ in range(quadrotor.RATE):
         body.forces = quadrotor.rotor_commands(body.rotation, body.rates, desired, up)
@@ -125,22 +134,22 @@ def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
 def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path):
     pytest.importorskip("pybullet")
     attempt = 2
-    stored_flights.fly_and_store(tmp_path, 0, attempt)
-    file = stored_flights.flight_file(tmp_path, 0, attempt)
-    known, flight = stored_flights.load_flight(file, 0, attempt)
+    quadrotor.fly_and_store(tmp_path, 0, attempt)
+    file = quadrotor.flight_file(tmp_path, 0, attempt)
+    known, flight = quadrotor.load_flight(file, 0, attempt)
     assert known
     assert flight is not None
-    (mass,) = fly_point_masses([flight_path(0, attempt)])
+    (mass,) = fly_point_masses([flight_route(0, attempt)])
     assert mass is not None
     shortest = min(len(flight.positions), len(mass.positions))
     apart = np.linalg.norm(flight.positions[:shortest] - mass.positions[:shortest], axis=1)
     assert apart.max() < 30.0  # half a second of flight: both pass the same waypoints at nearly the same time
     written = file.stat().st_mtime_ns
-    stored_flights.fly_and_store(tmp_path, 0, attempt)
+    quadrotor.fly_and_store(tmp_path, 0, attempt)
     assert file.stat().st_mtime_ns == written
-    assert stored_flights.load_flight(file, 1, attempt) == (False, None)  # a file of another path
+    assert quadrotor.load_flight(file, 1, attempt) == (False, None)  # a file of another path
     file.write_bytes(file.read_bytes()[:200])
-    assert stored_flights.load_flight(file, 0, attempt) == (False, None)
+    assert quadrotor.load_flight(file, 0, attempt) == (False, None)
 
 
 def test_a_quadrotor_that_misses_its_waypoints_has_no_flight():

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.papers.novospaskyi import radars
-from baselines.papers.novospaskyi.flights import generate_flights
-from baselines.papers.novospaskyi.metrics import flight_errors, paired_ratio
-from baselines.papers.novospaskyi.point_mass import fly_point_masses
-from baselines.papers.novospaskyi.radars import draw_noise, measure, scan_flight
+from baselines.papers.novospaskyi.flights import fly_point_masses, generate_flights
+from baselines.papers.novospaskyi.radars import draw_noise, flight_errors, measure, scan_flight
+from baselines.papers.reproduction import paired_ratio
 
 
 @pytest.fixture(scope="module")

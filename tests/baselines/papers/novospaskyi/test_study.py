@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.interface.parallel import Workers
 from baselines.papers.novospaskyi import reproduce, tables
 from baselines.papers.novospaskyi.published import METRICS, TABLES, TEST_ERRORS, UNFILTERED
 from hybrid_env.checks import ArgumentError
@@ -19,11 +20,12 @@ ROOT = Path(__file__).parents[4]
 SCRIPT = """
 import json, sys
 from pathlib import Path
+from agents.interface.parallel import Workers
 from baselines.papers.novospaskyi import reproduce
 
 if __name__ == "__main__":
     folder, workers = Path(sys.argv[1]), int(sys.argv[2])
-    result = reproduce(1, 0, folder=folder, flights=6, trials=4, workers=workers)
+    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=Workers(workers).results)
     values = [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
     (folder / "result.json").write_text(json.dumps(values))
 """
@@ -63,9 +65,8 @@ def test_unfiltered_cells_are_the_noise_itself(small):
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [({"runs": 0}, "runs"), ({"seed": -1}, "seed"), ({"flights": 3}, "flights"), ({"trials": 0}, "trials"),
-     ({"workers": 0}, "workers")],
-)  # fmt: skip
+    [({"runs": 0}, "runs"), ({"seed": -1}, "seed"), ({"flights": 3}, "flights"), ({"trials": 0}, "trials")],
+)
 def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
     with pytest.raises(ArgumentError, match=rf"^{named}="):
         reproduce(**arguments, folder=tmp_path)
@@ -104,7 +105,7 @@ def test_a_killed_run_resumes_with_the_same_bytes(tmp_path, workers):
 
 @pytest.mark.study
 def test_the_published_pattern_and_the_better_filters(tmp_path):
-    result = reproduce(folder=tmp_path, workers=os.cpu_count() or 1)
+    result = reproduce(folder=tmp_path, run=Workers(os.cpu_count() or 1).results)
     ours = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
     position, velocity = METRICS[0], METRICS[2]
     for noise, table in TABLES.items():

@@ -8,14 +8,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from agents.interface.curve_labels import label_curves
-from agents.reproduction.canvas import GREY, new_figure
+from agents.reproduction.canvas import DARK_GREY, GREY, TRUTH, new_figure, style_map
 from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
-TRUTH = "#1a1a1a"
 RADAR = "#AA3377"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
@@ -61,9 +60,7 @@ def _draw_map(axes: Any, example: Example) -> None:
     (radars,) = axes.plot(*example.scan.radars[:, :2].T / 1000.0, "^", color=RADAR, markersize=9)
     for radar in example.scan.radars:
         axes.add_patch(Circle(radar[:2] / 1000.0, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
-    axes.set(title="Flight from above, Gaussian noise", xlabel="x [km]", ylabel="y [km]")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(alpha=0.25)
+    style_map(axes, "Flight from above, Gaussian noise", "km")
     label_curves(axes, [(path, "flight"), (points, "measurements"), (radars, "radars")])
 
 
@@ -86,7 +83,7 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
         curves.append((curve, name))
     measured = example.tracks[noise].measurements[0, window, :2]
     low, high = states[:, :2].min(0) - 70.0, states[:, :2].max(0) + 70.0
-    axes.plot(*measured.T, "x", color="#4d4d4d", markersize=5)
+    axes.plot(*measured.T, "x", color=DARK_GREY, markersize=5)
     outside = int(((measured < low) | (measured > high)).any(1).sum())
     hidden = f", {outside} outside" if outside else ""
     axes.set(
@@ -107,8 +104,8 @@ def _errors(result: Reproduction) -> Figure:
         for place, metric in enumerate(("position RMSE, m", "velocity RMSE, m/s")):
             _draw_bars(axes[2 * index + place], result, noise, metric)
     axes[1].legend(
-        handles=[Patch(facecolor="white", edgecolor="#4d4d4d", hatch="////", label="published"),
-                 Patch(facecolor="#4d4d4d", label="ours, as in the thesis"),
+        handles=[Patch(facecolor="white", edgecolor=DARK_GREY, hatch="////", label="published"),
+                 Patch(facecolor=DARK_GREY, label="ours, as in the thesis"),
                  Patch(facecolor="#88CCEE", label="ours, sound and robust")],
         loc="lower right", fontsize=8,
     )  # fmt: skip
@@ -127,7 +124,7 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     ours = rows[: len(thesis)]
     _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *FILTERS)])
     axes.barh(
-        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor="#4d4d4d",
+        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
     )  # fmt: skip
     _bars(axes, rows[len(thesis) :], sound, ["#88CCEE"] * len(sound))
