@@ -152,10 +152,29 @@ def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[flo
     return float(value), float(low), float(high)
 
 
-def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
-    """Root-mean-square errors and their Euclidean norm (nRMSE), (..., 5), from mean squares (..., 4)."""
-    roots = np.sqrt(mean_squares)
-    return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
+STATES = ("x1", "x2", "x3", "x4", "nRMSE")
+"""Columns of a table of RMSE: components of the state [m, m/s], and the norm of their RMSE."""
+
+
+def rmse_row(
+    table: str, row: str, published: Iterable[float], estimates: FloatArray, truth: FloatArray, seed: int
+) -> list[Cell]:
+    """Cells of one row of RMSE, with the interval of a study with `PAPER_RUNS` runs.
+
+    Args:
+        table, row: names of table and row.
+        published: (5,) published values of `STATES`, NaN where there is none.
+        estimates: (n, T, 4) of n runs.
+        truth: (n, T, 4).
+        seed: seed of the resampling.
+    """
+
+    def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
+        roots = np.sqrt(mean_squares)
+        return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
+
+    interval = study_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    return table_row(table, row, STATES, published, interval)
 
 
 def table_row(
@@ -163,7 +182,7 @@ def table_row(
     row: str,
     columns: Iterable[str],
     published: Iterable[float],
-    interval: tuple[FloatArray, FloatArray, FloatArray],
+    interval: Iterable[Iterable[float]],
     digits: int = 4,
     note: str = STUDY_INTERVAL,
 ) -> list[Cell]:

@@ -11,8 +11,9 @@ import math
 import os
 import secrets
 import zipfile
+from functools import partial
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,19 +65,27 @@ _ROTOR_LISTS = ROTORS.tolist()
 _MIXER = np.linalg.inv(np.stack([np.ones(4), ROTORS[:, 1], -ROTORS[:, 0], TORQUE_SHARE * SPIN]))
 
 
-def import_engine() -> ModuleType:
-    """The module `pybullet`.
+class Engine:
+    """A simulation of its own in PyBullet: the functions and constants of the module `pybullet`.
 
     Raises:
         ArgumentError: the extra `physics` is not installed.
     """
-    try:
-        import pybullet
-    except ImportError:
-        raise ArgumentError(
-            "flights with physics need PyBullet, which is not installed: pip install 'hybrid-track[physics]'"
-        ) from None
-    return pybullet
+
+    def __init__(self) -> None:
+        try:
+            import pybullet
+        except ImportError:
+            raise ArgumentError(
+                "flights with physics need PyBullet, which is not installed: "
+                "pip install 'hybrid-track[physics]'"
+            ) from None
+        self._module = pybullet
+        self._client = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._module, name)
+        return partial(found, physicsClientId=self._client) if callable(found) else found
 
 
 def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -124,18 +133,17 @@ def fly_quadrotor(path: Route) -> Flight | None:
     Raises:
         ArgumentError: the extra `physics` is not installed.
     """
-    engine = import_engine()
-    client = engine.connect(engine.DIRECT)
+    engine = Engine()
     try:
-        return _fly(engine, client, path)
+        return _fly(engine, path)
     finally:
-        engine.disconnect(client)
+        engine.disconnect()
 
 
-def _fly(engine: ModuleType, client: int, path: Route) -> Flight | None:
+def _fly(engine: Engine, path: Route) -> Flight | None:
     guidance = flights.Guidance([path.waypoints])
     start, start_velocity = guidance.start()
-    quadrotor = Quadrotor(engine, client, start[0], start_velocity[0])
+    quadrotor = Quadrotor(engine, start[0], start_velocity[0])
     share = 1.0 - math.exp(-1.0 / (RATE * MOTOR_LAG))
     steps = round(RATE * flights.RECORD_STEP)
     positions, velocities = [start[0]], [start_velocity[0]]
@@ -160,8 +168,7 @@ class Quadrotor:
     """The body in the engine, with four rotors and drag.
 
     Args:
-        engine: the module `pybullet`.
-        client: number of the connection.
+        engine: the simulation.
         position: (3,) at the start [m].
         velocity: (3,) at the start [m/s]; the attitude is that of steady flight at this velocity.
 
@@ -173,83 +180,67 @@ class Quadrotor:
         forces: (4,) of the rotors [N], for the next step.
     """
 
-    def __init__(self, engine: ModuleType, client: int, position: FloatArray, velocity: FloatArray):
-        self._engine, self._client = engine, client
-        engine.setTimeStep(1.0 / RATE, physicsClientId=client)
-        engine.setGravity(0.0, 0.0, -flights.GRAVITY, physicsClientId=client)
-        self._body = engine.createMultiBody(
-            baseMass=MASS, basePosition=position.tolist(), physicsClientId=client
-        )
+    def __init__(self, engine: Engine, position: FloatArray, velocity: FloatArray):
+        self._engine = engine
+        engine.setTimeStep(1.0 / RATE)
+        engine.setGravity(0.0, 0.0, -flights.GRAVITY)
+        self._body = engine.createMultiBody(baseMass=MASS, basePosition=position.tolist())
         engine.changeDynamics(
-            self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0,
-            physicsClientId=client,
-        )  # fmt: skip
+            self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0
+        )
         thrust = np.array([0.0, 0.0, flights.GRAVITY]) - flights.drag(velocity)
         quaternion = Rotation.from_matrix(desired_attitude(thrust)).as_quat().tolist()
-        engine.resetBasePositionAndOrientation(
-            self._body, position.tolist(), quaternion, physicsClientId=client
-        )
-        engine.resetBaseVelocity(self._body, velocity.tolist(), [0.0, 0.0, 0.0], physicsClientId=client)
+        engine.resetBasePositionAndOrientation(self._body, position.tolist(), quaternion)
+        engine.resetBaseVelocity(self._body, velocity.tolist(), [0.0, 0.0, 0.0])
         self.forces = np.full(4, MASS * math.sqrt(thrust @ thrust) / 4.0)
         self._read()
 
     def step(self) -> None:
         """Advance by 1 / `RATE` seconds with the rotor forces, their yaw torque, and drag at the centre."""
-        engine, body, client = self._engine, self._body, self._client
+        engine, body = self._engine, self._body
         for rotor, force in zip(_ROTOR_LISTS, self.forces.tolist(), strict=True):
-            engine.applyExternalForce(
-                body, -1, (0.0, 0.0, force), rotor, engine.LINK_FRAME, physicsClientId=client
-            )
+            engine.applyExternalForce(body, -1, (0.0, 0.0, force), rotor, engine.LINK_FRAME)
         yaw = (TORQUE_SHARE * float(SPIN @ self.forces) * self.rotation[:, 2]).tolist()
-        engine.applyExternalTorque(body, -1, yaw, engine.WORLD_FRAME, physicsClientId=client)
+        engine.applyExternalTorque(body, -1, yaw, engine.WORLD_FRAME)
         drag = (MASS * flights.drag(self.velocity)).tolist()
-        engine.applyExternalForce(
-            body, -1, drag, self.position.tolist(), engine.WORLD_FRAME, physicsClientId=client
-        )
-        engine.stepSimulation(physicsClientId=client)
+        engine.applyExternalForce(body, -1, drag, self.position.tolist(), engine.WORLD_FRAME)
+        engine.stepSimulation()
         self._read()
 
     def _read(self) -> None:
-        position, quaternion = self._engine.getBasePositionAndOrientation(
-            self._body, physicsClientId=self._client
-        )
-        velocity, rates = self._engine.getBaseVelocity(self._body, physicsClientId=self._client)
+        position, quaternion = self._engine.getBasePositionAndOrientation(self._body)
+        velocity, rates = self._engine.getBaseVelocity(self._body)
         self.position, self.velocity = np.array(position), np.array(velocity)
         self.rotation = np.array(self._engine.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         self.rates = np.array(rates) @ self.rotation
 
 
-def flight_file(folder: Path, seed: int, attempt: int) -> Path:
-    """File of an attempt."""
-    return folder / f"quadrotor-{seed}-{attempt}.npz"
+def stored_flight(folder: Path, seed: int, attempt: int) -> Flight | None:
+    """The flight of an attempt, None if it failed, from its file or flown and written to it.
 
-
-def load_flight(file: Path, seed: int, attempt: int) -> tuple[bool, Flight | None]:
-    """Whether the attempt is stored, and its flight, None if it failed."""
-    try:
-        with file.open("rb") as stored, np.load(stored) as arrays:
-            points, positions, velocities = (arrays[name] for name in ("points", "positions", "velocities"))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return False, None
-    if not np.array_equal(points, flight_route(seed, attempt).control_points):
-        return False, None
-    return True, Flight(positions, velocities) if len(positions) else None
-
-
-def fly_and_store(folder: Path, seed: int, attempt: int) -> None:
-    """Fly an attempt with the quadrotor and write its file, unless it is there.
+    Args:
+        folder: of the files; it exists.
+        seed: of the paths.
+        attempt: its number.
 
     Raises:
         ArgumentError: PyBullet is not installed, or the file cannot be written.
     """
-    file = flight_file(folder, seed, attempt)
-    if load_flight(file, seed, attempt)[0]:
-        return
+    file = folder / f"quadrotor-{seed}-{attempt}.npz"
     path = flight_route(seed, attempt)
-    flight = fly_quadrotor(path) or Flight(np.empty((0, 3)), np.empty((0, 3)))
-    part = file.with_name(f".{file.stem}-{secrets.token_hex(4)}.npz")
     try:
-        np.savez(part, points=path.control_points, positions=flight.positions, velocities=flight.velocities)
-        os.replace(part, file)
-    except OSError as error:
-        raise ArgumentError(f"{file} cannot be written: {error}") from None
+        with file.open("rb") as stored, np.load(stored) as arrays:
+            points, flight = arrays["points"], Flight(arrays["positions"], arrays["velocities"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        points = None
+    if not np.array_equal(points, path.control_points):
+        flight = fly_quadrotor(path) or Flight(np.empty((0, 3)), np.empty((0, 3)))
+        part = file.with_name(f".{file.stem}-{secrets.token_hex(4)}.npz")
+        try:
+            np.savez(
+                part, points=path.control_points, positions=flight.positions, velocities=flight.velocities
+            )
+            os.replace(part, file)
+        except OSError as error:
+            raise ArgumentError(f"{file} cannot be written: {error}") from None
+    return flight if len(flight.positions) else None

@@ -13,7 +13,7 @@ from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, fly_point_masses, generate_flights
 from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED, without_noise
-from baselines.papers.novospaskyi.quadrotor import flight_file, fly_and_store, import_engine, load_flight
+from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
@@ -94,7 +94,7 @@ def reproduce(
     runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
     flights, trials = check_integer("flights", flights, 4), check_integer("trials", trials)
     if physics:
-        import_engine()
+        Engine().disconnect()
     folder = folder / ("quadrotor" if physics else "point-mass")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -144,10 +144,9 @@ def _quadrotor_flights(work: _Work, folder: Path, count: int, seed: int) -> list
     while len(flown) < count:
         # no more attempts than can be needed, so that the number of processes does not matter
         batch = range(attempt, attempt + count - len(flown))
-        calls = {number: partial(fly_and_store, folder, seed, number) for number in batch}
-        work.results("flights", calls, len(flown), count)
-        loaded = [load_flight(flight_file(folder, seed, number), seed, number)[1] for number in batch]
-        flown += [flight for flight in loaded if flight is not None]
+        calls = {number: partial(stored_flight, folder, seed, number) for number in batch}
+        found = work.results("flights", calls, len(flown), count)
+        flown += [flight for flight in found.values() if flight is not None]
         attempt = batch.stop
     return flown
 

@@ -95,9 +95,8 @@ def test_physics_without_pybullet_is_one_line_that_names_the_extra(monkeypatch):
 
 
 def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say():
-    engine = pytest.importorskip("pybullet")
-    client = engine.connect(engine.DIRECT)
-    body = quadrotor.Quadrotor(engine, client, np.array([0.0, 0.0, 100.0]), np.zeros(3))
+    pytest.importorskip("pybullet")
+    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.zeros(3))
     for _ in range(quadrotor.RATE):
         body.step()
     np.testing.assert_allclose(body.position, [0.0, 0.0, 100.0], atol=1e-3)
@@ -114,13 +113,11 @@ def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say():
     body.step()
     expected = 4 * 0.1 * quadrotor.TORQUE_SHARE / quadrotor.INERTIA[2] / quadrotor.RATE
     assert body.rates[2] - before == pytest.approx(expected, rel=0.05)
-    engine.disconnect(client)
 
 
 def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
-    engine = pytest.importorskip("pybullet")
-    client = engine.connect(engine.DIRECT)
-    body = quadrotor.Quadrotor(engine, client, np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
+    pytest.importorskip("pybullet")
+    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
     assert body.rotation[2, 2] < 0.99  # leans against the drag
     up = np.array([0.0, 0.0, model.GRAVITY])
     desired = quadrotor.desired_attitude(up)
@@ -128,28 +125,33 @@ def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
         body.forces = quadrotor.rotor_commands(body.rotation, body.rates, desired, up)
         body.step()
     np.testing.assert_allclose(body.rotation, np.eye(3), atol=1e-3)
-    engine.disconnect(client)
 
 
-def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path):
+def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path, monkeypatch):
     pytest.importorskip("pybullet")
     attempt = 2
-    quadrotor.fly_and_store(tmp_path, 0, attempt)
-    file = quadrotor.flight_file(tmp_path, 0, attempt)
-    known, flight = quadrotor.load_flight(file, 0, attempt)
-    assert known
+    flight = quadrotor.stored_flight(tmp_path, 0, attempt)
     assert flight is not None
     (mass,) = fly_point_masses([flight_route(0, attempt)])
     assert mass is not None
     shortest = min(len(flight.positions), len(mass.positions))
     apart = np.linalg.norm(flight.positions[:shortest] - mass.positions[:shortest], axis=1)
     assert apart.max() < 30.0  # half a second of flight: both pass the same waypoints at nearly the same time
+    (file,) = tmp_path.iterdir()
     written = file.stat().st_mtime_ns
-    quadrotor.fly_and_store(tmp_path, 0, attempt)
+    again = quadrotor.stored_flight(tmp_path, 0, attempt)
+    np.testing.assert_array_equal(again.positions, flight.positions)
     assert file.stat().st_mtime_ns == written
-    assert quadrotor.load_flight(file, 1, attempt) == (False, None)  # a file of another path
+    flown = []
+    monkeypatch.setattr(quadrotor, "fly_quadrotor", lambda path: flown.append(path))  # and fails
+    file.rename(tmp_path / f"quadrotor-1-{attempt}.npz")  # a file of another path
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert len(flown) == 1  # also a failure is stored
+    (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:200])
-    assert quadrotor.load_flight(file, 0, attempt) == (False, None)
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert len(flown) == 2
 
 
 def test_a_quadrotor_that_misses_its_waypoints_has_no_flight():
