@@ -1,5 +1,6 @@
 """Published and reproduced table values, and the sampling interval of a study of the paper's size."""
 
+import functools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -129,11 +130,15 @@ def study_interval(
     Returns:
         Statistics of all runs, lower and upper bounds of the 95 % interval, each (C,).
     """
-    generator = np.random.default_rng(seed)
-    draws = generator.multinomial(study_runs, np.full(len(per_run), 1.0 / len(per_run)), RESAMPLES)
-    resampled = statistics(draws @ per_run / study_runs)
+    resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
     low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
     return statistics(per_run.mean(0)), low, high
+
+
+@functools.lru_cache(maxsize=2)
+def _draws(seed: int, study_runs: int, runs: int) -> NDArray[np.int64]:
+    """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
+    return np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
 
 
 def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
