@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from agents.interface.curve_labels import label_curves
 from hybrid_env.rendering.modes import mode_colour
 
 DPI = 110
@@ -52,6 +53,12 @@ def plot_by_mode(
         )[0]
         for first, last in pairwise(borders)
     ]
+
+
+def label_lines(axes: Any) -> None:
+    """Write the label of each line that has one beside it; call this last, see `label_curves`."""
+    labels = [(line, line.get_label()) for line in axes.lines]
+    label_curves(axes, [(line, text) for line, text in labels if not text.startswith("_")])
 
 
 def decimal(value: float) -> str:

@@ -7,8 +7,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from agents.interface.curve_labels import label_curves
-from agents.reproduction.canvas import GREY, RUN, TRUTH, decimal, new_figure, plot_by_mode, style_map
+from agents.reproduction.canvas import (
+    GREY,
+    RUN,
+    TRUTH,
+    decimal,
+    label_lines,
+    new_figure,
+    plot_by_mode,
+    style_map,
+)
 from baselines.papers.reproduction import Reproduction
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
@@ -51,15 +59,15 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     map_axes.plot(*recording.measurements[RUN].T, ".", color=GREY, markersize=2.5, alpha=0.6, zorder=1)
     truth = recording.truth[RUN][:, [0, 2]]
     map_axes.plot(*truth.T, color=TRUTH, linewidth=3.4, zorder=2)
-    middles = [  # the middle half of each piece, for its label
-        map_axes.plot(*truth[end - 3 * length // 4 : end - length // 4].T, color=TRUTH, linewidth=3.4)[0]
-        for end, length in zip(ends, recording.lengths, strict=True)
-    ]
+    pieces = zip(ends, recording.lengths, recording.signed_radii, strict=True)
+    for number, (end, length, radius) in enumerate(pieces, start=1):
+        middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the piece beside its label
+        map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=f"{number}: {_mode_label(radius)}")
     estimate = tracks.estimates[RUN][:, [0, 2]]
     modes = tracks.modes[RUN]
     lines = plot_by_mode(map_axes, estimate, modes, radii, linewidth=1.5, zorder=3)
     worst = np.hypot(*(estimate - truth).T).argmax()
-    labelled = lines[np.count_nonzero(np.diff(modes[: worst + 1]))]  # the line with the largest error
+    lines[np.count_nonzero(np.diff(modes[: worst + 1]))].set_label("estimate")  # with the largest error
     decided = ~tracks.undecided[RUN]
     decision_ticks = (ends - recording.lengths + tracks.ticks[RUN])[decided]
     map_axes.plot(
@@ -87,10 +95,7 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
         handles=handles, loc="outside lower center", ncols=len(handles), frameon=False,
         title=f"Colours: active mode of the estimate (left) and hypothesis (right){shades}",
     )  # fmt: skip
-    names = [
-        f"{number}: {_mode_label(radius)}" for number, radius in enumerate(recording.signed_radii, start=1)
-    ]
-    label_curves(map_axes, [*zip(middles, names, strict=True), (labelled, "estimate")])
+    label_lines(map_axes)
     return figure
 
 

@@ -2,12 +2,11 @@
 
 Novospaskyi 2025, section 2.1.1: a random Bezier curve through the air space, with waypoints evenly spaced on
 it. Section 2.1.2 flies a quadrotor through all waypoints and discards flights that fail. Its vehicle is not
-described; the values here are those of a fast quadrotor that can turn at 50 m/s. A point mass flies all paths
-at once and is the default, `quadrotor` has six degrees of freedom; both have the guidance of this file.
+described; the values here are those of a fast quadrotor that can turn at 50 m/s. A point mass flies all
+routes at once and is the default, `quadrotor` has six degrees of freedom; both have this guidance.
 """
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +60,7 @@ TIME_LIMIT = 8.0
 RECORD_STEP = 0.05
 """Time between recorded states, and between commands of the guidance [s]."""
 
+BATCH = 32  # attempts of flights at once
 _SAMPLES = 1001  # of a curve, for its length
 
 
@@ -197,25 +197,25 @@ class Flight:
         return np.asarray(curve(times), np.float64), np.asarray(curve(times, 1), np.float64)
 
 
-def fly_point_masses(paths: list[Route]) -> list[Flight | None]:
-    """Fly through the waypoints of every path.
+def fly_point_masses(routes: list[Route]) -> list[Flight | None]:
+    """Fly through the waypoints of every route.
 
     The thrust vector approaches the command of `thrust_command` with the time constant
     `FORCE_LAG`. Each step of `RECORD_STEP` is integrated by the midpoint rule.
 
     Args:
-        paths: of N flights.
+        routes: of N flights.
 
     Returns:
-        The flight of each path, None where it failed.
+        The flight of each route, None where it failed.
     """
-    guidance = Guidance([path.waypoints for path in paths])
+    guidance = Guidance([route.waypoints for route in routes])
     position, velocity = guidance.start()
     step = RECORD_STEP
     share = 1.0 - np.exp(-step / FORCE_LAG)
     gravity = np.array([0.0, 0.0, -GRAVITY])
     force = -gravity - drag(velocity)  # in equilibrium
-    positions, velocities, lengths = [position], [velocity], np.ones(len(paths), dtype=np.int64)
+    positions, velocities, lengths = [position], [velocity], np.ones(len(routes), dtype=np.int64)
     while True:
         command = thrust_command(position, velocity, guidance.targets(position))
         if not guidance.flying.any():
@@ -235,29 +235,22 @@ def fly_point_masses(paths: list[Route]) -> list[Flight | None]:
 
 
 def flight_route(seed: int, attempt: int) -> Route:
-    """Path of one attempt; it depends on nothing but the seed and the number of the attempt."""
+    """Route of one attempt; it depends on nothing but the seed and the number of the attempt."""
     return random_route(np.random.default_rng((seed, 0, attempt)))
 
 
-def generate_flights(
-    count: int, seed: int, fly: Callable[[list[Route]], list[Flight | None]], batch: int
-) -> Iterator[Flight]:
-    """The first successful flights of the attempts 0, 1, 2 ...
+def point_mass_flights(count: int, seed: int, batch: int = BATCH) -> list[Flight]:
+    """The first successful flights of the attempts 0, 1, 2 ... of point masses.
 
     Args:
         count: number of flights.
-        seed: seed of the paths.
-        fly: flight model, for example `fly_point_masses`.
-        batch: number of attempts that are passed to `fly` at once; it does not change the flights.
-
-    Yields:
-        Successful flights, in the order of the attempts.
+        seed: seed of the routes.
+        batch: number of attempts that are flown at once; it does not change the flights.
     """
-    attempt = flown = 0
-    while flown < count:
-        paths = [flight_route(seed, number) for number in range(attempt, attempt + batch)]
+    flown: list[Flight] = []
+    attempt = 0
+    while len(flown) < count:
+        routes = [flight_route(seed, number) for number in range(attempt, attempt + batch)]
+        flown += [flight for flight in fly_point_masses(routes) if flight is not None]
         attempt += batch
-        for flight in fly(paths):
-            if flight is not None and flown < count:
-                flown += 1
-                yield flight
+    return flown[:count]

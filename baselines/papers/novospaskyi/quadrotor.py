@@ -121,11 +121,11 @@ def rotor_commands(
     return np.minimum(np.maximum(_MIXER @ np.array([force, *torque]), 0.0), LARGEST_ROTOR_FORCE)
 
 
-def fly_quadrotor(path: Route) -> Flight | None:
-    """Fly a quadrotor through the waypoints of a path.
+def fly_quadrotor(route: Route) -> Flight | None:
+    """Fly a quadrotor through the waypoints of a route.
 
     Args:
-        path: task of the flight.
+        route: task of the flight.
 
     Returns:
         The flight, or None if it failed: a waypoint was not reached in time, or the quadrotor fell.
@@ -135,13 +135,13 @@ def fly_quadrotor(path: Route) -> Flight | None:
     """
     engine = Engine()
     try:
-        return _fly(engine, path)
+        return _fly(engine, route)
     finally:
         engine.disconnect()
 
 
-def _fly(engine: Engine, path: Route) -> Flight | None:
-    guidance = flights.Guidance([path.waypoints])
+def _fly(engine: Engine, route: Route) -> Flight | None:
+    guidance = flights.Guidance([route.waypoints])
     start, start_velocity = guidance.start()
     quadrotor = Quadrotor(engine, start[0], start_velocity[0])
     share = 1.0 - math.exp(-1.0 / (RATE * MOTOR_LAG))
@@ -220,25 +220,25 @@ def stored_flight(folder: Path, seed: int, attempt: int) -> Flight | None:
 
     Args:
         folder: of the files; it exists.
-        seed: of the paths.
+        seed: of the routes.
         attempt: its number.
 
     Raises:
         ArgumentError: PyBullet is not installed, or the file cannot be written.
     """
     file = folder / f"quadrotor-{seed}-{attempt}.npz"
-    path = flight_route(seed, attempt)
+    route = flight_route(seed, attempt)
     try:
         with file.open("rb") as stored, np.load(stored) as arrays:
             points, flight = arrays["points"], Flight(arrays["positions"], arrays["velocities"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         points = None
-    if not np.array_equal(points, path.control_points):
-        flight = fly_quadrotor(path) or Flight(np.empty((0, 3)), np.empty((0, 3)))
+    if not np.array_equal(points, route.control_points):
+        flight = fly_quadrotor(route) or Flight(np.empty((0, 3)), np.empty((0, 3)))
         part = file.with_name(f".{file.stem}-{secrets.token_hex(4)}.npz")
         try:
             np.savez(
-                part, points=path.control_points, positions=flight.positions, velocities=flight.velocities
+                part, points=route.control_points, positions=flight.positions, velocities=flight.velocities
             )
             os.replace(part, file)
         except OSError as error:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
-from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, fly_point_masses, generate_flights
+from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
 from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
@@ -35,7 +35,6 @@ RUNS = 10
 TRAINING_NOISE, TEST_NOISE = 2, 3
 """Streams of random numbers of a seed; 0 draws the paths and 1 the radars."""
 
-BATCH = 32  # attempts of flights at once
 PART = 10  # trials of a tuning in one call
 
 
@@ -101,11 +100,7 @@ def reproduce(
     except OSError as error:
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
     work = _Work(run, progress)
-    flown = (
-        _quadrotor_flights(work, folder, flights, seed)
-        if physics
-        else list(generate_flights(flights, seed, fly_point_masses, BATCH))
-    )
+    flown = _quadrotor_flights(work, folder, flights, seed) if physics else point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     count = round(TRAINING_SHARE * flights)
     training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}

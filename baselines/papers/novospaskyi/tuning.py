@@ -7,7 +7,6 @@ the same parameters, bit for bit, and two processes may work on the same file.
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -179,10 +178,7 @@ def _append(file: Path, fingerprint: str, number: int, parameters: Mapping[str, 
     entry = {"fingerprint": fingerprint, "trial": number, "parameters": dict(parameters), "value": value}
     line = f"\n{json.dumps(entry)}\n".encode()  # begins with a line break, as the last line may be cut off
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            os.write(descriptor, line)
-        finally:
-            os.close(descriptor)
+        with file.open("ab", buffering=0) as stored:
+            stored.write(line)
     except OSError as error:
         raise ArgumentError(f"{file} cannot be written: {error}") from None

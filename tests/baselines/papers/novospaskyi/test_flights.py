@@ -16,7 +16,7 @@ from baselines.papers.novospaskyi.flights import (
     bezier,
     flight_route,
     fly_point_masses,
-    generate_flights,
+    point_mass_flights,
     random_route,
 )
 from hybrid_env.checks import ArgumentError
@@ -24,7 +24,7 @@ from hybrid_env.checks import ArgumentError
 
 @pytest.fixture(scope="module")
 def flights():
-    return list(generate_flights(12, 0, fly_point_masses, 16))
+    return point_mass_flights(12, 0, 16)
 
 
 def hairpin():
@@ -75,7 +75,7 @@ def test_positions_and_velocities_of_a_flight_fit_together(flights):
 
 
 def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights):
-    again = list(generate_flights(3, 0, fly_point_masses, 2))
+    again = point_mass_flights(3, 0, 2)
     for one, other in zip(flights, again, strict=False):
         np.testing.assert_array_equal(one.positions, other.positions)
 
