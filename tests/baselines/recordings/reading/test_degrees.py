@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from pyproj import Geod
 
-from baselines.recordings.reading.projection import Projection, centred_projection
+from baselines.recordings.projection import Projection, centred_projection
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
