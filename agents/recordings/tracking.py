@@ -1,9 +1,7 @@
-"""Tracking of one recording: model, bank and decider by name; the options of the command and of the
-function.
-"""
+"""Tracking of one recording: model, bank and decider by name. Options of the command and of the function."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -98,14 +96,11 @@ class TrackingArguments:
         if self.lengths and self.decider is not None and name in RULES:
             raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
 
-    def track(
-        self, recording: Recording, on_progress: Callable[[float], None] | None = None
-    ) -> TrackedRecording:
+    def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording.
 
         Args:
             recording: measured positions.
-            on_progress: called now and then with the fraction that is done.
 
         Raises:
             ArgumentError: an argument does not fit the recording.
@@ -122,18 +117,20 @@ class TrackingArguments:
         options: dict[str, Any] = ModelUnits.of(model).options(model)
         name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
         try:
-            tracker = (
-                self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
-            )
+            if lengths:
+                tracker = self._known(name, options, lengths)
+            else:
+                tracker = self._unknown(name, options, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
         if getattr(tracker.decider, "needs_measurements", False):
             grid, outliers = full, 0
-            _check_measured(name, grid)
+            missing = grid.total - grid.measured
+            if missing:
+                allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement"
+                raise reject("decider", name, f"{allowed}, and it needs all")
         start = None if self.start is None else np.array(self.start)
-        decisions = decide_recording(
-            grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
-        )
+        decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         return row_results(
             recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers
         )
@@ -159,7 +156,7 @@ class TrackingArguments:
         self, name: str, options: dict[str, Any], grid: TickGrid, model: TrackModel
     ) -> OnlineTracker:
         law = GeometricDurations(model.duration) if self.durations is None else self.durations
-        ticks = min(max(map(len, (s.measurements for s in grid.stretches))), MAX_LENGTH)
+        ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
         world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
         return OnlineTracker(world, statement_decider(name, world)[2])
 
@@ -178,27 +175,14 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
     return TrackingArguments(**options).track(make_recording(times, positions))
 
 
-def _check_measured(name: str, grid: TickGrid) -> None:
-    """Check that every tick has a measurement, for a decider that cannot do without one."""
-    missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
-    if missing:
-        allowed = (
-            f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
-        )
-        raise reject("decider", name, allowed)
-
-
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
-    """Return the error of a model that the filters refuse, which speak of other units, with those given."""
-    if not str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau")):
+    """Return the error of a model that the filters refuse, in the units of the recording."""
+    of_model = str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau"))
+    if not of_model or not all(map(math.isfinite, model.radii)):
         return error
     radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
-    return (
-        ArgumentError(
-            f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
-            f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a "
-            f"tick of {model.tau:.4g}: check units"
-        )
-        if all(map(math.isfinite, model.radii))
-        else error
+    return ArgumentError(
+        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
+        f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
+        f"{model.tau:.4g}: check units"
     )

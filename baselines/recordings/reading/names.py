@@ -48,7 +48,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[\s_.:-]+", "_", name.strip().lower()).strip("_")
 
 
-@functools.lru_cache(maxsize=1000)
+@functools.lru_cache(maxsize=256)
 def split_unit(name: str) -> tuple[str, str | None]:
     """Return the plain name of a column and its unit, None if it has none.
 

@@ -7,13 +7,13 @@ import tracemalloc
 import numpy as np
 import pandas as pd
 import pytest
+from baselines.recordings.reading.text import MAX_LINE
 from hostile_input import accepted, damaged, profile
 from hypothesis import given
 
 from baselines.recordings.reading import files, text
 from baselines.recordings.reading.files import MAX_BYTES
 from baselines.recordings.reading.read import read_recordings
-from baselines.recordings.reading.text import MAX_LINE
 from hybrid_env.checks import ArgumentError
 
 STUDY = pytest.param(10_000, marks=pytest.mark.study)
