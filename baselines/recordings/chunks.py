@@ -23,11 +23,11 @@ SHORTEST_CHUNK = 256
 """Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q."""
 
 
-def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = (), ticks: int = FIT_TICKS) -> Chunks:
+def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = ()) -> Chunks:
     """Return chunks of a recording, evenly spread, in units of `scale`, each near its first measurement."""
-    length = max(-(-min(grid.total, ticks) // LANES), SHORTEST_CHUNK)
+    length = max(-(-min(grid.total, FIT_TICKS) // LANES), SHORTEST_CHUNK)
     places = cut(grid, length)
-    wanted = max(ticks // length, LANES)
+    wanted = max(FIT_TICKS // length, LANES)
     if len(places) > wanted:
         places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
     places.sort(key=lambda place: place[2] - place[1])

@@ -136,7 +136,7 @@ def work(path, folder):
     return Report((f"{path.name} in {folder.name}",))
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.study)])
 def test_every_file_is_worked_on_whatever_happens_to_the_others(jobs, tmp_path, capsys):
     paths = [tmp_path / name for name in "abcd"]
     with pytest.raises(ArgumentError, match="2 of 4 files are not tracked; the others are"):

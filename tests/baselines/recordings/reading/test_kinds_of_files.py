@@ -84,7 +84,7 @@ def test_times_header_and_index(check, content, options, said):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (PLANE.set_index(pd.Index(TIMES)).to_csv(), "column 1 is no number of the row.*--columns.* time=1 x="),
+        (PLANE.set_index(pd.Index(TIMES)).to_csv(), "column 1 is no number of the row.*--columns.* time=1 x"),
         (FRAME.to_csv(header=False), r"4 columns without names.*--columns time=1 x=2 y=3"),
         (parquet(FRAME.head(0)), "not an empty table"),
     ],
