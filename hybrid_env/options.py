@@ -2,7 +2,7 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,9 @@ class WorldOptions(ModelOptions):
     Raises:
         ArgumentError: an option has a value that is not allowed.
     """
+
+    switches: ClassVar[Literal["announced", "unknown"]] = "announced"
+    """Whether the moments of the switches are announced."""
 
     scheme: str | Scheme = "random"
     bank: str = "published"

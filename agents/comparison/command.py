@@ -4,10 +4,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
+from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import environment_options

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, DeciderFamily, check_family, decider_family
 from agents.training.recipe import Recipe, load_recipe, recipe_names
+from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import SHIPPED, DeciderFamily
 from agents.evaluation.operating_curve import Estimate
 from agents.evaluation.statement_curve import (
@@ -31,6 +30,7 @@ from agents.evaluation.statement_curve import (
 from agents.evaluation.statement_deciders import RULES, statement_family
 from agents.evaluation.statement_table import StatementFigures, statement_figures
 from agents.interface.parallel import Call, Workers
+from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_track_vector_env

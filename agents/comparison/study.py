@@ -11,7 +11,6 @@ from rich.progress import Progress
 
 from agents.comparison.continuation import Continuation, weights_digest
 from agents.comparison.plan import Plan
-from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.operating_curve import (
     ACCURACY,
@@ -30,6 +29,7 @@ from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
+from baselines.rules import seeds
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths, summarise_calibration
 from hybrid_env.options import WorldOptions
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
+from baselines.rules import seeds
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.noises import parse_noise
 from hybrid_env.quickest_options import QuickestOptions

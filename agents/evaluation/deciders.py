@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from agents import learned
-from agents.evaluation import seeds
 from baselines import FixedTimeDecider, GapDecider, MSPRTDecider, SPRTDecider
+from baselines.rules import seeds
 from baselines.rules.anchor_prior import AnchorPrior
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.rules.decider import Decider

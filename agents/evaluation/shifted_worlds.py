@@ -12,11 +12,11 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import ALPHAS, FEW_ALPHAS, DeciderFamily, decider_family
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate
 from agents.evaluation.operating_curve import sweep
 from agents.interface.parallel import Workers
+from baselines.rules import seeds
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.scheme import RandomScheme

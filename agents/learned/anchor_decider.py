@@ -22,7 +22,7 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.policy_file import load_network, save_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import error_and_best, mode_types
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
@@ -112,7 +112,7 @@ class AnchorState:
     starting: NDArray[np.bool_]
 
 
-class AnchorDecider:
+class AnchorDecider(Decider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
     Args:

@@ -13,7 +13,7 @@ from torch import Tensor
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy_file import card_layout, load_weights, save_policy, unreadable_policy
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
@@ -51,7 +51,7 @@ def make_policy(
     return policy
 
 
-class ActorDecider:
+class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
     Args:

@@ -12,7 +12,7 @@ from torch import Tensor
 from agents.learned.policy_file import load_network
 from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
@@ -34,7 +34,7 @@ class StatementState:
     age: NDArray[np.int64]
 
 
-class StatementDecider:
+class StatementDecider(Decider):
     """States the mode with the largest utility, where keeping the statement has a utility of its own.
 
     Args:

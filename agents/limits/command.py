@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from agents.evaluation import seeds
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel_arguments import ParallelArguments
+from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
 if TYPE_CHECKING:

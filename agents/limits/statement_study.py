@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.operating_curve import Estimate
 from agents.evaluation.statement_curve import (
@@ -27,6 +26,7 @@ from agents.evaluation.statement_deciders import beam_family, geometric_beam_fam
 from agents.interface.parallel import Call
 from agents.limits.study import NOISE_LEVELS
 from baselines.estimation.beam_smoother import BeamSmoother
+from baselines.rules import seeds
 from baselines.rules.statements import Statements, record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions

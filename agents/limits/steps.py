@@ -5,13 +5,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from agents.evaluation import seeds
 from agents.evaluation.cells import signed
 from agents.evaluation.deciders import decider_family
 from agents.evaluation.evaluate import FloatArray, confidence_interval, evaluate
 from agents.evaluation.operating_curve import Estimate, sweep
 from agents.interface.parallel import Call
 from agents.limits.study import BANK_ENV, NOISE_LEVELS, THREE_MODE_ENV
+from baselines.rules import seeds
 from hybrid_env.registration import make_vector_env
 
 AWARE: dict[str, Any] = {"bank": "anchor_aware"}

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import ATE, CLASSICAL, DeciderFamily, bayes_family
 from agents.evaluation.evaluate import evaluate, share_interval
 from agents.evaluation.operating_curve import REWARD, Estimate, at_threshold, sweep, ticks_at_accuracy
 from agents.interface.parallel import Call
 from baselines.papers import golubkov2018
+from baselines.rules import seeds
 from baselines.rules.msprt import GapDecider
 from baselines.rules.posterior_paths import (
     CalibrationSummary,

@@ -19,7 +19,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily, anchor_family
 from agents.evaluation.drawn_worlds import draw_world
 from agents.learned.anchor_decider import AnchorNetworks, check_declares_hypotheses, save_anchor
@@ -31,6 +30,7 @@ from agents.training.recipe import AnchorSettings, TrainingWorld
 from agents.training.run import TrainingProgress
 from agents.training.sample_buffer import SampleBuffer
 from agents.training.track_state import check_tracks
+from baselines.rules import seeds
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv

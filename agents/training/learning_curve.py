@@ -5,10 +5,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import ATE, DeciderFamily
 from agents.evaluation.evaluate import evaluate
 from agents.evaluation.operating_curve import REWARD, sweep
+from baselines.rules import seeds
 
 EPISODES = 200
 REWARD_KEY = "evaluation/reward"

@@ -21,7 +21,6 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.utils.tensorboard import SummaryWriter
 
-from agents.evaluation import seeds
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ActorDecider, save_actor
 from agents.learned.policy_file import first_line
@@ -33,6 +32,7 @@ from agents.training.recipe import PPOSettings
 from agents.training.run import Run, TrainingProgress
 from agents.training.track_state import check_tracks
 from agents.training.vec_env import HybridTrackVecEnv
+from baselines.rules import seeds
 from hybrid_env.checks import ArgumentError, check_integer, reject
 
 

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.statement_curve import (
     REWARD,
@@ -16,6 +15,7 @@ from agents.evaluation.statement_curve import (
 from agents.evaluation.statement_deciders import threshold_family
 from agents.training import learning_curve
 from agents.training.learning_curve import REWARD_KEY, LearningCurve
+from baselines.rules import seeds
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_track_vector_env
 

@@ -15,7 +15,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation import seeds
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.statement_deciders import statement_net_family
 from agents.learned.policy_file import save_policy
@@ -28,6 +27,7 @@ from agents.training.run import TrainingProgress
 from agents.training.statement_learning_curve import StatementLearningCurve
 from agents.training.statement_reward import expected_reward
 from agents.training.statement_settings import StatementSettings
+from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions

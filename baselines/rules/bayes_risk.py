@@ -7,16 +7,19 @@ American options by simulation"). The method considers each segment separately. 
 decision spoils the anchor of the next segment.
 """
 
+import functools
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import read_error_probability
-from baselines.rules.posterior_paths import PosteriorPaths
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.rules.seeds import FITTING
 from hybrid_env.checks import check_array, check_choice, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
@@ -30,6 +33,10 @@ MIN_PATHS = 200
 
 SMOOTHING = 5
 """Window of the running median over the boundary [ticks]."""
+
+FITTING_EPISODES = 3000
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
+"""Thresholds to sweep, over the delay cost of the environment."""
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
@@ -105,7 +112,7 @@ def _smooth(boundary: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
 
-class BayesRiskDecider:
+class BayesRiskDecider(Decider):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
@@ -117,10 +124,30 @@ class BayesRiskDecider:
         ArgumentError: the boundary is not an array of finite numbers, or `by` is unknown.
     """
 
+    name, title, symbol = "bayes", "Bayes risk", "cost"
+    colour, marker = "#780f3c", "h"
+
     def __init__(self, boundary: FloatArray, by: Literal["hypothesis", "type"] = "hypothesis"):
         self.boundary = check_array("boundary", boundary, (None,))
         check_choice("by", by, ("hypothesis", "type"))
         self.by: Literal["hypothesis", "type"] = by
+
+    @classmethod
+    def family(cls, options: WorldOptions) -> DeciderFamily:
+        """Return the rule fitted to an environment; its threshold is the delay cost of the fit."""
+
+        @functools.cache
+        def paths() -> PosteriorPaths:
+            return simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
+
+        @functools.cache
+        def make(cost: float) -> Decider:
+            check_positive("cost", cost, allow_zero=True)
+            return cls(stopping_boundary(paths(), cost), paths().by)
+
+        cost = options.delay_cost or 0.01
+        thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
+        return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
 
     def predict(
         self,

@@ -7,18 +7,29 @@ every other hypothesis is large enough (Armitage 1950). If only the type of moti
 left or right), the test should use the posterior of the type: neighbouring radii share it.
 """
 
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations
 from hybrid_env.checks import check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
 """The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
+ALPHAS = (
+    *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
+    *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
+)
+"""Thresholds of the posterior error probability to sweep."""
+FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
+"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
+ROBUST = {"likelihood": "student_t 50"}
+"""Options of the bank with the robust likelihood."""
 
 
 def mode_types(hypotheses: int) -> NDArray[np.int64]:
@@ -103,7 +114,7 @@ def read_error_probability(
     return log_error_probability, likeliest_of_type(posterior, log_ratio)
 
 
-class MSPRTDecider:
+class MSPRTDecider(Decider):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
@@ -114,6 +125,9 @@ class MSPRTDecider:
     Raises:
         ArgumentError: an argument is out of range.
     """
+
+    name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
+    colour, marker = "#c80f82", "D"
 
     def __init__(self, alpha: float = 0.02, by: Literal["hypothesis", "type"] = "hypothesis"):
         self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
@@ -134,7 +148,39 @@ class MSPRTDecider:
         return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0), None
 
 
-class GapDecider:
+class TypeMSPRTDecider(MSPRTDecider):
+    """The MSPRT of types of motion: straight, left or right."""
+
+    name, title = "msprt-type", "MSPRT of types"
+    colour, marker = "#ff87f0", "d"
+
+    def __init__(self, alpha: float = 0.02):
+        super().__init__(alpha, by="type")
+
+
+class AnchorAwareMSPRTDecider(MSPRTDecider):
+    """The MSPRT of the anchor-aware bank, by what the environment rewards."""
+
+    name, title = "msprt-aware", "MSPRT, anchor-aware"
+    options: ClassVar[Mapping[str, Any]] = {"bank": "anchor_aware"}
+    colour, marker = "#3c000f", "*"
+
+    @classmethod
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        by: Literal["hypothesis", "type"] = "type" if options.correctness == "type" else "hypothesis"
+        return lambda alpha: cls(alpha, by)
+
+
+class RobustMSPRTDecider(MSPRTDecider):
+    """The MSPRT on a bank with a robust likelihood."""
+
+    name, title = "msprt-robust", "MSPRT, robust"
+    options = ROBUST
+    colour = marker = ""
+
+
+class GapDecider(Decider):
     """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a threshold.
 
     Args:
@@ -143,6 +189,13 @@ class GapDecider:
     Raises:
         ArgumentError: `gap` is out of range.
     """
+
+    name, title, symbol, default = "gap", "gap rule", "gap", 4.6
+    thresholds = (
+        *(0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0),
+        *(22.0, 28.0),
+    )
+    colour, marker = "#695a00", "P"
 
     def __init__(self, gap: float = 4.6):
         self.gap = check_positive("gap", gap)

@@ -1,12 +1,13 @@
 """A threshold with hysteresis on the probabilities of the bank."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
@@ -51,7 +52,19 @@ def _choose_by_rows(
     _choose(log_probability, stated, started, threshold, release, actions)
 
 
-class ThresholdDecider:
+PROBABILITIES = (
+    *(0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95),
+    *(0.98, 0.99, 0.999),
+)
+"""Thresholds of the probability to sweep."""
+
+
+def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
+    """Return thresholds on the largest probability of M modes, which is never below 1 / M."""
+    return tuple(p for p in PROBABILITIES if p == 0.0 or p > 1.0 / hypotheses)
+
+
+class ThresholdDecider(Decider):
     """Changes its statement to the most probable mode when that is probable enough.
 
     Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
@@ -66,10 +79,19 @@ class ThresholdDecider:
         ArgumentError: an argument is out of range.
     """
 
+    name, task, title = "threshold", UNKNOWN, "IMM threshold"
+    symbol, default = "probability", 0.6
+    colour, marker = "#6900ff", "o"
+
     def __init__(self, threshold: float = 0.6, release: float = 1.0):
         self.threshold = _check_probability("threshold", threshold)
         self.release = _check_probability("release", release)
         self._log_threshold, self._log_release = _log(self.threshold), _log(self.release)
+
+    @classmethod
+    def family(cls, options: Any) -> DeciderFamily:
+        """See `Decider.family`."""
+        return replace(super().family(options), thresholds=reachable_probabilities(options.hypotheses))
 
     def predict(
         self,

@@ -5,9 +5,9 @@ import json
 
 import numpy as np
 import pytest
+from baselines.rules.metrics import measure_statements
 
 from agents.cli import main
-from agents.evaluation import seeds
 from agents.evaluation.operating_curve import Estimate
 from agents.evaluation.statement_curve import RIGHT, mean_of, sweep_statements
 from agents.evaluation.statement_deciders import beam_family
@@ -27,7 +27,7 @@ from agents.limits.statement_study import (
     statement_calls,
 )
 from agents.limits.study import NOISE_LEVELS
-from baselines.rules.metrics import measure_statements
+from baselines.rules import seeds
 from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
