@@ -9,8 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, load_decider, world_changes
-from agents.evaluation.statement_deciders import RULES, statement_decider
+from agents.evaluation.registry import SHIPPED, load_decider, needed_options
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
@@ -18,6 +17,7 @@ from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import (
     ArgumentError,
@@ -87,14 +87,15 @@ class TrackingArguments:
                 raise reject("bank", self.bank, "none without lengths: the bank is the IMM")
         if self.start is not None:
             check_array("start", self.start, (4,))
-        name = (self.decider or DECIDER).partition(":")[0]
-        if not self.lengths and name in CLASSICAL_NAMES:
-            raise reject("decider", self.decider, f"{', '.join(RULES)} or an agent, or give --lengths")
-        known = (*CLASSICAL_NAMES, *RULES, SHIPPED)
-        if name not in known and not Path(name).is_dir():
-            raise reject("decider", self.decider, f"{', '.join(known)} or the path of a run folder")
-        if self.lengths and self.decider is not None and name in RULES:
-            raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
+        announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
+        name = self._decider_name().partition(":")[0]
+        if name not in (*announced, *unknown, SHIPPED) and not Path(name).is_dir():
+            known = ", ".join([*announced, *unknown, SHIPPED])
+            raise reject("decider", self.decider, f"{known} or the path of a run folder")
+        if not self.lengths and name in announced:
+            raise reject("decider", self.decider, f"{', '.join(unknown)} or an agent, or give --lengths")
+        if self.lengths and name in unknown:
+            raise reject("decider", self.decider, f"{', '.join(announced)} or an agent with --lengths")
 
     def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording.
@@ -115,15 +116,12 @@ class TrackingArguments:
             None if law is None else law.mean_duration, lengths,
         )  # fmt: skip
         options: dict[str, Any] = ModelUnits.of(model).options(model)
-        name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
+        name = self._decider_name()
         try:
-            if lengths:
-                tracker = self._known(name, options, lengths)
-            else:
-                tracker = self._unknown(name, options, grid, model)
+            tracker = self._tracker(name, options, lengths, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        if getattr(tracker.decider, "needs_measurements", False):
+        if tracker.decider.needs_measurements:
             grid, outliers = full, 0
             missing = grid.total - grid.measured
             if missing:
@@ -142,23 +140,24 @@ class TrackingArguments:
         check_lengths(grid, lengths)
         return lengths
 
-    def _known(self, name: str, options: dict[str, Any], lengths: Sequence[int]) -> OnlineTracker:
-        segments = min(len(lengths), SIMULATED_SEGMENTS)
-        options |= {"scheme": f"random {segments}x{min(lengths)}-{max(lengths)}", "undecided": self.undecided}
-        world = WorldOptions(**options)
-        options |= world_changes(name, world)
-        if self.bank is not None:
-            options["bank"] = self.bank
-        world = WorldOptions(**options)
-        return OnlineTracker(world, load_decider(name, world))
+    def _decider_name(self) -> str:
+        return self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER)
 
-    def _unknown(
-        self, name: str, options: dict[str, Any], grid: TickGrid, model: TrackModel
+    def _tracker(
+        self, name: str, options: dict[str, Any], lengths: Sequence[int], grid: TickGrid, model: TrackModel
     ) -> OnlineTracker:
-        law = GeometricDurations(model.duration) if self.durations is None else self.durations
-        ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
-        world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
-        return OnlineTracker(world, statement_decider(name, world)[2])
+        world: WorldOptions | QuickestOptions
+        if lengths:
+            segments = min(len(lengths), SIMULATED_SEGMENTS)
+            scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
+            bank = {} if self.bank is None else {"bank": self.bank}
+            options |= {**needed_options(name, ANNOUNCED), **bank}
+            world = WorldOptions(**options, scheme=scheme, undecided=self.undecided)
+        else:
+            law = GeometricDurations(model.duration) if self.durations is None else self.durations
+            ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
+            world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+        return OnlineTracker(world, load_decider(name, world))
 
 
 def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: Any) -> TrackedRecording:
