@@ -89,13 +89,38 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
     return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
 
 
-def look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
-    """Whether x and y without a unit may be degrees: in their range, slow, and far from 0 for their extent.
+def check_positions(
+    table: Table, places: Places, seconds: NDArray[np.float64], rows: NDArray[np.int64], marked: bool
+) -> None:
+    """Check that measurements look like those of one object, and not like degrees if they have no unit.
 
     Args:
-        seconds: (n,) increasing times [s], or numbers of rows.
-        positions: (n, 2) x and y, no NaN, at least two.
+        table: the table.
+        places: positions of its rows.
+        seconds: (k,) increasing times [s] of the measurements of an object, or numbers of rows.
+        rows: (k,) their rows, at least two.
+        marked: whether the caller or a column says which rows are of the object.
+
+    Raises:
+        ArgumentError: they do not.
     """
+    positions = places.values[rows]
+    reason = None if marked else _unmarked_objects(seconds, positions)
+    if reason is not None:
+        raise ArgumentError(
+            f"{table.file}: more than one object? ({reason}): name the column of the objects by --object, or "
+            "--object none for a single one"
+        )
+    if places.unit is None and _look_like_degrees(seconds, positions):
+        (west, south), (east, north) = positions.min(axis=0), positions.max(axis=0)
+        raise ArgumentError(
+            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g} look like "
+            "degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
+        )
+
+
+def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
+    """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
     largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0)
     if largest.max() > MAX_LONGITUDE / 2.0 or largest.min() > MAX_LATITUDE or not extent.any():
         return False
@@ -104,15 +129,11 @@ def look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float6
     return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))
 
 
-def unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]) -> str | None:
+def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]) -> str | None:
     """Return why the rows seem to be of more than one object, None if they seem to be of one.
 
     Either the rows alternate: many are far from the row before, but near to one of the three rows before
     that. Or one object follows the other: a single step is far longer than all others.
-
-    Args:
-        times: (n,) increasing times.
-        positions: (n, 2) positions, no NaN.
     """
     count = len(positions)
     if count < MIN_ROWS:

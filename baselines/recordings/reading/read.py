@@ -14,7 +14,7 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.positions import look_like_degrees, read_positions, unmarked_objects
+from baselines.recordings.reading.positions import check_positions, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
 from hybrid_env.checks import ArgumentError, check_positive, reject
 
@@ -92,11 +92,8 @@ def read_recordings(
         if len(measured) < 2:
             continue
         _check_order(table, found, times.seconds, rows, name)
-        seconds, positions = times.seconds[measured], places.values[measured]
-        if object_column is None and len(groups) == 1:
-            _check_one_object(table, seconds, positions)
-        if places.unit is None and look_like_degrees(seconds, positions):
-            raise _degrees(table, positions)
+        marked = object_column is not None or len(groups) > 1
+        check_positions(table, places, times.seconds[measured], measured, marked)
         positions, projection = places.values[rows], None
         if places.degrees:
             longitudes, latitudes = positions.T
@@ -181,23 +178,6 @@ def _check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArr
     )  # fmt: skip
     raise reject(
         table.place(int(row), column), str(cells.iloc[row]), f"a time after {cells.iloc[before]} {advice}"
-    )
-
-
-def _check_one_object(table: Table, seconds: FloatArray, positions: FloatArray) -> None:
-    reason = unmarked_objects(seconds, positions)
-    if reason is not None:
-        raise ArgumentError(
-            f"{table.file}: more than one object? ({reason}): name the column of the objects by --object, or "
-            "--object none for a single one"
-        )
-
-
-def _degrees(table: Table, positions: FloatArray) -> ArgumentError:
-    (west, south), (east, north) = positions.min(axis=0), positions.max(axis=0)
-    return ArgumentError(
-        f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g} look "
-        "like degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
     )
 
 
