@@ -15,11 +15,11 @@ import gymnasium as gym
 import tyro
 
 from agents.benchmark.command import Bench
-from agents.comparison.command import Compare
-from agents.evaluation.command import Evaluate
+from agents.evaluation.compare_command import Compare
+from agents.evaluation.evaluate_command import Evaluate
+from agents.evaluation.limits_command import Limits
+from agents.evaluation.play_command import Play
 from agents.interface.help_texts import as_subcommand
-from agents.limits.command import Limits
-from agents.playing.command import Play
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.training.command import Train

@@ -8,7 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
 
+from agents.evaluation.calibration import calibration_rows, calibration_table
+from agents.evaluation.cells import new_table
+from agents.evaluation.shifted_worlds import shifted_worlds
 from agents.evaluation.task import Levels, Metric, Recorded, Task
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
@@ -40,7 +45,10 @@ DECIDED = {
 """What `info` tells of a decision."""
 
 RMSE = Statistic(("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length)))
-ERROR_AFTER = (ratio("wrong_after_correct", "after_correct"), ratio("wrong_after_wrong", "after_wrong"))
+ERROR_AFTER = {
+    "correct": ratio("wrong_after_correct", "after_correct"),
+    "wrong": ratio("wrong_after_wrong", "after_wrong"),
+}
 """Error rates after a correct and after a wrong decision in the episode."""
 
 
@@ -182,12 +190,20 @@ class AnnouncedTask(Task):
         Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0, larger_is_better=False),
         Metric("rmse", "RMSE\nm", RMSE, 3, larger_is_better=False),
     )
-    per: ClassVar = "segment"
-    noun: ClassVar = "episode"
+    further: ClassVar = {f"error_after_{name}": statistic for name, statistic in ERROR_AFTER.items()}
+    paired: ClassVar = "diff."
     reference: ClassVar = "ate"
     agents: ClassVar = ("ppo", "shipped")
     episodes: ClassVar = 1500
     selection_episodes: ClassVar = seeds.SELECTION_EPISODES
+
+    def size(self, episodes: int) -> str:
+        """See `Task.size`."""
+        return f"{episodes * self.options.segments:,} segments"
+
+    def shifted(self) -> dict[str, dict[str, Any]]:
+        """See `Task.shifted`."""
+        return shifted_worlds(self.options)
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -228,14 +244,15 @@ class AnnouncedTask(Task):
         """Return the error rate at the mean time of the reference, and the mean times at two accuracies."""
         ticks = float(reference.curve(mean("ticks"))[reference.thresholds.index(default)])
         error = interpolated("ticks", ticks, "accuracy")
-        return {
-            "equal_time_error": Statistic(
-                error.columns, lambda *means: 1.0 - error.function(*means), share=True
-            ),
-            "ticks_at_accuracy": {
-                f"{level:g}": at_level("accuracy", level, mean("ticks")) for level in ACCURACY_LEVELS
-            },
+        wrong = Statistic(error.columns, lambda *means: 1.0 - error.function(*means), share=True)
+        found: Levels = {
+            ("equal_time_error",): Metric("equal_time_error", f"error, %\nat {ticks:.1f}", wrong, 2, 100.0)
         }
+        for level in ACCURACY_LEVELS:
+            time = at_level("accuracy", level, mean("ticks"))
+            keys = "ticks_at_accuracy", f"{level:g}"
+            found[keys] = Metric(keys[0], f"ticks at\n{level:.0%}", time, 1)
+        return found
 
     def against(
         self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
@@ -246,3 +263,24 @@ class AnnouncedTask(Task):
         if curves and all(one.curve(time) < NOT_REACHED / 2 for one in (mine, reference)):
             found["ticks_at_98"] = mine.difference(reference, time)
         return {"against_reference": found}
+
+    def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
+        """Return the number of segments and the calibration of the bank."""
+        rows = calibration_rows(episodes, seed, vars(self.options))
+        return {"segments": episodes * self.options.segments, "bank": rows}
+
+    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
+        """See `Task.remark_tables`."""
+        return [calibration_table(remarks["bank"], self.options.bank)]
+
+    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
+        """Return error rates by previous decision: after a wrong one the next anchor is inaccurate."""
+        table = new_table("Error rate by previous decision")
+        table.add_column("decider")
+        for head in ("after a correct\ndecision, %", "after a wrong\ndecision, %"):
+            table.add_column(head, justify="right")
+        for one in scores:
+            shares = [float(one.curve(statistic)[0]) for statistic in ERROR_AFTER.values()]
+            cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
+            table.add_row(escape(one.name), *cells)
+        return [table]

@@ -8,15 +8,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
 from baselines.rules.decider import DeciderFamily, as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
+from hybrid_env.checks import reject
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 
 FloatArray = NDArray[np.float64]
-Levels = dict[str, "Statistic | dict[str, Statistic]"]
+Levels = dict[tuple[str, ...], "Metric"]
+"""Figures of whole operating curves, by their keys in JSON from the outermost on."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,10 @@ class Task(ABC):
         switches: task of the deciders, see `baselines.rules.decider`.
         columns: names of the figures of an episode.
         metrics: figures of a decider at one threshold, in the order of tables.
+        further: other figures at one threshold, for JSON.
         goal: figure that thresholds are selected for.
-        per: what the reward is a mean over.
-        noun: what an episode is called in titles.
+        notes: lines that explain the metrics below a table.
+        paired: how `against` compares, as a word for headings.
         reference: name of the rule that others are compared with.
         compared, agents: names of the deciders that are compared by default.
         episodes, selection_episodes: default numbers.
@@ -79,9 +83,10 @@ class Task(ABC):
     switches: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
     metrics: ClassVar[tuple[Metric, ...]]
+    further: ClassVar[Mapping[str, Statistic]] = {}
     goal: ClassVar[str] = "reward"
-    per: ClassVar[str]
-    noun: ClassVar[str]
+    notes: ClassVar[str] = ""
+    paired: ClassVar[str]
     reference: ClassVar[str]
     agents: ClassVar[tuple[str, ...]]
     episodes: ClassVar[int]
@@ -100,6 +105,18 @@ class Task(ABC):
     def title(self) -> str:
         """Name of the environment in titles."""
         return self.env_id.rpartition(":")[2]
+
+    @abstractmethod
+    def size(self, episodes: int) -> str:
+        """Return a number of episodes in words, for titles."""
+
+    def shifted(self) -> dict[str, dict[str, Any]]:
+        """Return name and changed options of the environments of a distribution shift, the nominal one first.
+
+        Raises:
+            ArgumentError: the task has none.
+        """
+        raise reject("shifted", True, f"no --shifted or --drawn in {self.title}")
 
     @property
     @abstractmethod
@@ -139,7 +156,7 @@ class Task(ABC):
 
     @abstractmethod
     def levels(self, reference: Scores, default: float) -> Levels:
-        """Return figures of whole operating curves by their keys in JSON.
+        """Return figures of whole operating curves.
 
         Args:
             reference: scores of the reference.
@@ -157,6 +174,18 @@ class Task(ABC):
             chosen, of_reference: indices of their selected thresholds.
             curves: whether both have whole operating curves.
         """
+
+    def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
+        """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
+        return {}
+
+    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
+        """Return tables of `remarks`."""
+        return []
+
+    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
+        """Return further tables of deciders at one threshold each."""
+        return []
 
     def statistic(self, name: str) -> Statistic:
         """Return the statistic of a metric."""
@@ -211,6 +240,13 @@ def sweep(
                 place += 1
             done += count * len(group)
             show(0.0, done)
+    return gather(task, family, used, found)
+
+
+def gather(
+    task: Task, family: DeciderFamily, thresholds: tuple[float, ...], found: Sequence[Sequence[Recorded]]
+) -> Scores:
+    """Return the scores of a decider from what was recorded in several batches at every threshold."""
     values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
     samples = [
         {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples}
@@ -218,6 +254,6 @@ def sweep(
     ]
     extra = [task.extra(one) for one in samples]
     return Scores(
-        family.name, family.symbol, used, task.columns, values,
+        family.name, family.symbol, thresholds, task.columns, values,
         {name: np.stack([one[name] for one in extra]) for name in extra[0]},
     )  # fmt: skip

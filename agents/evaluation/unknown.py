@@ -29,6 +29,13 @@ EQUAL = {
 first."""
 
 
+NOTES = """delay: ticks from a switch to the first right statement; 50 and 90 % quantiles.
+missed: switches followed by another one before the new mode was stated.
+delay, all: a switch that is not detected counts until the end of its segment.
+wrong: changes of the statement to a wrong mode per 1,000 ticks.
+changes: of the statement, per switch."""
+
+
 @dataclass(frozen=True)
 class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
@@ -44,12 +51,16 @@ class UnknownTask(Task):
         Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2, larger_is_better=False),
         Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2, larger_is_better=False),
     )
-    per: ClassVar = "tick"
-    noun: ClassVar = "track"
+    notes: ClassVar = NOTES
+    paired: ClassVar = "ratio"
     reference: ClassVar = "threshold"
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500
     selection_episodes: ClassVar = 300
+
+    def size(self, episodes: int) -> str:
+        """See `Task.size`."""
+        return f"{episodes:,} tracks of {self.options.ticks:,} ticks"
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -92,7 +103,12 @@ class UnknownTask(Task):
 
     def levels(self, reference: Scores, default: float) -> Levels:
         """Return delays and misses at an equal rate of wrong changes."""
-        return {"at_equal_wrong_changes": dict(EQUAL)}
+        heads = {"full_delay": "delay,\nall", "delay": "delay\nof detected", "missed": "missed\n%"}
+        found: Levels = {}
+        for name, head in heads.items():
+            scale = 100.0 if name == "missed" else 1.0
+            found["at_equal_wrong_changes", name] = Metric(name, head, EQUAL[name], 1, scale)
+        return found
 
     def against(
         self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool

@@ -16,16 +16,16 @@ from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilitie
 from agents.learned.network_settings import LARGEST_HIDDEN
 from agents.learned.policy_file import WEIGHTS, load_weights, read_tensors, unreadable_policy
 from agents.learned.statement_net import StatementNet
-from baselines.estimation.turn_imm import TurnEstimates
-from baselines.recordings.flights.batch import Batch
 from baselines.recordings.flights.labels import STRAIGHT
+from baselines.recordings.flights.tracks import FlightTracks
+from baselines.rules.decider import FLIGHTS, Actions, Decider
 from hybrid_env.checks import check_integer, check_number
 
 SHIPPED = Path(__file__).parent / "shipped_flights"
 BLOCK = 500  # positions that the network processes at once
 
 
-class FlightAgent:
+class FlightAgent(Decider):
     """States the mode with the largest utility, where keeping the statement has a utility of its own.
 
     Args:
@@ -33,28 +33,43 @@ class FlightAgent:
         margin: added to the utility of keeping the statement.
     """
 
+    task = FLIGHTS
+    observes = "tracks"
+
     def __init__(self, net: StatementNet, margin: float = 0.0):
         self.net, self.margin = net, check_number("margin", margin)
+        self._tracks: FlightTracks | None = None
+        self._outputs = np.empty(0)
+
+    def observe(self, tracks: FlightTracks) -> NDArray[np.float64]:
+        """Return the utilities (B, 3) of the modes and that of keeping the statement, together (B, 4)."""
+        if self._tracks is not tracks:
+            self._tracks, self._outputs = tracks, self._utilities(tracks)
+        return self._outputs[tracks.tick]
 
     @torch.no_grad()
-    def state_modes(self, batch: Batch, estimates: TurnEstimates) -> NDArray[np.int64]:
-        """See `baselines.rules.flight_rules.FlightDecider`."""
-        total, tracks = batch.times.shape
-        inputs, logs = flight_inputs(batch, estimates), log_probabilities(estimates)
-        which = np.arange(tracks)
-        stated = np.full(tracks, STRAIGHT)
-        output = np.empty((total, tracks), np.int64)
+    def _utilities(self, tracks: FlightTracks) -> NDArray[np.float64]:
+        """Return `observe` at every position, (T, B, 4); the network reads positions up to each only."""
+        inputs, logs = flight_inputs(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
+        found = np.empty((*logs.shape[:2], 4))
         memory = None
-        for first in range(0, total, BLOCK):
-            rows = slice(first, min(first + BLOCK, total))
+        for first in range(0, len(found), BLOCK):
+            rows = slice(first, first + BLOCK)
             outputs = self.net(torch.from_numpy(inputs[rows]), torch.from_numpy(logs[rows]), memory)
             memory = outputs.memory
-            utilities, stays = outputs.utility.double().numpy(), outputs.stay.double().numpy() + self.margin
-            for row, utility, stay in zip(range(rows.start, rows.stop), utilities, stays, strict=True):
-                utility[which, stated] += stay
-                stated = utility.argmax(-1)
-                output[row] = stated
-        return output
+            found[rows, :, :3], found[rows, :, 3] = outputs.utility.double(), outputs.stay.double()
+        return found
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[Actions, Actions]:
+        """See `Decider.predict`; the state is the last statement, straight motion at first."""
+        which = np.arange(len(observation))
+        stated = np.full(len(observation), STRAIGHT) if state is None else state
+        utility = observation[:, :3].copy()
+        utility[which, stated] += observation[:, 3] + self.margin
+        stated = utility.argmax(-1)
+        return stated, stated
 
 
 def save_flight_agent(folder: Path, net: StatementNet, card: dict[str, Any]) -> None:

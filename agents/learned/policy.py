@@ -16,6 +16,7 @@ from agents.learned.policy_file import card_layout, load_weights, save_policy, u
 from baselines.rules.decider import Actions, Decider, Observations
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, Threshold
 
 LARGEST_WIDTH = 2000  # of an observation row
 
@@ -151,6 +152,23 @@ class PolicyDecider(ActorDecider):
         if logits.shape[1] == 2:
             declare = Layout.of_rows(observation).read(observation, "log_ratio").argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the one."""
+        return EvidencePanel(
+            label="log-odds of declaring against waiting",
+            limits=(self.threshold - 15.0, self.threshold + 5.0),
+            curves="single" if self.policy.action_space == spaces.Discrete(2) else "hypothesis",
+            thresholds=(Threshold(np.array([self.threshold])),),
+            legend=f"threshold {self.threshold:g}",
+        )
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
+        logits = self.logits(observation, state, episode_start)[0]
+        return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
 
 
 def save_actor(

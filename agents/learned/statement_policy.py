@@ -1,12 +1,16 @@
 """A trained actor of Stable-Baselines3 that states the present mode at every tick."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from agents.learned.policy import ActorDecider
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.threshold import read_statement
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 
 class StatementPolicyDecider(ActorDecider):
@@ -35,3 +39,13 @@ class StatementPolicyDecider(ActorDecider):
         tracks = np.arange(len(logits))
         odds = logits[tracks, best] - logits[tracks, stated]
         return np.where((odds > self.threshold) | ~started, best, stated)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("policy")
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes by the policy, (N, M)."""
+        return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))

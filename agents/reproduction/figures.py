@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from agents.interface.curve_labels import label_curves
+from agents.figures.curve_labels import label_curves
 from agents.interface.output_files import atomic_file
 from agents.reproduction import novospaskyi_figures, zimchuk_figure
 from agents.reproduction.canvas import DPI, GREY, new_figure

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from agents.interface.curve_labels import label_curves
+from agents.figures.curve_labels import label_curves
 from agents.reproduction.canvas import GREY, new_figure
 from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.interface.curve_labels import label_curves
+from agents.figures.curve_labels import label_curves
 from agents.reproduction.canvas import GREY, new_figure
 from baselines.papers import zimchuk
 from baselines.papers.reproduction import Cell, Reproduction

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from agents.evaluation.deciders import load_decider
 from gymnasium import spaces
 
-from agents.evaluation.deciders import load_decider
 from agents.learned.policy import PolicyDecider, make_policy
-from agents.playing.evidence import decider_evidence
+from agents.playing.episodes import DECISIONS
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 RADII = (3.0, 5.0, 8.0)
@@ -19,11 +19,11 @@ def make_env(correctness="exact"):
 
 def ticks_of(env, decider, count=60):
     """Play, and yield observation, actions and evidence at each tick."""
-    evidence = decider_evidence(decider)
+    evidence = getattr(decider, "evidence", DECISIONS.evidence)
     observation, _ = env.reset(seed=0)
     state, start = None, np.ones(TRACKS, np.bool_)
     for _ in range(count):
-        values = evidence.compute(observation, state, start)
+        values = evidence(observation, state, start)
         assert values.shape == (TRACKS, 7)
         actions, state = decider.predict(observation, state, start)
         yield observation, actions, values
@@ -47,7 +47,7 @@ def policy_decider(actions, threshold):
 def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
     env = make_env(correctness)
     decider = load_decider(name, env.options)
-    (threshold,) = decider_evidence(decider).panel.thresholds
+    (threshold,) = decider.panel().thresholds
     declared = 0
     for observation, actions, values in ticks_of(env, decider):
         level = levels_at(threshold, observation)[:, None]
@@ -63,7 +63,7 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
 def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_threshold():
     env = make_env()
     decider = load_decider("ate:1e-4", env.options)
-    panel = decider_evidence(decider).panel
+    panel = decider.panel()
     upper, lower = (threshold.levels[0] for threshold in panel.thresholds)
     assert (upper, lower) == pytest.approx((decider.upper, decider.lower))
     assert panel.legend == "A, B at alpha = 0.0001"
@@ -81,7 +81,7 @@ def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_thr
 @pytest.mark.parametrize("actions", [2, 8])
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     decider = policy_decider(actions, threshold=0.001)
-    panel = decider_evidence(decider).panel
+    panel = decider.panel()
     assert panel.curves == ("single" if actions == 2 else "hypothesis")
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
@@ -93,9 +93,9 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
 def test_a_fixed_time_has_the_posterior_without_a_threshold():
     env = make_env()
     decider = load_decider("fixed:20", env.options)
-    panel = decider_evidence(decider).panel
-    assert panel.thresholds == ()
-    assert panel.legend == ""
+    assert not hasattr(decider, "evidence")
+    assert DECISIONS.panel.thresholds == ()
+    assert DECISIONS.panel.legend == ""
     for observation, _, values in ticks_of(env, decider, 25):
         np.testing.assert_allclose(values.sum(axis=1), 1.0)
         likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
@@ -106,7 +106,7 @@ def test_a_fixed_time_has_the_posterior_without_a_threshold():
 def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_type):
     env = make_env("type" if by_type else "exact")
     decider = load_decider("shipped:0.03", env.options)
-    panel = decider_evidence(decider).panel
+    panel = decider.panel()
     assert panel.curves == ("type" if by_type else "hypothesis")
     assert panel.legend == "1 - alpha at alpha = 0.03"
     for _, _, values in ticks_of(env, decider, 10):
@@ -120,6 +120,6 @@ def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_t
 
 @pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
 def test_the_threshold_is_inside_the_panel(alpha):
-    panel = decider_evidence(load_decider(f"msprt:{alpha}", WorldOptions())).panel
+    panel = load_decider(f"msprt:{alpha}", WorldOptions()).panel()
     low, high = panel.limits
     assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0

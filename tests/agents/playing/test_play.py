@@ -5,19 +5,20 @@ import csv
 import gymnasium as gym
 import numpy as np
 import pytest
+from agents.evaluation.deciders import load_decider
 from PIL import Image, ImageSequence
 
 import agents.playing.command
 import agents.playing.episodes
 import hybrid_env  # noqa: F401
-from agents.evaluation.deciders import load_decider
 from agents.playing.animation import PALETTE_SIZE, palette_colours
 from agents.playing.command import Play
-from agents.playing.evidence import decider_evidence
+from agents.playing.episodes import DECISIONS
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.figure import FRAME_SIZE, Renderer
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import FRAME_SIZE
 
 SCHEME = "S8 L8r5"
 STEPS = 10  # fixed:5 waits for four ticks of each segment and declares at the fifth
@@ -42,6 +43,11 @@ def fail():
 
 def play(**arguments):
     Play(**{"scheme": SCHEME, "decider": "fixed:5", "seed": 3} | arguments).run()
+
+
+def use(monkeypatch, decider):
+    task = agents.playing.episodes.DECISIONS._replace(load=lambda *_: decider)
+    monkeypatch.setattr(agents.playing.episodes, "DECISIONS", task)
 
 
 def test_a_gif_has_one_frame_for_the_reset_and_each_step_at_ten_per_second(tmp_path):
@@ -75,15 +81,16 @@ def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_p
     play(out=tmp_path / "episode.png", decider=name)
     env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=SCHEME).unwrapped
     decider = load_decider(name, env.options)
-    evidence = decider_evidence(decider)
+    panel = decider.panel() if name != "fixed:5" else DECISIONS.panel
     observation, _ = env.reset(seed=3)
     state, start, terminated = None, np.ones(1, np.bool_), False
     while not terminated:
-        env.history.set_evidence(evidence.compute(observation[None], state, start)[0])
+        evidence = DECISIONS.evidence if name == "fixed:5" else decider.evidence
+        env.history.set_evidence(evidence(observation[None], state, start)[0])
         actions, state = decider.predict(observation[None], state, start)
         observation, _, terminated, _, _ = env.step(actions[0])
         start = np.zeros(1, np.bool_)
-    frame = Renderer(env.options, False, evidence.panel).draw(env.history)
+    frame = Renderer(env.options, False, panel).draw(env.history)
     with Image.open(tmp_path / "episode.png") as picture:
         np.testing.assert_array_equal(np.asarray(picture), frame)
 
@@ -163,7 +170,7 @@ def test_a_folder_is_not_an_output_file(tmp_path):
 
 @pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
 def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(agents.playing.episodes, "load_decider", lambda *_: Decider(4, fail))
+    use(monkeypatch, Decider(4, fail))
     (tmp_path / name).write_bytes(b"old")
     with pytest.raises(RuntimeError, match="decider failed"):
         play(out=tmp_path / name, record=tmp_path / "episode.csv")
@@ -192,7 +199,7 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     import pygame
 
     decider = Decider(2, lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)))
-    monkeypatch.setattr(agents.playing.episodes, "load_decider", lambda *_: decider)
+    use(monkeypatch, decider)
     play(record=tmp_path / "episode.csv")
     assert decider.calls == 2
     assert list(tmp_path.iterdir()) == []

@@ -6,22 +6,21 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from agents.evaluation.statement_deciders import RULES
 from PIL import Image
 from rich.console import Console
 
 import hybrid_env  # noqa: F401
-from agents.evaluation.statement_deciders import RULES
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
 from agents.playing.command import Play
-from agents.playing.episodes import StatementEpisodes
-from agents.playing.statement_evidence import statement_evidence
+from agents.playing.episodes import Episodes
 from baselines import BeamDecider, ThresholdDecider
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env import QuickestLayout
 from hybrid_env.checks import ArgumentError
-from hybrid_env.rendering.figure import FRAME_SIZE
-from hybrid_env.rendering.quickest_figure import QuickestRenderer
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import FRAME_SIZE
 
 ENV = "hybrid_env:HybridTrackQuickest-v0"
 SHORT = {"ticks": 40, "durations": "uniform 10-15"}
@@ -65,8 +64,8 @@ def test_a_picture_shows_statements_and_what_the_decider_compares(tmp_path, name
     env = environment()
     decider = ThresholdDecider(0.7) if name.startswith("threshold") else BeamDecider(env.options)
     env, (_, probabilities, _, _) = statements(decider, 3)
-    np.testing.assert_allclose(env.history.probabilities, probabilities)
-    frame = QuickestRenderer(env.options, False, statement_evidence(decider).panel).draw(env.history)
+    np.testing.assert_allclose(env.history.evidence, probabilities)
+    frame = Renderer(env.options, False, decider.panel()).draw(env.history)
     with Image.open(tmp_path / "episode.png") as picture:
         np.testing.assert_array_equal(np.asarray(picture), frame)
 
@@ -74,22 +73,22 @@ def test_a_picture_shows_statements_and_what_the_decider_compares(tmp_path, name
 def test_the_evidence_of_a_policy_is_its_probabilities():
     decider = actor()
     rows, _ = environment().reset(seed=0)
-    found = statement_evidence(decider).compute(rows[None], None, np.ones(1, np.bool_))
+    found = decider.evidence(rows[None], None, np.ones(1, np.bool_))
     logits = decider.logits(rows[None])[0]
     np.testing.assert_allclose(found, np.exp(logits) / np.exp(logits).sum())
-    assert statement_evidence(decider).panel.label == "probability (policy)"
+    assert decider.panel().label == "probability (policy)"
 
 
 @pytest.mark.parametrize("name", [name for name in RULES if not name.startswith("beam")])
 def test_other_rules_have_the_probabilities_of_the_bank(name):
-    env, other = environment(), environment()
-    episodes = StatementEpisodes(env, name)
+    other = environment()
+    episodes = Episodes(ENV, SHORT, name)
     history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
     other.reset(seed=0)
     for _ in range(19):
         other.step(0)
-    np.testing.assert_allclose(history.probabilities, other.history.probabilities, atol=1e-5)  # float32 rows
-    assert len(episodes.evidence.panel.thresholds) == (name == "threshold")
+    np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
+    assert len(episodes.panel.thresholds) == (name == "threshold")
 
 
 def test_the_evidence_of_a_beam_does_not_change_its_state():
@@ -100,11 +99,10 @@ def test_the_evidence_of_a_beam_does_not_change_its_state():
     env.step(0)
     before = state.log_probability.copy()
     rows, start = decider.observe(env.world), np.zeros(1, np.bool_)
-    evidence = statement_evidence(decider)
-    found = evidence.compute(rows, state, start)
+    found = decider.evidence(rows, state, start)
     np.testing.assert_array_equal(state.log_probability, before)
     np.testing.assert_array_equal(found, np.exp(decider.predict(rows, state, start)[1].log_probability))
-    assert evidence.panel.thresholds[0].levels == [0.6]
+    assert decider.panel().thresholds[0].levels == [0.6]
 
 
 def test_a_gif_has_one_frame_for_each_statement_and_the_end(tmp_path):
@@ -115,8 +113,7 @@ def test_a_gif_has_one_frame_for_each_statement_and_the_end(tmp_path):
 
 
 def test_the_table_has_a_row_for_each_segment():
-    env = environment()
-    episodes = StatementEpisodes(env, "threshold")
+    episodes = Episodes(ENV, SHORT, "threshold")
     for _ in episodes.play(3, lambda: None):
         pass
     _, (stated, _, _, true) = statements(ThresholdDecider(), 3)

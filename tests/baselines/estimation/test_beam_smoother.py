@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.estimation.beam_filters import FIRST, LATER
-from baselines.estimation.beam_smoother import BeamSmoother, BranchTable, carry_past
+from baselines.rules.beam_smoother import BeamSmoother, BranchTable, carry_past
 from baselines.rules.beam import BeamDecider, hazards
 from baselines.rules.statements import record_statements
 from hybrid_env import QuickestOptions

@@ -13,9 +13,11 @@ from hybrid_env.rendering.evidence import (
     Threshold,
     sprt_panel,
 )
-from hybrid_env.rendering.evidence_axes import probability_ticks
-from hybrid_env.rendering.figure import FRAME_SIZE, EpisodeFigure, Renderer
+from hybrid_env.rendering.figure import EpisodeFigure
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from hybrid_env.rendering.panels import probability_ticks
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import FRAME_SIZE
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 POSTERIOR = EvidencePanel(
@@ -58,7 +60,7 @@ def test_the_default_panel_has_the_thresholds_of_the_sprt_at_alpha_0_001():
     env = started()
     default, same, other = (
         Renderer(env.options, False, panel).draw(env.history)
-        for panel in (None, sprt_panel(1e-3), sprt_panel(1e-2))
+        for panel in (env.renderer.panel, sprt_panel(1e-3), sprt_panel(1e-2))
     )
     assert np.array_equal(env.render(), default)
     assert np.array_equal(default, same)
