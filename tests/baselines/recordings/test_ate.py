@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.evaluation.evaluate import evaluate
+from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider, first_estimate, track_ate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
