@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
-from baselines.recordings.change_detection import Detection, detect_switch
+from baselines.papers.switch_detection import Detection, detect_switch
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
 
