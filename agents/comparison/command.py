@@ -215,7 +215,7 @@ class Compare(WorldArguments, ParallelArguments):
             console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 
     def _draw_episode(self, result: "Comparison", folder: Path) -> None:
-        from agents.comparison.tracks import record_episode
+        from agents.comparison.tracks import record_track
         from agents.figures.canvas import save_figure
         from agents.figures.tracks import track_figure
 
@@ -230,7 +230,7 @@ class Compare(WorldArguments, ParallelArguments):
             decider = family.make(family.thresholds[entry.chosen])
             options = plan.options | family.options
             name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
-            records.append(record_episode(name, decider, plan.env_id, seed, **options))
+            records.append(record_track(name, decider, plan.env_id, seed, **options))
         title = (
             f"{plan.env_id.rpartition(':')[2]}, seed {seed}: "
             f"largest difference in reward among {plan.episodes:,} episodes"

@@ -43,7 +43,7 @@ def _draw_largest_difference(result: StatementComparison, path: Path) -> None:
         family = entry.curve.family
         decider = family.make(family.thresholds[entry.chosen])
         name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
-        records.append(record_track(name, decider, result.world, plan.seed + index))
+        records.append(record_track(name, decider, plan.env_id, plan.seed + index, **plan.options))
     title = f"{plan.env_id.rpartition(':')[2]}, seed {plan.seed + index}"
     if len(entries) > 1:
         title += f": largest difference in reward among {plan.tracks:,} tracks"

@@ -2,112 +2,73 @@
 
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.figures.timelines import UNDECIDED
 from agents.figures.tracks import TrackRecord
-from baselines.rules.decider import Decider
-from baselines.rules.metrics import StatementMetrics, measure_statements
-from baselines.rules.statements import record_statements
+from baselines.rules.metrics import measure_statements
+from baselines.rules.statements import Statements
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
-from hybrid_env.registration import make_vector_env
-from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
+from hybrid_env.track_env import TrackEnv
 
 
-def record_episode(name: str, decider: Decider, env_id: str, seed: int, **options: Any) -> TrackRecord:
-    """Run a decider on one episode of announced segments and note every tick.
+def record_track(name: str, decider: Any, env_id: str, seed: int, **options: Any) -> TrackRecord:
+    """Run a decider on one track and note every tick.
 
     Args:
         name: of the decider.
-        decider: the decider.
-        env_id: registered id of the environment.
-        seed: of the episode.
+        decider: as in `Decider`.
+        env_id: registered id of an environment with announced or with unknown switch moments.
+        seed: of the track.
         options: keyword arguments of the environment.
     """
-    longest = make_vector_env(env_id, 1, **options).options.longest_segment
-    env = make_vector_env(env_id, 1, tick_info=False, trace_rows=2 * longest, **options)
+    env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
+    assert isinstance(env, TrackEnv)
+    assert env.history is not None
+    observe = getattr(decider, "observe", None)
     observation, _ = env.reset(seed=seed)
-    traces = [env.world.read_trace(0)]
-    state: Any = None
-    start = np.ones(1, np.bool_)
-    decided: list[dict[str, Any]] = []
-    rewards = 0.0
-    while not (start[0] and decided):
-        actions, state = decider.predict(observation, state=state, episode_start=start, deterministic=True)
-        observation, reward, start, _, info = env.step(np.asarray(actions))
-        traces.append(env.world.read_trace(0))
-        rewards += float(reward[0])
-        if "decided_mode" in info:
-            decided.append({key: values[0] for key, values in info.items() if not key.startswith("_")})
-    trace = np.concatenate(traces)
-    lengths, ticks, true_modes, correct = (
-        np.array([one[key] for one in decided])
-        for key in ("decided_length", "ticks", "decided_true_mode", "correct")
-    )
-    switches = np.cumsum(lengths) - lengths
-    since = np.arange(len(trace)) - np.repeat(switches, lengths)
+    start, state, terminated, rewards = np.ones(1, np.bool_), None, False, 0.0
+    while not terminated:
+        rows = observation[None] if observe is None else observe(env.world)
+        actions, state = decider.predict(rows, state=state, episode_start=start, deterministic=True)
+        observation, reward, terminated, _, _ = env.step(int(actions[0]))
+        rewards, start = rewards + reward, np.zeros(1, np.bool_)
+    history = env.history
+    modes = history.trace[:, ACTIVE].astype(np.int64)
+    right = modes == history.true_modes
+    marks = np.flatnonzero(np.diff(modes, prepend=modes[:1]))
+    if history.decisions:
+        marks = np.array([decision.time for decision in history.decisions]) - 1
+        lengths = [decision.length for decision in history.decisions]
+        modes[~np.isnan(history.evidence).all(1)] = UNDECIDED
+        right = np.repeat([decision.correct for decision in history.decisions], lengths)
+        summary = f"{rewards / len(marks):+.2f}"
+    else:
+        summary = _statement_summary(history.true_modes, modes, env.options)
     return TrackRecord(
         name=name,
-        truth=trace[:, [TRACE_INDEX["x"], TRACE_INDEX["y"]]],
-        measurements=trace[:, [TRACE_INDEX["measured_x"], TRACE_INDEX["measured_y"]]],
-        true_modes=np.repeat(true_modes, lengths),
-        modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, trace[:, ACTIVE].astype(np.int64)),
-        right=np.repeat(correct, lengths),
-        marks=switches + ticks - 1,
-        switches=switches,
-        estimates=trace[:, [TRACE_INDEX["estimate_x"], TRACE_INDEX["estimate_y"]]],
-        summary=f"{rewards / len(decided):+.2f}",
+        truth=_positions(history, ""),
+        measurements=_positions(history, "measured_"),
+        true_modes=history.true_modes,
+        modes=modes,
+        right=right,
+        marks=marks,
+        switches=history.switches if history.decisions else None,
+        estimates=_positions(history, "estimate_"),
+        summary=summary,
     )
 
 
-class _Witness:
-    """A decider that notes the object and its measurements, and decides as another one."""
-
-    def __init__(self, decider: Any):
-        self.decider, self.predict = decider, decider.predict
-        self.truth: list[FloatArray] = []
-        self.measurements: list[FloatArray] = []
-
-    def observe(self, world: QuickestWorld) -> NDArray[Any]:
-        self.truth.append(world.field("truth")[0, [0, 2]])
-        self.measurements.append(world.field("measurement")[0].copy())
-        observe = getattr(self.decider, "observe", None)
-        observed: NDArray[Any] = world.observations if observe is None else observe(world)
-        return observed
+def _positions(history: History, which: str) -> NDArray[np.float64]:
+    return history.trace[:, [TRACE_INDEX[f"{which}{axis}"] for axis in "xy"]]
 
 
-def record_track(name: str, decider: Any, options: QuickestOptions, seed: int) -> TrackRecord:
-    """Run a decider on one track with unknown switch moments and note every tick.
-
-    Args:
-        name: of the decider.
-        decider: as in `record_statements`.
-        options: of the environment.
-        seed: of the track.
-    """
-    witness: Any = _Witness(decider)
-    statements = record_statements(witness, 1, seed, **vars(options))
-    true, stated = (modes[:, 0] for modes in statements)
-    return TrackRecord(
-        name=name,
-        truth=np.array(witness.truth),
-        measurements=np.array(witness.measurements),
-        true_modes=true,
-        modes=stated,
-        right=true == stated,
-        marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])),
-        switches=np.zeros(0, np.int64),
-        estimates=None,
-        summary=_summary(measure_statements(statements, options.change_cost), len(true)),
-    )
-
-
-def _summary(metrics: StatementMetrics, ticks: int) -> str:
+def _statement_summary(true: NDArray[np.int64], stated: NDArray[np.int64], options: QuickestOptions) -> str:
+    metrics = measure_statements(Statements(true[:, None], stated[:, None]), options.change_cost)
     right, reward = f"{100 * metrics.right[0]:.1f} %", f"{metrics.reward[0]:.3f}"
     delay = f"mean delay {metrics.mean_delay:.1f} ticks" if metrics.delays.size else "no switch detected"
-    wrong = round(1e-3 * ticks * float(metrics.wrong_changes[0]))
+    wrong = round(1e-3 * len(true) * float(metrics.wrong_changes[0]))
     return f"{right} of the ticks right, {delay}, {wrong} changes to a wrong mode, mean reward {reward}"
