@@ -1,6 +1,8 @@
 """Frames of an episode, and the history that they show."""
 
 import copy
+import subprocess
+import sys
 import time
 
 import gymnasium as gym
@@ -199,3 +201,8 @@ def test_a_frame_is_drawn_faster_than_the_frame_rate():
     for _ in range(5):
         env.render()
     assert (time.perf_counter() - begin) / 5 < 0.1
+
+
+def test_matplotlib_is_imported_with_the_first_frame_only():
+    code = "import sys, hybrid_env; sys.exit('matplotlib' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
