@@ -88,7 +88,7 @@ def _group_curve(
     style: DeciderStyle,
 ) -> Curve:
     """Curve of agents that differ only in their training seed: a function of the means of one figure."""
-    points = [(_chosen(entry, "ticks"), of(np.array(_chosen(entry, column)))) for entry in entries]
+    points = [(_chosen(entry, "ticks"), float(of(np.array(_chosen(entry, column))))) for entry in entries]
     return Curve(
         name if len(entries) == 1 else f"{name}, {len(entries)} seeds",
         style,

@@ -12,7 +12,7 @@ from torch import Tensor
 from agents.learned.policy_file import load_network
 from agents.learned.statement_inputs import count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
-from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
@@ -46,6 +46,8 @@ class StatementDecider(Decider):
     Raises:
         ArgumentError: the margin is not a finite number.
     """
+
+    task = UNKNOWN
 
     def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0):
         self.net, self.world = net, world

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import softmax
 
 from agents.learned.policy import ActorDecider
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
@@ -23,6 +23,8 @@ class StatementPolicyDecider(ActorDecider):
         policy: actor whose action i states mode i, for M modes; with or without an LSTM.
         threshold: margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
     """
+
+    task = UNKNOWN
 
     @property
     def hypotheses(self) -> int:
