@@ -8,7 +8,8 @@ import numpy as np
 
 from agents.benchmark import timing
 from agents.benchmark.timing import Measurement, speed_ratio
-from agents.training.recipe import PPOSettings, load_recipe
+from agents.training.recipe import load_recipe
+from agents.training.settings import PPOSettings
 
 
 def training() -> Iterator[Measurement]:

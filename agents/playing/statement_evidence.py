@@ -32,7 +32,7 @@ def statement_evidence(decider: Any) -> DeciderEvidence:
         case ThresholdDecider():
             return DeciderEvidence(probability_panel("bank", decider.threshold), _bank_probabilities)
     # PyTorch is imported only here, because it loads slowly
-    from agents.learned.statement_policy import StatementPolicyDecider
+    from agents.learned.policy import StatementPolicyDecider
 
     if isinstance(decider, StatementPolicyDecider):
         return DeciderEvidence(

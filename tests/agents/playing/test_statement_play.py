@@ -12,7 +12,7 @@ from rich.console import Console
 import hybrid_env  # noqa: F401
 from agents.evaluation.statement_deciders import RULES
 from agents.learned.policy import make_policy
-from agents.learned.statement_policy import StatementPolicyDecider
+from agents.learned.policy import StatementPolicyDecider
 from agents.playing.command import Play
 from agents.playing.episodes import StatementEpisodes
 from agents.playing.statement_evidence import statement_evidence
