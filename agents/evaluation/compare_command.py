@@ -151,3 +151,23 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
 
     def _draw(self, result: "Comparison", folder: Path) -> None:
         """Write the operating curves, and the episode on which the best decider and the reference differ."""
+        from agents.evaluation.episodes import Episodes
+        from agents.evaluation.figures import comparison_figure
+        from agents.figures.canvas import save_figure
+        from agents.figures.tracks import track_figure
+
+        save_figure(comparison_figure(result), folder / "compare.png")
+        plan, task = result.plan, result.plan.task
+        best, episode = result.largest_difference()
+        seed, records = plan.seed + episode, []
+        for entry in dict.fromkeys((result.entries[0], best)):
+            family = entry.family(task)
+            episodes = Episodes(task, entry.name, family.make(entry.threshold), family.options)
+            name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
+            records.append(episodes.record(name, seed))
+        title = f"{task.title}, seed {seed}"
+        if len(records) > 1:
+            title += f": largest difference in reward among {task.size(plan.episodes)}"
+        lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
+        figure = track_figure(records, task.options.radii, "\n".join(lines))
+        save_figure(figure, folder / "episode.png")

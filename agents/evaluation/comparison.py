@@ -13,7 +13,7 @@ from rich.progress import Progress
 from agents.evaluation.continuation import Continuation, weights_digest
 from agents.evaluation.registry import SHIPPED, find_family
 from agents.evaluation.task import Levels, Task, sweep
-from agents.interface.decider_colours import name_without_seed
+from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules
@@ -118,6 +118,10 @@ class Entry:
     def name(self) -> str:
         """Name in tables and figures."""
         return self.scores.name
+
+    def family(self, task: Task) -> DeciderFamily:
+        """Return the decider at any threshold."""
+        return find_family(self.decider if self.folder is None else str(self.folder), task.options)
 
     @property
     def threshold(self) -> float:

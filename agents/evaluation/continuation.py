@@ -78,10 +78,11 @@ class Continuation:
             return
         output_folder("out", path.parent)
         with atomic_file(path) as part, part.open("wb") as file:
+            extra: dict[str, Any] = {EXTRA + key: array for key, array in scores.extra.items()}
             np.savez(
                 file, names=np.array([scores.name, scores.symbol]), thresholds=np.array(scores.thresholds),
                 columns=np.array(scores.columns), values=scores.values, chosen=chosen, selected=selected,
-                **{EXTRA + name: array for name, array in scores.extra.items()},
+                **extra,
             )  # fmt: skip
 
     def finish(self) -> None:

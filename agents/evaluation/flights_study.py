@@ -79,7 +79,8 @@ class FlightComparison:
         scores: of each decider.
         twins: the same on simulated twins.
         truth: scores of the true modes of the twins against their labels.
-        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. Neither is there in the semi-real form, whose labels are those of the native one.
+        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form
+            has neither, since its labels are those of the native one.
         sensitivity: of the labels; none in the semi-real form.
     """
 
@@ -224,8 +225,9 @@ def run_flight_comparison(task: FlightTask, deciders: tuple[str, ...], out: Path
     Raises:
         ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
     """
+    from agents.evaluation.figures import flight_figure
     from agents.evaluation.flights_report import flight_tables, flights_json
-    from agents.figures.timelines import draw_flight
+    from agents.figures.canvas import save_figure
 
     task.check()
     if len(set(deciders)) < len(deciders):
@@ -243,11 +245,11 @@ def run_flight_comparison(task: FlightTask, deciders: tuple[str, ...], out: Path
         note("pictures")
         agreements = list(result.scores.values())[-1].some
         for k, flight in enumerate(result.flights):
-            stated = [(label, result.stated[name][k]) for name, label in reversed(names.items())]
+            stated = {label: result.stated[name][k] for name, label in reversed(names.items())}
             agreement = float(agreements([k]).curve(STATISTICS["agreement"])[0])
-            title = f"{flight.identity}, tier {flight.tier.name}: {stated[0][0]} agrees {agreement:.1%}"
+            title = f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
             path = folder / f"{flight.identity.replace(':', '-')}.png"
-            draw_flight(flight, result.labels[k], stated, title, path)
+            save_figure(flight_figure(flight, result.labels[k], stated, title), path)
     write_json(folder / "flights.json", flights_json(result))
     for table in flight_tables(result):
         console.print(table)

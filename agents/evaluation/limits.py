@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from baselines.rules.beam_smoother import BeamSmoother
 
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.calibration import calibration_rows
@@ -19,6 +18,7 @@ from agents.interface.parallel import Call
 from baselines.papers import golubkov2018
 from baselines.rules import seeds
 from baselines.rules.beam import BeamDecider
+from baselines.rules.beam_smoother import BeamSmoother
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.msprt import GapDecider
 from baselines.rules.statements import record_statements
@@ -176,7 +176,7 @@ def bank_calibration(bank: str, noise: float, seed: int) -> list[dict[str, Any]]
 
 
 def type_accuracy_golubkov2018(bank: str, noise: float, episodes: int, seed: int) -> list[Limit]:
-    """Return the gap rule at ln 99 on the scheme of Golubkov 2018, where ATE reaches a type accuracy of 72 to 80 %."""
+    """Return the gap rule at ln 99 on the scheme of Golubkov 2018, where ATE is right in 72-80 %."""
     task = AnnouncedTask(
         BANK_ENV,
         {
@@ -238,7 +238,7 @@ def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[in
 
 
 def gains(found: Sequence[Limit], task: type[Task]) -> list[tuple[Limit, Estimate | None]]:
-    """Return steps with their gain of reward over the step before on the same episodes, None for the first."""
+    """Return steps with their gain of reward over the step before; None for the first."""
     goal = next(metric.statistic for metric in task.metrics if metric.name == task.goal)
     results: list[tuple[Limit, Estimate | None]] = []
     for now in found:

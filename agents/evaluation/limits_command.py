@@ -40,8 +40,9 @@ class Limits(ParallelArguments):
         from rich.markdown import Markdown
 
         from agents.evaluation.limits import CALIBRATION_EPISODES, QUICKEST_ENV, calls, limits_json
-        from agents.evaluation.limits_figure import draw_limits
+        from agents.evaluation.limits_figure import limits_figure
         from agents.evaluation.limits_report import limits_markdown
+        from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
 
@@ -65,5 +66,5 @@ class Limits(ParallelArguments):
         with atomic_file(folder / "limits.md") as part:
             part.write_text(text, encoding="utf-8")
         write_json(folder / "limits.json", limits_json(parts))
-        draw_limits(parts, folder / "limits.png")
+        save_figure(limits_figure(parts), folder / "limits.png")
         console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)

@@ -47,8 +47,8 @@ def unknown_markdown(found: Sequence[Limit]) -> str:
     for law, rows in _places(found, UnknownTask).items():
         tables: tuple[tuple[str, Callable[[Limit, Estimate | None], str]], ...] = (
             (
-                "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, with "
-                "its 95 % interval.", _gain_cell,
+                "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, "
+                "with its 95 % interval.", _gain_cell,
             ),
             (
                 "Mean delay of a switch in ticks (one that is not detected counts until the end of its "

@@ -21,6 +21,6 @@ def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:
     Raises:
         ArgumentError: the id is unknown.
     """
-    switches = environment_options(env_id).switches
-    kind = next(kind for kind in TASKS if kind.switches == switches)
+    options: Any = environment_options(env_id)
+    kind = next(kind for kind in TASKS if kind.switches == options.switches)
     return kind(env_id, dict(given or {}))

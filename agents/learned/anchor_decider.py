@@ -8,6 +8,7 @@ All inputs are without units (`dimensionless`), and left and right turns are mir
 therefore apply to objects of any size and to banks of any size.
 """
 
+import copy
 import functools
 from dataclasses import dataclass
 from typing import Any
@@ -22,10 +23,11 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
-from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types
+from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 FloatArray = NDArray[np.float64]
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
@@ -165,6 +167,23 @@ class AnchorDecider(Decider):
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
         return np.where(error <= self.alpha, best + 1, 0), state
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("learned anchors", self.by_type, np.array([self.alpha]))
+
+    def evidence(
+        self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None = None
+    ) -> FloatArray:
+        """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
+        # a copy, because `posterior` changes the state in place
+        posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)
+        error, best = self.errors(observation, posterior, state)
+        values = posterior_of(posterior, self.by_type)
+        if not self.by_type:
+            return values
+        types = mode_types(posterior.shape[1])
+        return np.where(types == types[best][:, None], 1.0 - error[:, None], values)
 
     def errors(
         self, observation: Observations, posterior: FloatArray, state: AnchorState

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
@@ -17,6 +18,7 @@ from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, Decide
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
 
@@ -162,6 +164,23 @@ class PolicyDecider(ActorDecider):
             declare = Layout.of_rows(observation).read(observation, "log_ratio").argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the one."""
+        return EvidencePanel(
+            label="log-odds of declaring against waiting",
+            limits=(self.threshold - 15.0, self.threshold + 5.0),
+            curves="single" if self.policy.action_space == spaces.Discrete(2) else "hypothesis",
+            thresholds=(Threshold(np.array([self.threshold])),),
+            legend=f"threshold {self.threshold:g}",
+        )
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
+        logits = self.logits(observation, state, episode_start)[0]
+        return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
+
 
 class StatementPolicyDecider(ActorDecider):
     """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
@@ -186,6 +205,16 @@ class StatementPolicyDecider(ActorDecider):
         tracks = np.arange(len(logits))
         odds = logits[tracks, best] - logits[tracks, stated]
         return np.where((odds > self.threshold) | ~started, best, stated)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("policy")
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes by the policy, (N, M)."""
+        return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
 
 ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDecider, StatementPolicyDecider)}

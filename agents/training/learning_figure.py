@@ -6,8 +6,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from agents.interface.curve_labels import label_curves
-from agents.interface.decider_colours import decider_style
+from agents.figures.curve_labels import label_curves
+from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import atomic_file
 from agents.training.learning_curve import REWARD_KEY, LearningCurve, learning_points
 from agents.training.run_folder import read_metrics

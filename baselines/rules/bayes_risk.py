@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
-from baselines.rules.msprt import read_error_probability
+from baselines.rules.msprt import bank_posterior, read_error_probability
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
 from hybrid_env.checks import check_array, check_choice, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
@@ -162,3 +163,11 @@ class BayesRiskDecider(Decider):
         log_error_probability, best = read_error_probability(observation, self.by)
         limit = self.boundary[np.clip(ticks - 1, 0, self.boundary.size - 1)]
         return np.where(log_error_probability <= limit, best + 1, 0), None
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.boundary))
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of each hypothesis or of its type, (N, M)."""
+        return bank_posterior(observation, self.by == "type")

@@ -1,5 +1,6 @@
 """A beam of switch histories as a decider: the semi-Markov posterior with a law of the durations."""
 
+import copy
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
@@ -23,6 +24,7 @@ from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 MOST_BRANCHES = 100_000
 SMALLEST_BEAM = 64  # histories of switches
@@ -146,6 +148,17 @@ class BeamDecider(MeasurementDecider[BeamState]):
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
         return state.stated.copy()
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("beam", self.rule.threshold)
+
+    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of the modes, (N, M)."""
+        # a copy, because `predict` changes the state in place
+        return np.asarray(
+            np.exp(self.predict(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+        )
 
 
 class GeometricBeamDecider(BeamDecider):

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
+from hybrid_env.observation import Layout, QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
@@ -57,7 +59,7 @@ class Decider(ABC):
     @abstractmethod
     def predict(
         self,
-        observation: Observations,
+        observation: Any,
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
@@ -78,6 +80,25 @@ class Decider(ABC):
     def observe(self, tracks: Any) -> NDArray[Any]:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
         return np.asarray(tracks.take_rows())
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel in which `evidence` is drawn."""
+        if self.task == ANNOUNCED:
+            return posterior_panel("Kalman filters")
+        return probability_panel("bank")
+
+    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+        """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
+
+        By default it is the posterior of the filters of the environment.
+
+        Args:
+            observation, state, episode_start: as in `predict`.
+        """
+        if self.task == ANNOUNCED:
+            values = np.exp(Layout.of_rows(observation).read(observation, "log_ratio"))
+            return np.asarray(values / values.sum(-1, keepdims=True))
+        return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
         """Return the state of the tracks selected by a mask (N,), so that finished tracks can be dropped.
@@ -179,7 +200,8 @@ def rules(task: str) -> dict[str, type[Decider]]:
     package = importlib.import_module("baselines.rules")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    found = [kind for kind in _subclasses(Decider) if kind.name and kind.__module__.startswith("baselines.")]
+    base: Any = Decider
+    found = [kind for kind in _subclasses(base) if kind.name and kind.__module__.startswith("baselines.")]
     found = [kind for kind in found if kind.task == task and "name" in vars(kind)]
     found.sort(key=lambda kind: (kind.__module__, inspect.getsourcelines(kind)[1]))
     return {kind.name: kind for kind in found}

@@ -1,7 +1,7 @@
 """A decision after a fixed number of ticks: the maximum-likelihood hypothesis is declared."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,9 @@ class FixedTimeDecider(Decider):
     """
 
     name, title, symbol, default = "fixed", "fixed time", "ticks", 25
-    thresholds = (5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100)
+    thresholds: ClassVar[tuple[float, ...]] = (
+        *(5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100),
+    )
     colour, marker = "#a0a0a0", "s"
 
     def __init__(self, ticks: int = 25):

@@ -10,6 +10,7 @@ from hybrid_env.checks import reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.quickest_world import QuickestWorld
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 FloatArray = NDArray[np.float64]
 State = TypeVar("State")
@@ -112,3 +113,11 @@ class MeasurementDecider(Decider, Generic[State]):
         for track in np.flatnonzero(starts).tolist():
             self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:]))
         return self.statements(state, starts), state
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("bank")
+
+    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the probabilities of the modes by the bank, (N, M)."""
+        return np.asarray(np.exp(observation[:, -self.hypotheses :]))

@@ -17,6 +17,7 @@ from baselines.rules.decider import Actions, Decider, Observations
 from hybrid_env.checks import check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 
 FloatArray = NDArray[np.float64]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
@@ -43,6 +44,17 @@ def type_sums(values: NDArray[Any]) -> FloatArray:
     n = values.shape[-1] // 2
     parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
     return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
+
+
+def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatArray:
+    """Posterior of each hypothesis or of its type, (N, M), from likelihoods or posteriors (N, M)."""
+    sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
+    return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
+
+
+def bank_posterior(observation: Observations, by_type: bool = False) -> FloatArray:
+    """Posterior of each hypothesis or of its type under equal priors, (N, M), from rows (N, 6 M + 10)."""
+    return posterior_of(np.exp(Layout.of_rows(observation).read(observation, "log_ratio")), by_type)
 
 
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
@@ -147,6 +159,14 @@ class MSPRTDecider(Decider):
         log_error_probability, best = read_error_probability(observation, self.by)
         return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0), None
 
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("Kalman filters", self.by == "type", np.array([self.alpha]))
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of each hypothesis or of its type, (N, M)."""
+        return bank_posterior(observation, self.by == "type")
+
 
 class TypeMSPRTDecider(MSPRTDecider):
     """The MSPRT of types of motion: straight, left or right."""
@@ -213,3 +233,19 @@ class GapDecider(Decider):
         log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         second = np.partition(log_ratio, -2, axis=-1)[:, -2]
         return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0), None
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return EvidencePanel(
+            label="log-likelihood ratio to the best other mode",
+            limits=ratio_limits(self.gap),
+            thresholds=(Threshold(np.array([self.gap])),),
+            legend=f"gap {self.gap:g}",
+        )
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the log-likelihood ratio of each hypothesis to the most likely of all others, (N, M)."""
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+        second, first = np.partition(log_ratio, -2, axis=-1)[:, -2:].T
+        is_best = np.arange(log_ratio.shape[1]) == log_ratio.argmax(-1)[:, None]
+        return log_ratio - np.where(is_best, second[:, None], first[:, None])

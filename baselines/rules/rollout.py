@@ -40,7 +40,7 @@ class Now:
         state: of the decider.
         starts: (N,) True where an episode begins.
         terminated: (N,) True where the last step ended an episode.
-        actions: (N,) of the last step; None before the first.
+        actions: (N,) of the last step; zeros before the first.
         rewards: (N,) of the last step.
         info: of the last step or the reset.
     """
@@ -51,7 +51,7 @@ class Now:
     state: Any
     starts: NDArray[np.bool_]
     terminated: NDArray[np.bool_]
-    actions: Actions | None
+    actions: Actions
     rewards: NDArray[np.float64]
     info: dict[str, Any]
 
@@ -77,7 +77,7 @@ def rollout(
     drops = unfinished is not None
     actions = np.zeros(env.num_envs, np.int64)
     now = Now(
-        0, rows, rows, None, np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_), None,
+        0, rows, rows, None, np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_), actions,
         np.zeros(env.num_envs), info,
     )  # fmt: skip
     while True:

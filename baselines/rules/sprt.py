@@ -16,6 +16,7 @@ from baselines.rules.msprt import CLIPPED_RATIO, ROBUST
 from hybrid_env.checks import check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import Layout
+from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
 
 
 def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
@@ -149,6 +150,19 @@ class SPRTDecider(Decider):
         actions = np.empty(len(observation), np.int64)
         _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
         return actions, (log_likelihood, running)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        lower, upper = math.exp(self.lower), math.exp(self.upper)
+        return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
+        log_likelihood = self.predict(observation, state, episode_start)[1][0]
+        active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
+        return log_likelihood - np.take_along_axis(log_likelihood, active[:, None], axis=-1)
 
 
 class RobustSPRTDecider(SPRTDecider):

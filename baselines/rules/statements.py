@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from baselines.rules.decider import SeveralThresholds
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import check_integer
@@ -38,7 +37,7 @@ def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: 
     stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
     for now in rollout(env, decider, check_integer("seed", seed, minimum=0)):
         if now.step:
-            chosen = several.chosen if isinstance(several, SeveralThresholds) else [now.actions]
+            chosen = [now.actions] if several is None else several.chosen
             stated_modes[:, now.step - 1] = chosen
         if now.step == len(true_modes):
             break

@@ -11,6 +11,7 @@ from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Ob
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 
 @compiled
@@ -116,6 +117,16 @@ class ThresholdDecider(Decider):
         )
         return actions, None
 
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("bank", self.threshold)
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes, (N, M)."""
+        return bank_probabilities(observation)
+
     def choose(
         self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
     ) -> Actions:
@@ -136,6 +147,12 @@ class ThresholdDecider(Decider):
         for tick, values in enumerate(log_probability):
             stated[tick] = self.choose(values, stated[tick - 1], np.full(len(values), tick > 0))
         return stated
+
+
+def bank_probabilities(observation: Observations) -> NDArray[np.float64]:
+    """Return the probabilities of the modes by the bank, (N, M), from rows (N, 6 M + 2)."""
+    log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")
+    return np.asarray(np.exp(log_probability))
 
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
