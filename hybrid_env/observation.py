@@ -15,10 +15,11 @@ from hybrid_env.core.observation_row import (
     HYPOTHESIS_FEATURES,
     LOG_FLOOR,
     LOG_SCALE,
+    QUICKEST_HYPOTHESIS_FEATURES,
+    QUICKEST_TRACK_FEATURES,
     TICK_SCALE,
     TRACK_FEATURES,
 )
-from hybrid_env.core.quickest_row import QUICKEST_HYPOTHESIS_FEATURES, QUICKEST_TRACK_FEATURES
 
 __all__ = [
     "HYPOTHESIS_FEATURES",

@@ -3,10 +3,10 @@
 from typing import Any
 
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.rendering.quickest_figure import QuickestRenderer
 from hybrid_env.rendering.quickest_history import QuickestHistory
-from hybrid_env.track_env import TrackEnv
+from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.worlds.track_env import TrackEnv
 
 
 class HybridTrackQuickestEnv(TrackEnv):

@@ -9,8 +9,8 @@ from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.records import LANES
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.seeding import random_states
+from hybrid_env.worlds.quickest_world import QuickestWorld
 
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 COMMON = {

@@ -18,8 +18,8 @@ from agents.interface.output_files import atomic_file
 from baselines.rules.metrics import StatementMetrics, measure_statements
 from baselines.rules.statements import Statements, record_statements
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.rendering.modes import mode_colour, mode_name
+from hybrid_env.worlds.quickest_world import QuickestWorld
 
 FloatArray = NDArray[np.float64]
 MARKER_SIZES = (12.0, 7.0)  # of the first and of the second decider, whose markers may coincide

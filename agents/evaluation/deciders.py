@@ -23,9 +23,8 @@ from baselines.rules.refiltering import (
     fit_calibrated_anchor,
 )
 from hybrid_env.checks import check_positive, reject
-from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout
-from hybrid_env.options import WorldOptions
+from hybrid_env.options import ModelOptions, WorldOptions
 
 if TYPE_CHECKING:
     from agents.learned.anchor_decider import AnchorNetworks

@@ -21,7 +21,7 @@ from hybrid_env.rendering.figure import Renderer
 from hybrid_env.rendering.modes import mode_name
 from hybrid_env.rendering.quickest_figure import QuickestRenderer
 from hybrid_env.rendering.quickest_history import ACTIVE
-from hybrid_env.track_env import TrackEnv
+from hybrid_env.worlds.track_env import TrackEnv
 
 
 class Episodes(ABC):

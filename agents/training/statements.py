@@ -31,8 +31,8 @@ from agents.training.statement_settings import StatementSettings
 from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import environment_options, make_track_vector_env
+from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 LARGEST_GRADIENT = 0.5  # norm
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte

@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hybrid_env.track_vector_env import TrackVectorEnv
+from hybrid_env.worlds.track_vector_env import TrackVectorEnv
 
 
 def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:

@@ -16,7 +16,8 @@ from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
 from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.imm_bank import imm_arrays
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -119,7 +120,7 @@ def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] 
     process = model.process_variance * model.tau**2 / model.measurement_variance
     assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(radii))
     prepare_pass()
-    imm_pass(chunks, imm_arrays(len(radii)), radii, assumed, output)
+    imm_pass(chunks, bank_arrays(ImmBank, len(radii)), radii, assumed, output)
     innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]
     for k, (index, first, end) in enumerate(places):
         innovations[index][first:end] = output.white[k // LANES, : end - first, :, k % LANES]

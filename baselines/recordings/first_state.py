@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks, prepare_pass
-from hybrid_env.core.imm_bank import ImmModel, imm_arrays
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel
 from hybrid_env.core.records import LANES
-from hybrid_env.online_worlds import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.worlds.live import SQUARE
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def first_state(
     )  # fmt: skip
     output = PassOutput(np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES)))
     prepare_pass()
-    imm_pass(chunks, imm_arrays(len(radii)), radii, model, output)
+    imm_pass(chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)
     # a left turn seen backwards is a right turn

@@ -19,7 +19,8 @@ from baselines.recordings.parts import fit_chunks
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
-from hybrid_env.core.imm_bank import ImmModel, imm_arrays
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +99,7 @@ class _Likelihood:
 
     def __init__(self, chunks: Chunks):
         self.chunks, self.output = chunks, no_output()
-        self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
+        self.banks = {n: bank_arrays(ImmBank, n) for n in range(MAX_RADII + 1)}
         prepare_pass()
 
     def __call__(self, at: _Parameters) -> float:
@@ -109,7 +110,7 @@ class _Likelihood:
         """Return the arguments of `imm_pass`."""
         n = len(at.radii)
         if n not in self.banks:
-            self.banks[n] = imm_arrays(n)
+            self.banks[n] = bank_arrays(ImmBank, n)
         model = imm_model(at.variance, at.process, at.duration, n)
         return self.chunks, self.banks[n], np.array(at.radii, float), model, output
 

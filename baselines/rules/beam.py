@@ -18,7 +18,7 @@ from baselines.rules.decider import Actions
 from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import check_flag, check_integer
-from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.durations import Durations
 from hybrid_env.quickest_options import QuickestOptions
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baselines.rules.decider import Decider
 from hybrid_env.checks import check_integer
-from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
+from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 
 class Statements(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from numpy.typing import NDArray
 
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 from hybrid_env.rendering.evidence_axes import THRESHOLD_STYLE
 from hybrid_env.rendering.figure import EpisodeFigure, Renderer

@@ -7,7 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.decision_markers import DecisionMarkers
 from hybrid_env.rendering.history import EpisodeHistory
 from hybrid_env.rendering.modes import mode_colour

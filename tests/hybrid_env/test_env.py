@@ -11,7 +11,7 @@ import pytest
 
 from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, KalmanBank, Layout, Sensor
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.world import World
+from hybrid_env.worlds.world import World
 
 
 def play(env, policy, seed):

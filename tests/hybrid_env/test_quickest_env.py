@@ -17,8 +17,8 @@ from hybrid_env import (
     QuickestOptions,
 )
 from hybrid_env.core.records import LANES
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.registration import make_track_vector_env, make_vector_env
+from hybrid_env.worlds.quickest_world import QuickestWorld
 
 ENV_ID = "HybridTrackQuickest-v0"
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}

@@ -9,7 +9,7 @@ import pytest
 import hybrid_env
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, KalmanBank
 from hybrid_env.core.records import LANES
-from hybrid_env.world import World
+from hybrid_env.worlds.world import World
 
 
 @pytest.mark.parametrize("name", sorted(World.read_only))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hybrid_env.checks import ReadOnlyAttributes, check_choice, check_integer, check_reset_options
 from hybrid_env.rendering.figure import RENDER_FPS
 from hybrid_env.seeding import state_of
-from hybrid_env.tracks import Tracks
+from hybrid_env.worlds.tracks import Tracks
 
 
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):

@@ -1,0 +1,1 @@
+"""The banks of filters, and the scalar formulas of their filters."""
