@@ -1,7 +1,6 @@
 """The layouts of observations, by name.
 
-`core.observation_row` and `core.quickest_row` write the observations. A layout locates each quantity by name
-and removes its scale.
+`core.observation_row` writes the observations. A layout locates each quantity by name and removes its scale.
 """
 
 import functools

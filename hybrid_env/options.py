@@ -164,9 +164,7 @@ class ModelOptions:
         record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
         record["modes"], record["axes"] = self.hypotheses, self.variances.size
         record["table_rows"] = len(self.table)
-        names = ("noise_law", "noise_shape", "noise_scale", "noise_clip")
-        for name, value in zip(names, self.noise.parameters, strict=True):
-            record[name] = value
+        self.noise.write_parameters(record)
         record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         record["sensor_count"] = len(self.sensors)
         record["irregular"] = self.missed > 0.0 or bool(self.sensors)

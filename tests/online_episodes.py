@@ -47,7 +47,7 @@ def first_estimate(options, seed):
     world = QuickestWorld(options, 1)
     world.seed(0, random_states([seed])[0])
     block = world.blocks[0]
-    _draw(block, block["covariance"], np.zeros((5, LANES)), 0, options.parameters()[0])
+    _draw(block, np.zeros((5, LANES)), 0, options.parameters()[0])
     return block["estimate"][:, 0].copy(), block["covariance"][:, 0][SQUARE]
 
 
@@ -81,7 +81,7 @@ def same_as_announced(decider, seed, **options):
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
     tracker = OnlineTracker(env.options, copy.deepcopy(decider))
-    tracker.begin(info["anchor"][0], world.field("kept_covariance")[0][SQUARE])
+    tracker.begin(info["anchor"][0], world.field("covariance")[0][SQUARE])
     tracker.switch(int(world.field("length")[0]))
     state, start = None, np.ones(1, np.bool_)
     decided, time = [], 5.0
@@ -115,4 +115,4 @@ def same_as_announced(decider, seed, **options):
         tracker.switch(int(world.field("length")[0]))
         if not info["forced"][0]:
             np.testing.assert_array_equal(now.estimate, info["anchor"][0])
-            np.testing.assert_array_equal(now.covariance, world.field("kept_covariance")[0][SQUARE])
+            np.testing.assert_array_equal(now.covariance, world.field("covariance")[0][SQUARE])

@@ -126,19 +126,10 @@ def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> No
     if setting.irregular:
         operations.step_irregular(bank, first, last, block, setting)
     else:
-        operations.step(bank, first, last, block.measurement, setting)
+        operations.step(bank, first, last, block.measurement, operations.filter_model(setting, 1.0))
 
 
-@inlined
-def follow_lane(block: Any, lane: int, bank: Any, hypothesis: int, setting: Any) -> None:
-    """Advance the filter of one hypothesis of a lane by the measurement of the block, if there is one."""
-    if setting.irregular:
-        operations.follow_irregular(bank, lane, hypothesis, block, setting)
-    else:
-        operations.follow(bank, lane, hypothesis, block.measurement, setting)
-
-
-@inlined
+@internal
 def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -149,7 +140,7 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
     return action - 1
 
 
-@inlined
+@internal
 def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
     if merged:
@@ -162,16 +153,6 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> N
             block.estimate[k, lane] = value
         for k, value in enumerate(operations.covariance(bank, chosen, lane)):
             block.covariance[k, lane] = value
-
-
-@inlined
-def _follow(block: Any, lane: int, bank: Any, trace: NDArray[np.float64], setting: Any) -> None:
-    """Advance the active filter of a lane by one tick, or all of them, and record the estimate."""
-    if setting.merged:
-        step_lanes(block, bank, np.uint64(lane), np.uint64(lane + 1), setting)
-    else:
-        follow_lane(block, lane, bank, block.active_mode[lane], setting)
-    _record_estimate(block, lane, bank.hypotheses, trace, setting.merged)
 
 
 @internal
@@ -194,18 +175,27 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
-    noise = arrays.scratch[0].noise
-    while setting.irregular and block.tick[lane] < block.length[lane]:
-        move(block, noise, np.uint64(lane), np.uint64(lane + 1), arrays.sensors, setting)
-        _follow(block, lane, bank, trace, setting)
+    noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
+    model, start, stop = operations.filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
+    while irregular and block.tick[lane] < block.length[lane]:
+        move(block, noise, start, stop, arrays.sensors, setting)
+        if merged:
+            operations.step_irregular(bank, start, stop, block, setting)
+        else:
+            operations.follow_irregular(bank, lane, chosen, block, setting)
+        _record_estimate(block, lane, bank.hypotheses, trace, merged)
     while block.tick[lane] < block.length[lane]:
         ticks = min(LANES, block.length[lane] - block.tick[lane])
         # the noise of several ticks is drawn at once with SIMD code
         draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
-            _follow(block, lane, bank, trace, setting)
-    set_anchor(block, lane, bank, chosen, setting.merged)
+            if merged:
+                operations.step(bank, start, stop, block.measurement, model)
+            else:
+                operations.follow(bank, lane, chosen, block.measurement, model)
+            _record_estimate(block, lane, bank.hypotheses, trace, merged)
+    set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
     arrays.decided_numbers[SQUARED_ERROR, i] = block.squared_error[lane]
 

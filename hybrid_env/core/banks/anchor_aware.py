@@ -239,7 +239,9 @@ def follow_aware(
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
-    step_hypothesis(kalman, bank.innovations[hypothesis], lane, lane + 1, measurement, model)
+    step_hypothesis(
+        kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model
+    )
     kalman.log_likelihood[lane] = before
 
 

@@ -36,7 +36,7 @@ from hybrid_env.core.banks.coordinated_turn import (
     turn_coefficients,
 )
 from hybrid_env.core.banks.kalman import weigh
-from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, normalize
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.records import lanes_of
@@ -93,6 +93,15 @@ class ImmModel(NamedTuple):
     freedom: float = 0.0
 
 
+@inlined
+def imm_model(setting: Any, ratio: float) -> ImmModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
+    return ImmModel(
+        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
+        setting.stay_probability, setting.switch_probability, setting.freedom,
+    )  # fmt: skip
+
+
 @internal
 def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
     """Start every filter of a lane from the merged estimate of the block.
@@ -130,32 +139,6 @@ def _triangle(p: NDArray[np.float64], lane: int) -> Triangle4:
 
 
 @inlined
-def _mixture(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
-    """Return the covariance of a mixture of two normal distributions.
-
-    Args:
-        own: weight of the first.
-        mine, merged: covariances of the first and of the second.
-        difference: of their means.
-    """
-    rest = 1.0 - own
-    a, b, c, d = difference
-    spread = own * rest
-    return (
-        own * mine[0] + rest * merged[0] + spread * a * a,
-        own * mine[1] + rest * merged[1] + spread * a * b,
-        own * mine[2] + rest * merged[2] + spread * a * c,
-        own * mine[3] + rest * merged[3] + spread * a * d,
-        own * mine[4] + rest * merged[4] + spread * b * b,
-        own * mine[5] + rest * merged[5] + spread * b * c,
-        own * mine[6] + rest * merged[6] + spread * b * d,
-        own * mine[7] + rest * merged[7] + spread * c * c,
-        own * mine[8] + rest * merged[8] + spread * c * d,
-        own * mine[9] + rest * merged[9] + spread * d * d,
-    )
-
-
-@inlined
 def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
     """Return the prior probability of a mode in the tick, and its mixed initial condition."""
     merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
@@ -171,8 +154,8 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
         merged_x + own * difference[0], merged_u + own * difference[1],
         merged_y + own * difference[2], merged_v + own * difference[3],
     )  # fmt: skip
-    mixed = _mixture(own, _triangle(kalman.covariance, lane), _triangle(block.covariance, lane), difference)
-    return prior, mean, mixed
+    mine, merged = _triangle(kalman.covariance, lane), _triangle(block.covariance, lane)
+    return prior, mean, mixture_of_two(own, mine, merged, difference)
 
 
 @inlined
@@ -322,8 +305,8 @@ def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64]
     for h in range(bank.hypotheses.size):
         curvature = _curvature(h, radii)
         _predict_imm_hypothesis(bank.hypotheses[h], bank.innovations[h], block, lane, curvature, model)
-    normalize(bank, lane, lane + 1)
-    merge(bank, block, lane, lane + 1)
+    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
+    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
 
 
 @internal
@@ -338,11 +321,7 @@ def step_imm_irregular(
     """
     for lane in range(first, last):
         if math.isnan(block.measurement[0, lane]):
-            predict_imm(bank, block, lane, radii, model)
+            predict_imm(bank, block, lane, radii, imm_model(model, 1.0))
         else:
-            ratio = block.variance_ratio[lane]
-            of_tick = ImmModel(
-                model.tau, model.process_variance, ratio * model.variance_x, ratio * model.variance_y,
-                model.stay_probability, model.switch_probability, model.freedom,
-            )  # fmt: skip
-            step_imm(bank, block, lane, lane + 1, radii, of_tick)
+            of_tick = imm_model(model, block.variance_ratio[lane])
+            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

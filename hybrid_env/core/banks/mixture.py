@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import State, estimate_of, likeliest
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.banks.bank import State, Triangle4, estimate_of, likeliest
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.records import lanes_of
 
@@ -81,6 +81,32 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
             covariance[7, lane] += weight * (P[7, lane] + c * c)
             covariance[8, lane] += weight * (P[8, lane] + c * d)
             covariance[9, lane] += weight * (P[9, lane] + d * d)
+
+
+@inlined
+def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
+    """Return the covariance of a mixture of two normal distributions.
+
+    Args:
+        own: weight of the first.
+        mine, merged: covariances of the first and of the second.
+        difference: of their means.
+    """
+    rest = 1.0 - own
+    a, b, c, d = difference
+    spread = own * rest
+    return (
+        own * mine[0] + rest * merged[0] + spread * a * a,
+        own * mine[1] + rest * merged[1] + spread * a * b,
+        own * mine[2] + rest * merged[2] + spread * a * c,
+        own * mine[3] + rest * merged[3] + spread * a * d,
+        own * mine[4] + rest * merged[4] + spread * b * b,
+        own * mine[5] + rest * merged[5] + spread * b * c,
+        own * mine[6] + rest * merged[6] + spread * b * d,
+        own * mine[7] + rest * merged[7] + spread * c * c,
+        own * mine[8] + rest * merged[8] + spread * c * d,
+        own * mine[9] + rest * merged[9] + spread * d * d,
+    )
 
 
 @internal

@@ -10,7 +10,9 @@ compiled code: `instance_class`, an attribute of its type, is used here and nowh
     predict(bank, lane, model)                           advance every filter of a lane without a measurement
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle row by row
 
-The arguments are described in `published`. A new bank implements these functions and is listed in
+The arguments are described in `published`. Calls with the same types of indices and of the model share one
+compiled function: the kernel gives unsigned indices, which need no check for negative values, so that loops
+over lanes become SIMD code, and a `FilterModel`. A new bank implements these functions and is listed in
 `OPERATIONS`, `state.BANKS` and `kernels.KERNELS`.
 """
 
@@ -18,6 +20,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba.extending import overload
 
 from hybrid_env.core.banks.anchor_aware import (
@@ -71,9 +74,8 @@ bank_of_block, begin, step, follow, predict, covariance = map(_operation, range(
 
 
 @inlined
-def _model_of_tick(block: Any, lane: int, setting: Any) -> FilterModel:
-    """Return the model with the variance of the measurement of a lane."""
-    ratio = block.variance_ratio[lane]
+def filter_model(setting: Any, ratio: float) -> FilterModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
     return FilterModel(
         setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
         setting.freedom,
@@ -93,15 +95,17 @@ def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -
     """
     for lane in range(first, last):
         if math.isnan(block.measurement[0, lane]):
-            predict(bank, lane, setting)
+            predict(bank, np.uint64(lane), filter_model(setting, 1.0))
         else:
-            step(bank, lane, lane + 1, block.measurement, _model_of_tick(block, lane, setting))
+            model = filter_model(setting, block.variance_ratio[lane])
+            step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, model)
 
 
 @internal
 def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting: Any) -> None:
     """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
     if math.isnan(block.measurement[0, lane]):
-        predict(bank, lane, setting)
+        predict(bank, np.uint64(lane), filter_model(setting, 1.0))
     else:
-        follow(bank, lane, hypothesis, block.measurement, _model_of_tick(block, lane, setting))
+        model = filter_model(setting, block.variance_ratio[lane])
+        follow(bank, lane, hypothesis, block.measurement, model)

@@ -144,18 +144,6 @@ def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
 
 
 @inlined
-def _step_column(bank: Any, axis: int, column: int, first: int, last: int, whitens: bool, model: Any) -> None:
-    """Update covariance and gain of one radius and axis, with `whitens` also its innovation variance."""
-    variance = model.variance_x if axis == 0 else model.variance_y
-    shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
-    for lane in range(first, last):
-        innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
-        if whitens:
-            gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-            gain.log_variance[lane] = log(innovation_variance)
-
-
-@inlined
 def _correct_estimate(
     kalman: Any, predicted: State, gain_x: Any, gain_y: Any, lane: int, x: float, y: float
 ) -> None:
@@ -206,8 +194,13 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
         for column in range(columns):
-            _step_column(bank, axis, column, first, last, True, model)
+            shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+            for lane in range(first, last):
+                innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+                gain.log_variance[lane] = log(innovation_variance)
     if model.freedom > 0.0:
         _step_estimates(bank, first, last, measurement, True, model.freedom)
     else:
@@ -224,14 +217,17 @@ def follow_published(
     """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
-    robust = model.freedom > 0.0
     for axis in range(axes):
-        _step_column(bank, axis, column, lane, lane + 1, robust, model)
+        variance = model.variance_x if axis == 0 else model.variance_y
+        shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+        innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+        if model.freedom > 0.0:
+            gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
     gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
     kalman = bank.hypotheses[hypothesis]
     predicted = predict_estimate(kalman, bank.covariances[0, column], lane)
     x, y = measurement[0, lane] - predicted[0], measurement[1, lane] - predicted[2]
-    if robust:
+    if model.freedom > 0.0:
         weight = student_weight(x * gain_x.whitener[lane], y * gain_y.whitener[lane], model.freedom)
         x, y = weight * x, weight * y
     _correct_estimate(kalman, predicted, gain_x, gain_y, lane, x, y)

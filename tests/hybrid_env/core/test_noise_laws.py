@@ -84,6 +84,9 @@ def test_outliers_have_the_given_share_and_ratio():
     drawn = errors(seeded(9), 12_500, setting)[:, 2:4]
     mixture = lambda x: 0.8 * stats.norm.cdf(x) + 0.2 * stats.norm.cdf(x / 10.0)  # noqa: E731
     assert stats.kstest(drawn.ravel(), mixture).pvalue > 1e-3
+    # both coordinates of a measurement are outliers together
+    together, expected = (np.abs(drawn) > 9.0).all(1).mean(), 0.2 * (2.0 * stats.norm.sf(0.9)) ** 2
+    assert together == pytest.approx(expected, abs=4.0 * np.sqrt(expected / (drawn.size / 2)))
 
 
 @pytest.mark.parametrize("law", LAWS)
