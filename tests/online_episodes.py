@@ -3,10 +3,10 @@
 import copy
 
 import numpy as np
-from numba import njit
 
 from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.records import LANES
 from hybrid_env.seeding import random_states
@@ -39,7 +39,7 @@ COMMON = {
 
 MOST_ROWS = 101  # ticks of a step: a segment of 100 and the first tick of the next
 
-_draw = njit(draw_first_estimate)
+_draw = compiled(draw_first_estimate)
 
 
 def first_estimate(options, seed):

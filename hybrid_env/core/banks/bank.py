@@ -26,7 +26,7 @@ INNOVATION = lanes_of(
 
 
 class FilterModel(NamedTuple):
-    """The model assumed by the filters. `records.PARAMETERS` has the same fields.
+    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
 
     Attributes:
         tau: length of a tick [s].

@@ -6,15 +6,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
-from numba import njit
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, begin_aware, covariance_aware, step_aware
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 
 TRIANGLE = np.triu_indices(4)
-begin, step, covariance = njit(begin_aware), njit(step_aware), njit(covariance_aware)
+begin, step, covariance = compiled(begin_aware), compiled(step_aware), compiled(covariance_aware)
 
 
 def test_the_bank_equals_matrix_filters_in_every_lane():

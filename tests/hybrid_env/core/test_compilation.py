@@ -63,10 +63,9 @@ def program(tmp_path):
     return path
 
 
-def test_only_the_first_process_announces_a_compilation(tmp_path):
-    code = "import hybrid_env; env = hybrid_env.HybridTrackEnv(); env.reset(seed=0); env.step(0)"
+def test_only_the_first_process_announces_a_compilation(tmp_path, program):
     for announced in (1, 0):
-        result = run(["-c", code], NUMBA_CACHE_DIR=str(tmp_path))
+        result = run([program], NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         assert result.stderr.count("compiling once") == announced
         assert len(result.stderr.splitlines()) == announced
 

@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 from matrix_filters import LiteralImm, transition_matrix
-from numba import njit
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv
 from hybrid_env.core.banks.bank import bank_arrays
 from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, step_imm
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import BLOCK, LANES
 
 TRIANGLE = np.triu_indices(4)
-begin, step = njit(begin_imm), njit(step_imm)
+begin, step = compiled(begin_imm), compiled(step_imm)
 
 
 def test_the_bank_equals_the_literal_one_in_every_lane():

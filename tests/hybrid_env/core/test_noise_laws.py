@@ -4,16 +4,16 @@ from collections import namedtuple
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy import stats
 
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.noise import LOST, NOISE_ROWS, draw_noise, draw_noise_ahead
 from hybrid_env.core.records import LANES
 from hybrid_env.noises import OutlierNoise, parse_noise
 
 Setting = namedtuple("Setting", ["noise_law", "noise_shape", "noise_scale", "noise_clip", "missed"])
 LAWS = ["gaussian", "outliers 0.3", "levy 1.5 1 44", "levy 1", "levy 0.7 2 1000", "student_t 3"]
-draw, draw_ahead = njit(draw_noise), njit(draw_noise_ahead)
+draw, draw_ahead = compiled(draw_noise), compiled(draw_noise_ahead)
 
 
 def setting_of(law, missed=0.0):
@@ -24,7 +24,7 @@ def seeded(seed):
     return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
 
 
-@njit
+@compiled
 def errors(state, count, setting):
     """Return the rows of `draw_noise`, (count, NOISE_ROWS, LANES)."""
     drawn = np.empty((count, NOISE_ROWS, state.shape[1]))
