@@ -20,7 +20,7 @@ from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
 from hybrid_env.rendering.modes import mode_name
 from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.track_env import TrackEnv
+from hybrid_env.worlds.track_env import TrackEnv
 
 
 class OneTrack:

@@ -18,9 +18,9 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.limits import check_ticks
-from hybrid_env.online_worlds import OnlineQuickestWorld, OnlineTrack, OnlineWorld
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.worlds.live import OnlineQuickestWorld, OnlineTrack, OnlineWorld
 
 FloatArray = NDArray[np.float64]
 

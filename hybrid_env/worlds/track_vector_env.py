@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
 from hybrid_env.core.kernel import TERMINATED
-from hybrid_env.lazy_info import LazyInfo
 from hybrid_env.seeding import random_states
-from hybrid_env.tracks import Tracks
+from hybrid_env.worlds.lazy_info import LazyInfo
+from hybrid_env.worlds.tracks import Tracks
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
 MOST_THREADS = 1024

@@ -10,24 +10,24 @@ A filter that diverges keeps its state and its log-likelihood decreases, so that
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.elementary import log
-from hybrid_env.core.extended_kalman import (
+from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.extended_kalman import (
     Triangle7,
     anchor_covariance,
     condition,
     predict_covariance,
     turn_coefficients,
 )
-from hybrid_env.core.kalman import log_likelihood
-from hybrid_env.core.memory import aligned_zeros, array_at
+from hybrid_env.core.banks.kalman import log_likelihood
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-from hybrid_env.core.published_bank import INNOVATION, State, Triangle4, set_estimate, signed_radius
 from hybrid_env.core.records import lanes_of
 
 AWARE_HYPOTHESIS = lanes_of(
@@ -49,36 +49,16 @@ class AnchorAwareBank(NamedTuple):
 
     Attributes:
         hypotheses: (M,) records `AWARE_HYPOTHESIS`.
-        innovations: (M,) records `published_bank.INNOVATION`, temporary memory shared by the blocks of a
+        innovations: (M,) records `published.INNOVATION`, temporary memory shared by the blocks of a
             thread.
     """
 
-    hypotheses: NDArray[Any]
-    innovations: NDArray[Any]
+    hypotheses: Annotated[Records, Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))]
+    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
 
 
-def aware_arrays(radii_count: int, axes: int, *blocks: int) -> AnchorAwareBank:
-    """Return a bank of zeros; see `published_bank.published_arrays`. `axes` is not used."""
-    hypotheses = 2 * radii_count + 1
-    return AnchorAwareBank(
-        aligned_zeros((*blocks, hypotheses), AWARE_HYPOTHESIS), aligned_zeros((hypotheses,), INNOVATION)
-    )
-
-
-@internal
-def aware_banks(setting: Any) -> AnchorAwareBank:
-    """Return the banks of all blocks from the addresses in a record `records.PARAMETERS`."""
-    hypotheses = 2 * setting.radii_count + 1
-    return AnchorAwareBank(
-        array_at(setting.hypotheses, (setting.blocks_count, hypotheses), AWARE_HYPOTHESIS),
-        array_at(setting.innovations, (hypotheses,), INNOVATION),
-    )
-
-
-@internal
-def aware_of_block(banks: AnchorAwareBank, block: int) -> AnchorAwareBank:
-    """Return the bank of one block."""
-    return AnchorAwareBank(banks.hypotheses[block], banks.innovations)
+aware_banks = reader(AnchorAwareBank)
+aware_of_block = block_reader(AnchorAwareBank)
 
 
 @internal
@@ -247,7 +227,7 @@ def step_hypothesis(
 def step_aware(
     bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any
 ) -> None:
-    """Advance every filter of lanes first .. last - 1 by one tick; see `published_bank.step_published`."""
+    """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
 
@@ -259,8 +239,30 @@ def follow_aware(
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
-    step_hypothesis(kalman, bank.innovations[hypothesis], lane, lane + 1, measurement, model)
+    step_hypothesis(
+        kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model
+    )
     kalman.log_likelihood[lane] = before
+
+
+@internal
+def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement; see `published.predict_published`."""
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
+        # also False for NaN: a filter that diverges keeps its state
+        valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
+            predicted[7] + predicted[18] < LARGEST * LARGEST
+        )
+        if valid & (abs(u) + abs(v) < LARGEST):
+            set_estimate(kalman, lane, (x, u, y, v))
+            for k, value in enumerate(predicted):
+                kalman.covariance[k, lane] = value
+        sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
+        sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
+        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
 
 
 @internal

@@ -1,11 +1,9 @@
 """The worlds of the environments on a live sensor: the measurements come from the caller.
 
-Arrays, parameters and observations are those of `World` and `QuickestWorld`; the kernels are those of
-`core.online_kernel`, which have no object. `baselines.OnlineTracker` puts a decider in front of them.
+Arrays, parameters, kernels and observations are those of `World` and `QuickestWorld`; the commands of
+`core.live` have no object. `baselines.OnlineTracker` puts a decider in front of them.
 """
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,10 +11,10 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
 from hybrid_env.core.kernel import HAS_DECISION
-from hybrid_env.core.online_kernel import ONLINE_KERNELS, online_quickest, online_quickest_robust
-from hybrid_env.quickest_world import QuickestWorld
-from hybrid_env.tracks import Tracks
-from hybrid_env.world import World
+from hybrid_env.core.kernels import BEGIN, MEASURE
+from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.worlds.tracks import Tracks
+from hybrid_env.worlds.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -28,29 +26,22 @@ SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 class OnlineTrack(Tracks):
     """What both worlds share: one track that is stepped with measurements from outside."""
 
-    covariance_field: str
-    """The field of the block with the covariance of the estimate, upper triangle row by row."""
-
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         super().__init__(options, tracks, trace_rows, threads)
 
-    def _bind(self) -> None:
-        super()._bind()
+    def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
+        parameters["irregular"] = True  # any measurement may be missing
+        super()._bind(parameters, *arrays)
         block = self.blocks[0]
+        block["variance_ratio"] = 1.0  # those that are not have variance R
         self._measurement: FloatArray = block["measurement"][:, 0]
         self._estimate: FloatArray = block["estimate"][:, 0]
-        self._triangle: FloatArray = block[self.covariance_field][:, 0]
+        self._triangle: FloatArray = block["covariance"][:, 0]
         self._values: FloatArray = self.bank.hypotheses[self.hypothesis_field][0, :, 0]
-        self._blind = self._parameters[0].copy()
-        self._blind["irregular"] = True
-        self._parameters[0]["irregular"] = False  # every measurement that is given has variance R
-        self._run_blind: Callable[[bool], int] = functools.partial(self._advance, self._blind.ctypes.data)
 
-    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
-        """Check the fields of blocks that the kernel uses as indices; see `Tracks.check_blocks`."""
-        for name in ("active_mode", "stated_mode"):
-            if name in (blocks.dtype.names or ()):
-                self.check_fields(blocks, seeded, {name: self.options.hypotheses - 1})
+    def largest(self) -> dict[str, int]:
+        """See `Tracks.largest`: lengths and ticks are those of the sensor."""
+        return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """Begin a track one tick before its first measurement.
@@ -70,12 +61,12 @@ class OnlineTrack(Tracks):
         """Advance by one tick with a measurement [m]; write the observation."""
         self._measurement[0] = x
         self._measurement[1] = y
-        self._run(False)
+        self._run(MEASURE)
 
     def skip(self) -> None:
         """Advance by one tick without a measurement: the filters predict; write the observation."""
         self._measurement[:] = np.nan
-        self._run_blind(False)
+        self._run(MEASURE)
 
     @property
     def decided(self) -> bool:
@@ -121,14 +112,10 @@ class OnlineWorld(OnlineTrack, World):
         options: of the model; `bank="oracle"` is not available.
     """
 
-    covariance_field = "kept_covariance"
-
-    def _kernel(self) -> Any:
-        if self.options.bank == "oracle":
-            raise reject(
-                "bank", self.options.bank, "'published' or 'anchor_aware': the true state is unknown"
-            )
-        return ONLINE_KERNELS[self.options.bank, self.options.follow, self.options.robust]
+    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
+        if options.bank == "oracle":
+            raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
+        super().__init__(options, tracks, trace_rows, threads)
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """See `OnlineTrack.begin_track`; the first segment still has to begin."""
@@ -142,7 +129,7 @@ class OnlineWorld(OnlineTrack, World):
     def begin_segment(self, ticks: int) -> None:
         """See `OnlineTrack.begin_segment`. A last segment without a decision is decided as in the options."""
         self.blocks["length"][0, 0] = ticks
-        self._run(True)
+        self._run(BEGIN)
 
     @property
     def decided(self) -> bool:
@@ -163,7 +150,7 @@ class OnlineWorld(OnlineTrack, World):
         """Wait (action 0) or declare the mode of an action; see `WorldOptions.actions`."""
         if action:
             self.actions[0] = action
-            self._run(False)
+            self._run(MEASURE)
             self.actions[0] = 0
 
     def probabilities(self) -> FloatArray:
@@ -177,17 +164,13 @@ class OnlineWorld(OnlineTrack, World):
 class OnlineQuickestWorld(OnlineTrack, QuickestWorld):
     """A `QuickestWorld` on a live sensor: unknown switch moments. A decider states a mode at every tick."""
 
-    covariance_field = "covariance"
     asks = True
-
-    def _kernel(self) -> Any:
-        return online_quickest_robust if self.options.robust else online_quickest
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """See `OnlineTrack.begin_track`."""
         super().begin_track(estimate, covariance, mode)
         self.actions[0] = mode
-        self._run(True)
+        self._run(BEGIN)
         self.actions[0] = max(mode, 0)
 
     @property

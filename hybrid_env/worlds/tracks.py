@@ -13,8 +13,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
+from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.compilation import prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.kernels import KERNELS, RESET, STEP
+from hybrid_env.core.records import LANES, TICK, TICK_NAMES
+from hybrid_env.core.state import Arrays
 from hybrid_env.observation import Layout
 
 
@@ -38,6 +41,9 @@ class Tracks(ReadOnlyAttributes):
         rewards: (N,) of the last step.
         terminated: (N,) whether the episode has ended.
         seeded: (N,) whether the random stream has been seeded.
+        trace: (N, trace rows, len(TRACE_COLUMNS)) ticks of the last step, with announced switches.
+        decisions: (len(DECISION), N) decisions of the last step, with announced switches.
+        decision_flags: (len(DECISION_FLAGS), N).
 
     Raises:
         ArgumentError: the arrays do not fit into memory.
@@ -45,15 +51,18 @@ class Tracks(ReadOnlyAttributes):
 
     read_only = frozenset(
         ("options", "layout", "threads", "bank", "blocks", "actions", "observations", "rewards",
-         "terminated", "seeded")
+         "terminated", "seeded", "trace", "decisions", "decision_flags")
     )  # fmt: skip
 
-    tick_type: ClassVar[np.dtype[Any]]
-    """The leading fields of a block, which describe the current tick."""
-    tick_names: ClassVar[tuple[str, ...]]
-    """Fields of `tick_type`, in the order of `info`."""
+    tick_names: ClassVar[tuple[str, ...]] = TICK_NAMES
+    """Fields of the current tick, in the order of `info`."""
     hypothesis_field: ClassVar[str]
     """The field of `bank.hypotheses` that `info` contains, (N, M)."""
+
+    layout_class: ClassVar[type[Layout]]
+    """Class of the layout of the observation."""
+    first_action: ClassVar[str]
+    """Meaning of action 0, for messages."""
 
     layout: Layout
     bank: Any
@@ -63,40 +72,39 @@ class Tracks(ReadOnlyAttributes):
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     seeded: NDArray[np.bool_]
+    trace: NDArray[np.float64]
+    decisions: NDArray[np.int64]
+    decision_flags: NDArray[np.bool_]
 
     def __init__(self, options: Any, tracks: int, trace_rows: int = 0, threads: int = 1):
         self.options = options
+        self.layout = self.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
+        parameters = options.parameters()
+        parameters["tracks"], parameters["blocks_count"] = tracks, -(-tracks // LANES)
+        parameters["width"], parameters["trace_rows"] = self.layout.width, trace_rows
+        sizes = parameters[0]
+        bank = options.bank_class
         try:
-            self._allocate(tracks, trace_rows)
+            state = {name: allocate(one, sizes) for name, one in declared(Arrays, "tracks").items()}
+            filters = {name: allocate(one, sizes) for name, one in declared(bank).items()}
         except (MemoryError, OSError, OverflowError, ValueError):
             raise reject(
                 "num_envs", tracks, f"a number of tracks with {trace_rows} trace_rows that fits into memory"
             ) from None
-        self._bind()
-
-    def _allocate(self, tracks: int, trace_rows: int) -> None:
-        """Create all arrays that the kernel reads and writes, except the scratch memory of the threads."""
-        raise NotImplementedError
-
-    def _kernel(self) -> Any:
-        """Return the compiled kernel: (address of a parameter record, reset) -> events."""
-        raise NotImplementedError
-
-    def _addressed_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays whose addresses the parameter record has, by the name of its field."""
-        raise NotImplementedError
-
-    def _scratch_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return new temporary memory of one thread, by the name of the field of the parameter record."""
-        raise NotImplementedError
+        for name, array in state.items():
+            setattr(self, name, array)
+        self.bank = bank(**filters)
+        self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
+        self._constant = {name: np.ascontiguousarray(array) for name, array in options.arrays().items()}
+        self._bind(parameters, state | filters | self._constant)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that hold the state, by name. They are views, not copies."""
-        raise NotImplementedError
+        return dict(self._kept)
 
-    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
-        """Raise `ArgumentError` for values that the kernel uses as indices, lengths or seeds out of range."""
+    def largest(self) -> dict[str, int]:
+        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
         raise NotImplementedError
 
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -105,37 +113,38 @@ class Tracks(ReadOnlyAttributes):
 
     def action_space(self) -> spaces.Discrete:
         """Return the action space of one track."""
-        raise NotImplementedError
+        return spaces.Discrete(self.options.action_count)
 
-    def invalid_action(self, action: Any) -> Exception:
+    def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
-        raise NotImplementedError
+        return gym.error.InvalidAction(
+            f"action={action!r} is not allowed: expected an integer from 0 ({self.first_action}) "
+            f"to {self.options.action_count - 1}"
+        )
 
-    def _bind(self) -> None:
+    def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
-        self._advance = self._kernel()
-        prepare(self._advance, 0, False)
+        self._advance = KERNELS[self.options.bank_class]
+        prepare(self._advance, 0, 0)
         cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
         self._parameters, self._scratch = [], []
         for thread in range(self.threads):
-            scratch = self._scratch_arrays()
-            parameters = self.options.parameters()
-            parameters["tracks"], parameters["blocks_count"] = self.actions.size, len(self.blocks)
+            scratch = {name: allocate(one, parameters[0]) for name, one in temporary.items()}
             parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
-            self._complete_parameters(parameters)
-            for name, array in (self._addressed_arrays() | scratch).items():
+            for name, array in (arrays | scratch).items():
                 parameters[name] = array.ctypes.data
-            self._parameters.append(parameters)
+            self._parameters.append(parameters.copy())
             self._scratch.append(scratch)
         # the leading bytes of every block, copied as raw memory for speed
-        front = np.dtype((np.void, self.tick_type.itemsize))
+        front = np.dtype((np.void, TICK.itemsize))
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
         self._hypothesis_values = self.bank.hypotheses[self.hypothesis_field]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
-        self._run: Callable[[bool], int]
+        self._run: Callable[[int], int]
         self.take_rows: Callable[
             [], NDArray[np.float32]
         ]  # after a step or reset, once: (N, width), a new array
@@ -146,9 +155,6 @@ class Tracks(ReadOnlyAttributes):
             shares = list(zip(addresses, ranges, strict=True))
             self._run = functools.partial(self._run_threads, shares)
             self.take_rows = self._rows_of_threads
-
-    def _complete_parameters(self, parameters: NDArray[Any]) -> None:
-        """Write further sizes of arrays into a parameter record, (1,)."""
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Copy the state of a world with the same options and number of tracks from its `arrays()`.
@@ -170,15 +176,17 @@ class Tracks(ReadOnlyAttributes):
         for name, array in own.items():
             array[...] = arrays[name]
 
-    def check_fields(
-        self, blocks: NDArray[Any], seeded: NDArray[np.bool_], largest: Mapping[str, int]
-    ) -> None:
-        """Check integer fields of blocks, 0 to their largest value, and the random states of seeded tracks.
+    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
+        """Check the fields of blocks that the kernel uses as indices, as lengths of loops and as seeds.
+
+        Args:
+            blocks: (B,) records `BLOCK`.
+            seeded: (N,) tracks whose random stream has been seeded.
 
         Raises:
-            ArgumentError: a value is out of range.
+            ArgumentError: a value is out of range, which the kernel would not notice.
         """
-        for name, last in largest.items():
+        for name, last in self.largest().items():
             values = blocks[name]
             if (values < 0).any() or (values > last).any():
                 raise reject(f"blocks.{name}", values, f"integers from 0 to {last}")
@@ -186,11 +194,8 @@ class Tracks(ReadOnlyAttributes):
             raise reject("blocks.random_state", 0, "a state that is not zero")
 
     def __getstate__(self) -> dict[str, Any]:
-        size = {"tracks": self.actions.size, "trace_rows": self._trace_rows(), "threads": self.threads}
+        size = {"tracks": self.actions.size, "trace_rows": self.trace.shape[1], "threads": self.threads}
         return size | {"options": self.options, "arrays": self.arrays()}
-
-    def _trace_rows(self) -> int:
-        return 0
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # new arrays: those of a copy are neither aligned nor in huge pages, and may be read-only
@@ -198,19 +203,19 @@ class Tracks(ReadOnlyAttributes):
         self.__init__(**state)  # type: ignore[misc]
         self.restore(arrays)
 
-    def _run_threads(self, shares: list[tuple[int, slice]], reset: bool) -> int:
+    def _run_threads(self, shares: list[tuple[int, slice]], command: int) -> int:
         """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
         if self._pool is None or self._pool_process != os.getpid():  # a forked process has no threads
             self._pool, self._pool_process = ThreadPoolExecutor(self.threads - 1), os.getpid()
         pool = self._pool
         self._rows = np.empty_like(self.observations)
-        jobs = [pool.submit(self._run_share, *share, reset) for share in shares[1:]]
-        events = [self._run_share(*shares[0], reset), *(job.result() for job in jobs)]
+        jobs = [pool.submit(self._run_share, *share, command) for share in shares[1:]]
+        events = [self._run_share(*shares[0], command), *(job.result() for job in jobs)]
         # every thread checks all actions, so that all report the same invalid one
         return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
 
-    def _run_share(self, address: int, tracks: slice, reset: bool) -> int:
-        events: int = self._advance(address, reset)
+    def _run_share(self, address: int, tracks: slice, command: int) -> int:
+        events: int = self._advance(address, command)
         self._rows[tracks] = self.observations[tracks]
         return events
 
@@ -237,7 +242,7 @@ class Tracks(ReadOnlyAttributes):
         return functools.partial(self._tick_arrays, self._ticks.copy(), self._hypothesis_values.copy())
 
     def _tick_arrays(self, ticks: NDArray[Any], values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
-        fields = ticks.view(self.tick_type)
+        fields = ticks.view(TICK)
         arrays = {name: self._flatten_blocks(fields[name]) for name in self.tick_names}
         return arrays | {self.hypothesis_field: self._flatten_blocks(values)}
 
@@ -255,7 +260,7 @@ class Tracks(ReadOnlyAttributes):
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
-        self._run(True)
+        self._run(RESET)
 
     def step(self) -> int:
         """Step every track with `actions`. A terminated track begins its next episode.
@@ -267,7 +272,7 @@ class Tracks(ReadOnlyAttributes):
         Raises:
             InvalidAction: an action is outside the space. No track is stepped.
         """
-        events = self._run(False)
+        events = self._run(STEP)
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events
@@ -281,11 +286,3 @@ class Tracks(ReadOnlyAttributes):
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
-
-
-def invalid_integer(action: Any, last: int, meaning: str = "") -> gym.error.InvalidAction:
-    """Return the error for an action that is not an integer from 0 to `last`; `meaning` is that of 0."""
-    first = f"0 ({meaning})" if meaning else "0"
-    return gym.error.InvalidAction(
-        f"action={action!r} is not allowed: expected an integer from {first} to {last}"
-    )

@@ -9,10 +9,10 @@ change with the process noise of a segment. A covariance is its upper triangle r
 
 import math
 
+from hybrid_env.core.banks.bank import State, Triangle4
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
 from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.published_bank import State, Triangle4
 
 
 @inlined

@@ -21,24 +21,24 @@ A filter that diverges keeps its initial condition and becomes unlikely, so that
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.coordinated_turn import (
+from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.coordinated_turn import (
     condition_x,
     exchange_axes,
     predict_covariance,
     turn_angle,
     turn_coefficients,
 )
+from hybrid_env.core.banks.kalman import weigh
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.imm_merging import NEGLIGIBLE, SUMS, merge, normalize
-from hybrid_env.core.kalman import log_likelihood, student_log_likelihood, student_weight
-from hybrid_env.core.memory import aligned_zeros, array_at
-from hybrid_env.core.published_bank import INNOVATION, State, Triangle4, set_estimate, signed_radius
 from hybrid_env.core.records import lanes_of
 
 IMM_HYPOTHESIS = lanes_of(
@@ -58,18 +58,22 @@ class ImmBank(NamedTuple):
 
     Attributes:
         hypotheses: (M,) records `IMM_HYPOTHESIS`.
-        innovations: (M,) records `published_bank.INNOVATION`, temporary memory shared by the blocks of a
+        innovations: (M,) records `bank.INNOVATION`, temporary memory shared by the blocks of a
             thread.
         sums: (1,) record `SUMS`, temporary memory shared by the blocks of a thread.
     """
 
-    hypotheses: NDArray[Any]
-    innovations: NDArray[Any]
-    sums: NDArray[Any]
+    hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
+    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
+    sums: Annotated[Records, Array(SUMS, (1,), "thread")]
+
+
+imm_banks = reader(ImmBank)
+imm_of_block = block_reader(ImmBank)
 
 
 class ImmModel(NamedTuple):
-    """The model assumed by the filters. `quickest_records.QUICKEST_PARAMETERS` has the same fields.
+    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
 
     Attributes:
         tau: length of a tick [s].
@@ -77,7 +81,7 @@ class ImmModel(NamedTuple):
         variance_x, variance_y: R of each axis [m^2].
         stay_probability: diagonal entry of the transition matrix, 1 - hazard.
         switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
-        freedom: degrees of freedom of the robust likelihood, see `step_imm`.
+        freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
     """
 
     tau: float
@@ -89,25 +93,13 @@ class ImmModel(NamedTuple):
     freedom: float = 0.0
 
 
-def imm_arrays(radii_count: int, *blocks: int) -> ImmBank:
-    """Return a bank of zeros. `blocks` is prepended to the shape of arrays that are not shared by blocks."""
-    hypotheses = 2 * radii_count + 1
-    return ImmBank(
-        aligned_zeros((*blocks, hypotheses), IMM_HYPOTHESIS),
-        aligned_zeros((hypotheses,), INNOVATION),
-        aligned_zeros((1,), SUMS),
-    )
-
-
 @inlined
-def imm_of_block(setting: Any, block: int) -> ImmBank:
-    """Return the bank of one block from the addresses in a record `QUICKEST_PARAMETERS`."""
-    hypotheses = 2 * setting.radii_count + 1
-    return ImmBank(
-        array_at(setting.hypotheses, (setting.blocks_count, hypotheses), IMM_HYPOTHESIS)[block],
-        array_at(setting.innovations, (hypotheses,), INNOVATION),
-        array_at(setting.sums, (1,), SUMS),
-    )
+def imm_model(setting: Any, ratio: float) -> ImmModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
+    return ImmModel(
+        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
+        setting.stay_probability, setting.switch_probability, setting.freedom,
+    )  # fmt: skip
 
 
 @internal
@@ -147,32 +139,6 @@ def _triangle(p: NDArray[np.float64], lane: int) -> Triangle4:
 
 
 @inlined
-def _mixture(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
-    """Return the covariance of a mixture of two normal distributions.
-
-    Args:
-        own: weight of the first.
-        mine, merged: covariances of the first and of the second.
-        difference: of their means.
-    """
-    rest = 1.0 - own
-    a, b, c, d = difference
-    spread = own * rest
-    return (
-        own * mine[0] + rest * merged[0] + spread * a * a,
-        own * mine[1] + rest * merged[1] + spread * a * b,
-        own * mine[2] + rest * merged[2] + spread * a * c,
-        own * mine[3] + rest * merged[3] + spread * a * d,
-        own * mine[4] + rest * merged[4] + spread * b * b,
-        own * mine[5] + rest * merged[5] + spread * b * c,
-        own * mine[6] + rest * merged[6] + spread * b * d,
-        own * mine[7] + rest * merged[7] + spread * c * c,
-        own * mine[8] + rest * merged[8] + spread * c * d,
-        own * mine[9] + rest * merged[9] + spread * d * d,
-    )
-
-
-@inlined
 def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
     """Return the prior probability of a mode in the tick, and its mixed initial condition."""
     merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
@@ -188,8 +154,8 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
         merged_x + own * difference[0], merged_u + own * difference[1],
         merged_y + own * difference[2], merged_v + own * difference[3],
     )  # fmt: skip
-    mixed = _mixture(own, _triangle(kalman.covariance, lane), _triangle(block.covariance, lane), difference)
-    return prior, mean, mixed
+    mine, merged = _triangle(kalman.covariance, lane), _triangle(block.covariance, lane)
+    return prior, mean, mixture_of_two(own, mine, merged, difference)
 
 
 @inlined
@@ -203,7 +169,7 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
     return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
 
 
-@internal
+@inlined
 def _step_hypothesis(
     kalman: Any,
     innovation: Any,
@@ -212,7 +178,7 @@ def _step_hypothesis(
     last: int,
     curvature: float,
     model: Any,
-    robust: Any,
+    robust: bool,
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
     P = kalman.covariance
@@ -242,11 +208,8 @@ def _step_hypothesis(
             & (predicted[4] + predicted[9] < LARGEST * LARGEST)
             & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
         )
-        likelihood = log_likelihood(white_x, white_y, log_variance)
-        if robust is not None:
-            weight = student_weight(white_x, white_y, model.freedom)
-            gain_x, gain_y = weight * gain_x, weight * gain_y
-            likelihood = student_log_likelihood(white_x, white_y, log_variance, model.freedom)
+        weight, likelihood = weigh(robust, white_x, white_y, log_variance, model.freedom)
+        gain_x, gain_y = weight * gain_x, weight * gain_y
         kalman.x[lane] = new_x + predicted[0] * gain_x + after_x[2] * gain_y if valid else x
         kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
         kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
@@ -269,21 +232,18 @@ def _step_hypothesis(
         kalman.log_probability[lane] = log(prior) + likelihood
 
 
+@inlined
+def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
+    """Return the curvature of a hypothesis [1/m], positive to the left."""
+    radius = signed_radius(hypothesis, radii)
+    return 0.0 if radius == 0.0 else 1.0 / radius
+
+
 @internal
 def step_imm(
-    bank: ImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    radii: NDArray[np.float64],
-    model: Any,
-    robust: Any = None,
+    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
-
-    With the robust likelihood the innovations have a Student t distribution, and the corrections of the
-    estimates are weighted, as in `student_bank`. An approximation: the covariances of the filters do not grow
-    after an outlier.
 
     Args:
         bank: bank of the block.
@@ -291,14 +251,77 @@ def step_imm(
             merged estimate, (4, LANES) and (10, LANES).
         first, last: range of lanes.
         radii: (n,) turn radii of the bank [m].
-        model: an `ImmModel`, or a record with its fields.
-        robust: None, or True for the robust likelihood; only this one is compiled.
+        model: an `ImmModel`, or a record with its fields; with degrees of freedom the likelihood is robust,
+            see `kalman.weigh`.
     """
     for h in range(bank.hypotheses.size):
-        radius = signed_radius(h, radii)
-        curvature = 0.0 if radius == 0.0 else 1.0 / radius
-        _step_hypothesis(
-            bank.hypotheses[h], bank.innovations[h], block, first, last, curvature, model, robust
-        )
+        kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
+        if model.freedom > 0.0:
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, True)
+        else:
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, False)
     normalize(bank, first, last)
     merge(bank, block, first, last)
+
+
+@inlined
+def _finite(covariance: Triangle4, u: float, v: float) -> bool:
+    """Whether a predicted filter has not diverged; False for NaN."""
+    return (
+        (covariance[0] + covariance[7] < LARGEST * LARGEST)
+        & (covariance[4] + covariance[9] < LARGEST * LARGEST)
+        & (abs(u) + abs(v) < LARGEST)
+    )
+
+
+@internal
+def _predict_imm_hypothesis(
+    kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any
+) -> None:
+    """Mix and predict one filter of a lane in a tick without a measurement."""
+    prior, mean, mixed = mix(kalman, block, lane, model)
+    moved, predicted = predict(mean, mixed, curvature, model)
+    finite = _finite(predicted, moved[1], moved[3])
+    set_estimate(kalman, lane, moved if finite else mean)
+    for k, value in enumerate(predicted if finite else mixed):
+        kalman.covariance[k, lane] = value
+    sigma_x, sigma_y = (
+        kalman.covariance[0, lane] + model.variance_x,
+        kalman.covariance[7, lane] + model.variance_y,
+    )
+    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+    kalman.log_likelihood[lane] = 0.0
+    kalman.log_probability[lane] = log(prior)
+
+
+@internal
+def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64], model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
+
+    The probabilities follow the Markov chain. The innovations are zero; their variance is that of the
+    measurement that is missing. Arguments as in `step_imm`.
+    """
+    for h in range(bank.hypotheses.size):
+        curvature = _curvature(h, radii)
+        _predict_imm_hypothesis(bank.hypotheses[h], bank.innovations[h], block, lane, curvature, model)
+    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
+    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
+
+
+@internal
+def step_imm_irregular(
+    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
+) -> None:
+    """Advance every filter where measurements may be missing or of different variances, lane by lane.
+
+    Args:
+        block: also with `variance_ratio`, (LANES,), of the measurement over R.
+        bank, first, last, radii, model: see `step_imm`.
+    """
+    for lane in range(first, last):
+        if math.isnan(block.measurement[0, lane]):
+            predict_imm(bank, block, lane, radii, imm_model(model, 1.0))
+        else:
+            of_tick = imm_model(model, block.variance_ratio[lane])
+            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

@@ -97,3 +97,28 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
     the assumed one, given the innovation: Lange, Little & Taylor 1989, eq. (4).
     """
     return min((freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y), 1.0)
+
+
+@inlined
+def weigh(
+    robust: bool, white_x: float, white_y: float, log_variance: float, freedom: float
+) -> tuple[float, float]:
+    """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
+
+    With the robust likelihood the innovations have a Student t distribution whose scale matrix is the
+    innovation variance, and the correction of the estimate is weighted, as in Agamennoni, Nieto & Nebot 2012,
+    "Approximate inference in state-space models with heavy-tailed noise", with one iteration. A measurement
+    far from the prediction therefore changes neither much. An approximation: the covariances are those of the
+    Kalman filter and do not grow after an outlier.
+
+    Args:
+        robust: True for the robust likelihood; a constant, so that only one of both is compiled.
+        white_x, white_y, log_variance: see `log_likelihood`.
+        freedom: degrees of freedom of the robust likelihood.
+    """
+    if robust:
+        return (
+            student_weight(white_x, white_y, freedom),
+            student_log_likelihood(white_x, white_y, log_variance, freedom),
+        )
+    return 1.0, log_likelihood(white_x, white_y, log_variance)

@@ -14,7 +14,7 @@ from hybrid_env.rendering.history import History
 from hybrid_env.rendering.renderer import Renderer
 from hybrid_env.rendering.window import RENDER_FPS
 from hybrid_env.seeding import state_of
-from hybrid_env.tracks import Tracks
+from hybrid_env.worlds.tracks import Tracks
 
 
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):

@@ -11,15 +11,9 @@ from hybrid_env.checks import (
     check_array,
     frozen,
 )
+from hybrid_env.core.banks.bank import FilterModel, FloatArray, bank_arrays
+from hybrid_env.core.banks.published import PublishedBank, begin_published, step_published
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.published_bank import (
-    FilterModel,
-    FloatArray,
-    PublishedBank,
-    begin_published,
-    published_arrays,
-    step_published,
-)
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_variances, check_within, distinct_radii
 
@@ -73,7 +67,7 @@ class KalmanBank(ReadOnlyAttributes):
         self.tau = check_within("tau", tau)
         self.process_variance = check_within("process_variance", process_variance)
         self.variances = frozen(axis_variances(check_variances(measurement_variance)))
-        self._bank = published_arrays(self.radii.size, self.variances.size)
+        self._bank = bank_arrays(PublishedBank, self.radii.size, self.variances.size)
         self._model = FilterModel(
             self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])
         )
