@@ -8,8 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import bounds_cell, estimate_cell, new_table
-from agents.evaluation.comparison import Comparison
 from agents.evaluation.task import Metric, Task
+from agents.studies.comparison import Comparison
 from baselines.rules.fixed_time import NO_EARLY_DECISION
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores

@@ -7,9 +7,9 @@ import numpy as np
 
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.cells import signed
-from agents.evaluation.limits import NOISE_LEVELS, THRESHOLD, TIMES, Limit, gains
 from agents.evaluation.task import Task
 from agents.evaluation.unknown import UnknownTask
+from agents.studies.limits import NOISE_LEVELS, THRESHOLD, TIMES, Limit, gains
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 from baselines.scoring.statements import STATISTICS

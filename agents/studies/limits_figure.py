@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.evaluation.limits import (
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.figures.decider_colours import DeciderStyle, decider_styles
+from agents.studies.limits import (
     BANKS,
     BEAM,
     GEOMETRIC,
@@ -19,8 +21,6 @@ from agents.evaluation.limits import (
     TIMES,
     Limit,
 )
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import DeciderStyle, decider_styles
 from baselines.scoring.scores import mean
 
 WIDTH = 11.5  # of a figure [in]

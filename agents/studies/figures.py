@@ -7,13 +7,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from agents.evaluation.announced import ACCURACY_LEVELS
-from agents.evaluation.comparison import Comparison, Entry
 from agents.evaluation.task import Task
 from agents.evaluation.unknown import EQUAL_WRONG_CHANGES
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import DeciderStyle, decider_styles
 from agents.figures.timelines import IntArray
 from agents.figures.tracks import recording_figure
+from agents.studies.comparison import Comparison, Entry
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import MODE_NAMES, Labels
 from baselines.rules.decider import ANNOUNCED, UNKNOWN

@@ -7,10 +7,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import bounds_cell, new_table
-from agents.evaluation.comparison import finite
 from agents.evaluation.flights import METRICS
-from agents.evaluation.flights_study import POSITIONS_LATE, FlightComparison
 from agents.evaluation.task import Metric
+from agents.studies.comparison import finite
+from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores

@@ -39,12 +39,12 @@ class Limits(ParallelArguments):
         from rich.console import Console
         from rich.markdown import Markdown
 
-        from agents.evaluation.limits import CALIBRATION_EPISODES, QUICKEST_ENV, calls, limits_json
-        from agents.evaluation.limits_figure import limits_figure
-        from agents.evaluation.limits_report import limits_markdown
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, calls, limits_json
+        from agents.studies.limits_figure import limits_figure
+        from agents.studies.limits_report import limits_markdown
 
         quickest = QUICKEST_ENV.rpartition(":")[2]
         if self.env not in (None, quickest, QUICKEST_ENV):

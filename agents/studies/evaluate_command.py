@@ -99,12 +99,12 @@ class Evaluate(WorldArguments, ParallelArguments):
 
     def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> list[dict[str, Any]]:
         """Evaluate deciders at one threshold each; those of one environment are compared in one table."""
-        from agents.evaluation.comparison import finite
         from agents.evaluation.registry import find_decider, needed_options
-        from agents.evaluation.tables import confusion_table, scores_table
         from agents.evaluation.task import sweep
         from agents.evaluation.tasks import task_of
         from agents.interface.progress import progress_display
+        from agents.studies.comparison import finite
+        from agents.studies.tables import confusion_table, scores_table
         from hybrid_env.rendering.modes import mode_name
 
         found = []
@@ -155,8 +155,8 @@ class Evaluate(WorldArguments, ParallelArguments):
         from agents.evaluation.drawn_worlds import draw_worlds
         from agents.evaluation.registry import find_family
         from agents.evaluation.shifted_worlds import NOMINAL
-        from agents.evaluation.shifts import differences_json, evaluate_shifts, shift_table
         from agents.interface.progress import progress_display
+        from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
         worlds = task.shifted() if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
-from agents.evaluation.continuation import Continuation, weights_digest
 from agents.evaluation.registry import SHIPPED, find_family
 from agents.evaluation.task import Levels, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
+from agents.studies.continuation import Continuation, weights_digest
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules
 from baselines.scoring.estimates import Estimate

@@ -32,13 +32,13 @@ class FlightArguments:
         """
         from rich.console import Console
 
-        from agents.evaluation.figures import flight_figure
         from agents.evaluation.flights import FlightTask
-        from agents.evaluation.flights_report import flight_tables, flights_json
-        from agents.evaluation.flights_study import compare_on_flights, steps
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.studies.figures import flight_figure
+        from agents.studies.flights_report import flight_tables, flights_json
+        from agents.studies.flights_study import compare_on_flights, steps
         from baselines.recordings.flights.metrics import STATISTICS
         from hybrid_env.checks import reject
 

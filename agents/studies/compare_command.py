@@ -4,15 +4,15 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from agents.evaluation.flight_arguments import FlightArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel_arguments import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
+from agents.studies.flight_arguments import FlightArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
 if TYPE_CHECKING:
-    from agents.evaluation.comparison import Comparison, Plan
+    from agents.studies.comparison import Comparison, Plan
 
 
 @dataclass(kw_only=True)
@@ -75,8 +75,8 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
 
     def _plan(self) -> "Plan":
         """Return the checked plan."""
-        from agents.evaluation.comparison import Plan
         from agents.evaluation.tasks import task_of
+        from agents.studies.comparison import Plan
 
         task = task_of(self.env_id, self.world_options())
         plan = Plan(
@@ -113,11 +113,11 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
         plan, workers = self._plan(), self.workers()
         from rich.console import Console
 
-        from agents.evaluation.comparison import compare
-        from agents.evaluation.continuation import TRAINED
-        from agents.evaluation.tables import chosen_table, levels_table, spread_lines, unreached_lines
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.studies.comparison import compare
+        from agents.studies.continuation import TRAINED
+        from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
 
         folder, task = output_folder("out", self.out), plan.task
         console = Console(emoji=False)
@@ -149,10 +149,10 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
 
     def _draw(self, result: "Comparison", folder: Path) -> None:
         """Write the operating curves, and the episode on which the best decider and the reference differ."""
-        from agents.evaluation.episodes import Episodes
-        from agents.evaluation.figures import comparison_figure
         from agents.figures.canvas import save_figure
         from agents.figures.tracks import track_figure
+        from agents.studies.episodes import Episodes
+        from agents.studies.figures import comparison_figure
 
         save_figure(comparison_figure(result), folder / "compare.png")
         plan, task = result.plan, result.plan.task

@@ -10,13 +10,13 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.animation import write_gif
-from agents.evaluation.episodes import Episodes
 from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
 from agents.interface.world_arguments import WorldArguments
+from agents.studies.animation import write_gif
+from agents.studies.episodes import Episodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.renderer import Renderer
