@@ -4,7 +4,7 @@ Arrays, parameters, kernels and observations are those of `World` and `QuickestW
 `core.live` have no object. `baselines.OnlineTracker` puts a decider in front of them.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from hybrid_env.checks import reject
 from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, MEASURE
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.worlds.quickest_world import QuickestWorld
 from hybrid_env.worlds.tracks import Tracks
 from hybrid_env.worlds.world import World
@@ -24,7 +26,15 @@ SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 
 
 class OnlineTrack(Tracks):
-    """What both worlds share: one track that is stepped with measurements from outside."""
+    """What both worlds share: one track that is stepped with measurements from outside.
+
+    Attributes:
+        announced: whether switches are announced by `begin_segment`.
+        environment: id of the environment whose rows it writes.
+    """
+
+    announced: ClassVar[bool]
+    environment: ClassVar[str]
 
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         super().__init__(options, tracks, trace_rows, threads)
@@ -112,6 +122,9 @@ class OnlineWorld(OnlineTrack, World):
         options: of the model; `bank="oracle"` is not available.
     """
 
+    announced = True
+    environment = "HybridTrack-v0"
+
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if options.bank == "oracle":
             raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
@@ -166,6 +179,9 @@ class OnlineQuickestWorld(OnlineTrack, QuickestWorld):
 
     asks = True
 
+    announced = False
+    environment = "HybridTrackQuickest-v0"
+
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
         """See `OnlineTrack.begin_track`."""
         super().begin_track(estimate, covariance, mode)
@@ -190,3 +206,16 @@ class OnlineQuickestWorld(OnlineTrack, QuickestWorld):
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes in the present tick, (M,)."""
         return np.asarray(np.exp(self._values))
+
+
+def live_track(options: Any) -> OnlineTrack:
+    """Return the track of a live sensor for the options of an environment.
+
+    Raises:
+        ArgumentError: they are not the options of an environment.
+    """
+    if isinstance(options, WorldOptions):
+        return OnlineWorld(options)
+    if isinstance(options, QuickestOptions):
+        return OnlineQuickestWorld(options)
+    raise reject("options", options, "WorldOptions or QuickestOptions")
