@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 
+from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
 from baselines.papers.reproduction import Cell, study_interval
