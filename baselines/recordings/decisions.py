@@ -8,7 +8,7 @@ not depend on them. `OnlineTracker` puts the decider behind the bank.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Piece, TickGrid
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import reject
-from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -152,7 +151,8 @@ def _decide_piece(
         now = tracker.update(tuple(point) if known else None)
         found.modes[k], found.decided[k] = now.mode, now.decided
         found.probabilities[k], found.estimates[k], found.covariances[k] = now[2:]
-    _decide_pieces(found, tracker)
+    if lengths:
+        _decide_pieces(found, tracker.options)
     found.estimates[:] = found.estimates / scales + origin
     found.covariances[:] /= np.outer(scales, scales)
     stated = np.flatnonzero(found.decided)
@@ -166,8 +166,8 @@ def _begin_from_first(tracker: OnlineTracker, points: FloatArray, lengths: Seque
 
     An announced switch begins the first piece, whatever the mode before it.
     """
-    options = tracker.options
-    hazard = 0.0 if isinstance(options, WorldOptions) else options.assumed_hazard
+    options: Any = tracker.options
+    hazard = 0.0 if lengths else options.assumed_hazard
     state = first_state(points[: lengths[0]] if lengths else points, options, hazard)
     if state is None:
         tracker.begin()
@@ -175,17 +175,18 @@ def _begin_from_first(tracker: OnlineTracker, points: FloatArray, lengths: Seque
         tracker.begin(state.estimate, state.covariance, None if lengths else state.mode)
 
 
-def _decide_pieces(found: TickDecisions, tracker: OnlineTracker) -> None:
+def _decide_pieces(found: TickDecisions, options: Any) -> None:
     """Write modes and decisions of pieces of known lengths; one without a decision is as in the options."""
-    likeliest = isinstance(tracker.options, WorldOptions) and tracker.options.undecided == "likeliest"
     for piece in found.pieces:
         first, end = piece[:2]
         decided = np.flatnonzero(found.decided[first:end])
         if decided.size:
             when = first + decided[0]
             piece[2:] = found.modes[when], when
+        elif options.undecided == "likeliest":
+            piece[2] = found.probabilities[end - 1].argmax()
         else:
-            piece[2] = found.probabilities[end - 1].argmax() if likeliest else found.modes[end - 1]
+            piece[2] = found.modes[end - 1]
 
 
 def _with_runs(found: TickDecisions) -> TickDecisions:
