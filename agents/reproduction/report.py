@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, write_json
-from agents.reproduction.canvas import DPI
 from baselines.papers.reproduction import Cell, Reproduction
 
 HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
@@ -138,8 +138,7 @@ def print_report(
     with atomic_file(folder / f"{paper}.md") as part:
         part.write_text(to_markdown(result), encoding="utf-8")
     for name, figure in figures.items():
-        with atomic_file(folder / name) as part:
-            figure.savefig(part, dpi=DPI)
+        save_figure(figure, folder / name)
     files = ", ".join([f"{paper}.md", f"{paper}.json", *figures])
     line = f"{describe_runs(result)} Computed in {seconds:.2f} s. Files in {folder}: {files}\n"
     console.print(line, markup=False, highlight=False)

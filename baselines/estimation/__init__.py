@@ -15,8 +15,7 @@ number, (d,), (d, d) or (B, d, d). `run_filter.run_filter` runs a filter over a 
 Besides `kalman` there is `imm`. `correction` corrects by one component of a measurement after the other,
 and `estimates` is what filters and the smoother return.
 
-`recording` checks recorded measurements and computes the first estimate for the hybrid bank; `known_modes`
-is its Kalman filter with known modes.
+`recording` checks recorded measurements and computes the first estimate for the hybrid bank.
 
 May import: `hybrid_env`. Never `baselines.recordings`, `baselines.papers` or `agents`.
 """

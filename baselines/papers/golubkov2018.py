@@ -14,7 +14,7 @@ run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not agains
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.known_modes import filter_known_modes
+from baselines.papers.known_modes import filter_known_modes
 from baselines.papers.reproduction import (
     Cell,
     Finding,

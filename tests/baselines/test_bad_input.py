@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import track_ate
-from baselines.estimation.known_modes import filter_known_modes
+from baselines.papers.known_modes import filter_known_modes
 from baselines.papers.switch_detection import detect_switch
 from hybrid_env import ArgumentError, KalmanBank, Layout
 

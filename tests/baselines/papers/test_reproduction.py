@@ -1,13 +1,15 @@
 """Published tables against the sampling interval of a study of their size, offline and in the environment."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 
+from agents.cli import main
+from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider
-from baselines.papers import golubkov2018, golubkov2020, tsyganov2019
+from baselines.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from baselines.papers.reproduction import Cell, study_interval
 from hybrid_env.checks import ArgumentError
 
@@ -80,8 +82,8 @@ def test_verdict_of_a_cell():
     assert Cell("t", "r", "c", math.nan, 1.0, 0.0, 2.0).as_json()["published"] is None
 
 
-@pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020])
-@pytest.mark.parametrize("runs", [0, 1, 2.5, "many"])
+@pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020, zimchuk])
+@pytest.mark.parametrize("runs", [1, 2.5, "many"])
 def test_invalid_runs_raise(module, runs):
     with pytest.raises(ArgumentError, match=r"runs=.*expected an integer >= 2"):
         module.reproduce(runs=runs)
@@ -89,10 +91,6 @@ def test_invalid_runs_raise(module, runs):
 
 @pytest.mark.study
 def test_the_table_of_the_documentation_is_up_to_date(tmp_path):
-    from pathlib import Path
-
-    from agents.cli import main
-
     page = (Path(__file__).parents[3] / "docs" / "papers.md").read_text()
     shown = page.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0]
     assert main(["reproduce", "--out", str(tmp_path)]) == 0

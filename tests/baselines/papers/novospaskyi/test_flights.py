@@ -8,23 +8,13 @@ from scipy.interpolate import BPoly
 
 from baselines.papers.novospaskyi import flights as model
 from baselines.papers.novospaskyi import quadrotor
-from baselines.papers.novospaskyi.flights import (
-    SHORTEST,
-    SPACE,
-    SPACING,
-    Route,
-    bezier,
-    flight_route,
-    fly_point_masses,
-    point_mass_flights,
-    random_route,
-)
+from baselines.papers.novospaskyi.flights import Route, bezier, flight_route, fly_point_masses, random_route
 from hybrid_env.checks import ArgumentError
 
 
 @pytest.fixture(scope="module")
 def flights():
-    return point_mass_flights(12, 0, 16)
+    return model.point_mass_flights(12, 0, 16)
 
 
 def hairpin():
@@ -43,13 +33,13 @@ def test_a_curve_is_the_polynomial_in_bernstein_form():
 
 def test_waypoints_are_evenly_spaced_on_a_long_curve_in_the_air_space():
     path = random_route(np.random.default_rng(1))
-    low, high = np.array(SPACE).T
+    low, high = np.array(model.SPACE).T
     assert (path.waypoints >= low).all()
     assert (path.waypoints <= high).all()
     steps = np.linalg.norm(np.diff(path.waypoints, axis=0), axis=1)
     # chords of equal arcs, a little shorter where the curve bends
-    assert steps.max() < 1.1 * SPACING
-    assert steps.sum() > 0.95 * SHORTEST
+    assert steps.max() < 1.1 * model.SPACING
+    assert steps.sum() > 0.95 * model.SHORTEST
     np.testing.assert_array_equal(path.waypoints[0], path.control_points[0])
     np.testing.assert_allclose(path.waypoints[-1], path.control_points[-1], atol=1e-9)
 
@@ -75,7 +65,7 @@ def test_positions_and_velocities_of_a_flight_fit_together(flights):
 
 
 def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights):
-    again = point_mass_flights(3, 0, 2)
+    again = model.point_mass_flights(3, 0, 2)
     for one, other in zip(flights, again, strict=False):
         np.testing.assert_array_equal(one.positions, other.positions)
 
@@ -144,11 +134,10 @@ def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path, mon
     assert file.stat().st_mtime_ns == written
     flown = []
     monkeypatch.setattr(quadrotor, "fly_quadrotor", lambda path: flown.append(path))  # and fails
-    file.rename(tmp_path / f"quadrotor-1-{attempt}.npz")  # a file of another path
-    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
-    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    file = file.rename(tmp_path / f"quadrotor-1-{attempt}.npz")  # of another route
+    for _ in range(2):
+        assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
     assert len(flown) == 1  # also a failure is stored
-    (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:200])
     assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
     assert len(flown) == 2
