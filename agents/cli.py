@@ -14,12 +14,11 @@ from typing import Any
 import gymnasium as gym
 import tyro
 
-from agents.benchmark.command import Bench
-from agents.comparison.command import Compare
-from agents.evaluation.command import Evaluate
+from agents.evaluation.compare_command import Compare
+from agents.evaluation.evaluate_command import Evaluate
+from agents.evaluation.limits_command import Limits
+from agents.evaluation.play_command import Play
 from agents.interface.help_texts import as_subcommand
-from agents.limits.command import Limits
-from agents.playing.command import Play
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.training.command import Train
@@ -35,7 +34,6 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
-    "bench": Bench,
 }
 EXAMPLES = {
     "": (
@@ -87,10 +85,6 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
-    ),
-    "bench": (
-        "hybridtrack bench",
-        "hybridtrack bench single vector                    # some groups",
     ),
 }
 """Lines below the help of each command; a test parses them."""

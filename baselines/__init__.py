@@ -11,13 +11,13 @@ from baselines.rules.beam import BeamDecider
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.rules.decider import Decider
 from baselines.rules.fixed_time import FixedTimeDecider
-from baselines.rules.metrics import StatementMetrics, measure_statements
 from baselines.rules.msprt import GapDecider, MSPRTDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
 from baselines.rules.sprt import SPRTDecider, sprt_test, sprt_thresholds
-from baselines.rules.statements import Statements, record_statements
+from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from baselines.rules.tracker import OnlineEstimate, OnlineTracker
+from baselines.scoring.statements import StatementMetrics, Statements, measure_statements
 
 __all__ = [
     "BeamDecider",

@@ -6,8 +6,8 @@ import numpy as np
 
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.figure import Renderer
-from hybrid_env.rendering.history import EpisodeHistory
+from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
+from hybrid_env.rendering.history import ACTIVE, History
 from hybrid_env.worlds.track_env import TrackEnv
 from hybrid_env.worlds.world import World
 
@@ -125,14 +125,12 @@ class HybridTrackEnv(TrackEnv):
 
     options: WorldOptions
     world: World
-    history: EpisodeHistory | None
-    renderer: Renderer | None
 
     def _create_world(self, rendered: bool) -> World:
         return World(self.options, 1, trace_rows=self.options.longest_segment + 1 if rendered else 0)
 
-    def _create_rendering(self, human: bool) -> tuple[EpisodeHistory, Renderer]:
-        return EpisodeHistory(self.options), Renderer(self.options, human)
+    def _evidence_panel(self) -> EvidencePanel:
+        return sprt_panel(DEFAULT_ALPHA)
 
     def _step_info(self, events: int) -> dict[str, Any]:
         if not events & DECIDED:
@@ -145,6 +143,7 @@ class HybridTrackEnv(TrackEnv):
             for key, values in decisions.items()
         }
 
-    def _record(self, info: dict[str, Any], begins: bool) -> None:
-        assert self.history is not None
-        (self.history.begin if begins else self.history.add)(self.world.read_trace(0), info)
+    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
+        trace = self.world.read_trace(0)
+        active = 0 if finished else int(trace[-1, ACTIVE])
+        history.add(trace, info["log_likelihood"] - info["log_likelihood"][active], info, finished)

@@ -5,7 +5,7 @@ import difflib
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,6 +197,9 @@ class WorldOptions(ModelOptions):
     Raises:
         ArgumentError: an option has a value that is not allowed.
     """
+
+    switches: ClassVar[Literal["announced", "unknown"]] = "announced"
+    """Whether the moments of the switches are announced."""
 
     scheme: str | Scheme = "random"
     bank: str = "published"

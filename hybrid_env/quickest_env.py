@@ -2,9 +2,11 @@
 
 from typing import Any
 
+import numpy as np
+
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.quickest_figure import QuickestRenderer
-from hybrid_env.rendering.quickest_history import QuickestHistory
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
+from hybrid_env.rendering.history import History
 from hybrid_env.worlds.quickest_world import QuickestWorld
 from hybrid_env.worlds.track_env import TrackEnv
 
@@ -101,18 +103,15 @@ class HybridTrackQuickestEnv(TrackEnv):
 
     options: QuickestOptions
     world: QuickestWorld
-    history: QuickestHistory | None
-    renderer: QuickestRenderer | None
 
     def _create_world(self, rendered: bool) -> QuickestWorld:
         return QuickestWorld(self.options, 1)
 
-    def _create_rendering(self, human: bool) -> tuple[QuickestHistory, QuickestRenderer]:
-        return QuickestHistory(), QuickestRenderer(self.options, human)
+    def _evidence_panel(self) -> EvidencePanel:
+        return probability_panel()
 
-    def _record(self, info: dict[str, Any], begins: bool) -> None:
-        assert self.history is not None
-        if begins:
-            self.history.begin(info)
-        else:
-            self.history.add(int(self._actions[0]), info, self._terminated.item(0))
+    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
+        if history.started:
+            history.state(int(self._actions[0]))
+        row = [*info["truth"], *info["measurement"], *info["estimate"][[0, 2]], np.nan, info["segment"]]
+        history.add([] if finished else [row], np.exp(info["log_probability"]), info, finished)

@@ -2,7 +2,7 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,9 @@ class QuickestOptions(ModelOptions):
     Raises:
         ArgumentError: an option has a value that is not allowed.
     """
+
+    switches: ClassVar[Literal["announced", "unknown"]] = "unknown"
+    """Whether the moments of the switches are announced."""
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"

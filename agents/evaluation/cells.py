@@ -1,18 +1,29 @@
-"""Estimates with their intervals as cells of tables and words of lines."""
+"""Empty tables, and estimates with their intervals as cells of tables and words of lines."""
 
 import numpy as np
+from rich import box
+from rich.markup import escape
+from rich.table import Table
 
-from agents.evaluation.operating_curve import Estimate
+from baselines.scoring.estimates import Estimate
 
 
-def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str, sign: str = "") -> str:
+def new_table(title: str, caption: str = "") -> Table:
+    """Return an empty table."""
+    return Table(
+        title=escape(title), min_width=len(title), caption=escape(caption) or None, caption_justify="left",
+        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
+    )  # fmt: skip
+
+
+def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:
     """Return the value of an estimate, and below it the half width of its confidence interval.
 
     Args:
         estimate: of a figure.
         scale: factor on the figure.
         digits: after the decimal point.
-        undefined: text for an infinite value.
+        undefined: text for a value that is not finite.
         sign: "+" shows the sign of the value.
     """
     if not np.isfinite(estimate.value):
@@ -23,14 +34,14 @@ def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str,
     return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"
 
 
+def bounds_cell(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
+    """Return the value of an estimate, and below it the bounds of its confidence interval."""
+    if not np.isfinite(estimate.value):
+        return "-"
+    value, low, high = (f"{scale * one:.{digits}f}" for one in vars(estimate).values())
+    return f"{value}\n[bright_black]{low} to {high}[/]"
+
+
 def signed(estimate: Estimate, digits: int) -> str:
     """Return the value of a difference with its confidence interval, all with their signs."""
     return f"{estimate.value:+.{digits}f} [{estimate.low:+.{digits}f}, {estimate.high:+.{digits}f}]"
-
-
-def interval(estimate: Estimate, digits: int, undefined: str) -> str:
-    """Return the value of an estimate, and below it the bounds of its confidence interval."""
-    if not np.isfinite(estimate.value):
-        return undefined
-    low, high = estimate.low, estimate.high
-    return f"{estimate.value:.{digits}f}\n[bright_black]{low:.{digits}f} to {high:.{digits}f}[/]"

@@ -1,4 +1,4 @@
-"""Filters that start from learned distributions of the anchor error, as a decider, and its file.
+"""Filters that start from learned distributions of the anchor error, as a decider.
 
 At every switch `anchor_net` predicts the distribution of the anchor error, and extended Kalman filters of
 every hypothesis start from its components. Where only the type of motion is rewarded, `regret_net` predicts
@@ -8,25 +8,26 @@ All inputs are without units (`dimensionless`), and left and right turns are mir
 therefore apply to objects of any size and to banks of any size.
 """
 
+import copy
+import functools
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 
 from agents.learned.anchor_net import AnchorNet
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
-from agents.learned.policy_file import load_network, save_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
-from baselines.rules.decider import Actions, Observations
-from baselines.rules.msprt import error_and_best, mode_types
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
+from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 FloatArray = NDArray[np.float64]
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
@@ -112,7 +113,7 @@ class AnchorState:
     starting: NDArray[np.bool_]
 
 
-class AnchorDecider:
+class AnchorDecider(Decider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
     Args:
@@ -125,13 +126,22 @@ class AnchorDecider:
         ArgumentError: alpha is out of range.
     """
 
+    symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
     every_tick = True
+    network = AnchorNetworks
 
     def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
         self.net, self.world, self.alpha = net, world, alpha
         self.by_type = world.correctness == "type"
+
+    @classmethod
+    def trained(cls, name: str, net: AnchorNetworks, options: WorldOptions) -> DeciderFamily:
+        """Return networks at any threshold, for the options of an environment."""
+        return DeciderFamily(
+            name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options)
+        )
 
     def posterior(
         self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None
@@ -158,6 +168,23 @@ class AnchorDecider:
         error, best = self.errors(observation, posterior, state)
         return np.where(error <= self.alpha, best + 1, 0), state
 
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("learned anchors", self.by_type, np.array([self.alpha]))
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> FloatArray:
+        """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
+        # a copy, because `posterior` changes the state in place
+        posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)
+        error, best = self.errors(observation, posterior, state)
+        values = posterior_of(posterior, self.by_type)
+        if not self.by_type:
+            return values
+        types = mode_types(posterior.shape[1])
+        return np.where(types == types[best][:, None], 1.0 - error[:, None], values)
+
     def errors(
         self, observation: Observations, posterior: FloatArray, state: AnchorState
     ) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -171,23 +198,3 @@ class AnchorDecider:
     def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])
-
-
-def check_declares_hypotheses(world: WorldOptions) -> None:
-    """Refuse an environment in which only the most likely hypothesis of the bank can be declared."""
-    if world.actions != "all":
-        raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
-
-
-def save_anchor(folder: Path, net: AnchorNetworks, card: dict[str, Any]) -> None:
-    """Write weights and card. Each file is written atomically."""
-    save_policy(folder, net.state_dict(), card, Layout)
-
-
-def load_anchor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> AnchorNetworks:
-    """Return the network for the weights and card that `policy_file.load_policy` read from a folder.
-
-    Raises:
-        ArgumentError: weights and card do not match.
-    """
-    return load_network(folder, weights, card, AnchorNetworks)

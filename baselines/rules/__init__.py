@@ -1,12 +1,13 @@
-"""Rules that state the present mode at every tick, for unknown switch moments, and the metrics of statements.
+"""What decides from rows or measurements: classical rules for every task, and the live tracker.
 
-All rules have the `predict` of `baselines.rules.decider.Decider`. Two files have rules that read rows of
-`hybrid_env.HybridTrackQuickestEnv`: `threshold` changes the statement when the probability of another mode is
-large enough; `change_detection` has CUSUM and Shiryaev-Roberts. The others filter the measurements themselves
-(`measurements`): `restarted` has the windowed generalized likelihood ratio and the detector of Golubkov 2020,
-which start filters at every tick (`restarted_filters`); `beam` is the threshold on the semi-Markov posterior,
-which `beam_filters` computes; `beam_smoother` has the posterior of earlier ticks. `statements` records a
-decider on fixed episodes, and `metrics` measures what it recorded.
+`decider` has the base class of every rule and agent, and finds a rule by its name; a new rule is one file.
+`rollout` is the loop around environment and decider.
 
-May import: `hybrid_env`, `baselines.rules`. Never `agents`.
+Announced switches: `sprt`, `msprt` and `fixed_time` read rows of `hybrid_env.HybridTrackEnv`, `bayes_risk` is
+fitted to `posterior_paths`, `refiltering` has filters of its own, whose anchors have the distribution of
+`anchor_prior`. Unknown switches: `threshold` and `change_detection` read rows of
+`hybrid_env.HybridTrackQuickestEnv`; `restarted` and `beam` filter the `measurements` themselves; `statements`
+records what a decider states. `tracker` puts a rule behind a live sensor, `start` begins its track.
+
+May import: `hybrid_env`, `baselines.estimation`. Never `agents`.
 """

@@ -7,16 +7,20 @@ American options by simulation"). The method considers each segment separately. 
 decision spoils the anchor of the next segment.
 """
 
+import functools
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
-from baselines.rules.msprt import read_error_probability
-from baselines.rules.posterior_paths import PosteriorPaths
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations, RowRule
+from baselines.rules.msprt import bank_posterior, read_error_probability
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.rules.seeds import FITTING
 from hybrid_env.checks import check_array, check_choice, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
@@ -30,6 +34,10 @@ MIN_PATHS = 200
 
 SMOOTHING = 5
 """Window of the running median over the boundary [ticks]."""
+
+FITTING_EPISODES = 3000
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
+"""Thresholds to sweep, over the delay cost of the environment."""
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
@@ -105,7 +113,7 @@ def _smooth(boundary: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
 
-class BayesRiskDecider:
+class BayesRiskDecider(RowRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
@@ -117,21 +125,43 @@ class BayesRiskDecider:
         ArgumentError: the boundary is not an array of finite numbers, or `by` is unknown.
     """
 
+    name, title, symbol = "bayes", "Bayes risk", "cost"
+    colour, marker = "#780f3c", "h"
+
     def __init__(self, boundary: FloatArray, by: Literal["hypothesis", "type"] = "hypothesis"):
         self.boundary = check_array("boundary", boundary, (None,))
         check_choice("by", by, ("hypothesis", "type"))
         self.by: Literal["hypothesis", "type"] = by
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        layout = Layout.of_rows(observation)
-        ticks = np.rint(layout.read(observation, "ticks")).astype(np.int64)
-        log_error_probability, best = read_error_probability(observation, self.by)
+    @classmethod
+    def family(cls, options: WorldOptions) -> DeciderFamily:
+        """Return the rule fitted to an environment; its threshold is the delay cost of the fit."""
+
+        @functools.cache
+        def paths() -> PosteriorPaths:
+            return simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
+
+        @functools.cache
+        def make(cost: float) -> Decider:
+            check_positive("cost", cost, allow_zero=True)
+            return cls(stopping_boundary(paths(), cost), paths().by)
+
+        cost = options.delay_cost or 0.01
+        thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
+        return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
+
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        layout = Layout.of_rows(rows)
+        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
+        log_error_probability, best = read_error_probability(rows, self.by)
         limit = self.boundary[np.clip(ticks - 1, 0, self.boundary.size - 1)]
-        return np.where(log_error_probability <= limit, best + 1, 0), None
+        return np.where(log_error_probability <= limit, best + 1, 0)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.boundary))
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of each hypothesis or of its type, (N, M)."""
+        return bank_posterior(observation, self.by == "type")

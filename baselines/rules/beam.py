@@ -1,7 +1,9 @@
 """A beam of switch histories as a decider: the semi-Markov posterior with a law of the durations."""
 
+import copy
 import dataclasses
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +16,19 @@ from baselines.estimation.beam_filters import (
     step_branches,
     step_memory,
 )
-from baselines.rules.decider import Actions
+from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
 from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
-from baselines.rules.threshold import ThresholdDecider
+from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
 from hybrid_env.checks import check_flag, check_integer
 from hybrid_env.core.banks.bank import FilterModel
-from hybrid_env.durations import Durations
+from hybrid_env.durations import Durations, GeometricDurations
+from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 MOST_BRANCHES = 100_000
+SMALLEST_BEAM = 64  # histories of switches
+HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of right ticks with 7 hypotheses
 
 
 def hazards(laws: FloatArray) -> FloatArray:
@@ -68,6 +74,9 @@ class BeamDecider(MeasurementDecider[BeamState]):
         ArgumentError: an argument is out of range.
     """
 
+    name, title, symbol, default = "beam", "beam", "probability", 0.6
+    colour, marker = "#c80f82", "D"
+
     def __init__(
         self,
         options: QuickestOptions,
@@ -90,6 +99,30 @@ class BeamDecider(MeasurementDecider[BeamState]):
             check_flag("merged", merged),
             FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
         )
+
+    @classmethod
+    def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
+        """Return the law of the durations that the decider found by its name assumes."""
+        return None
+
+    @classmethod
+    def family(cls, options: QuickestOptions) -> DeciderFamily:
+        """See `Decider.family`."""
+        return dataclasses.replace(
+            super().family(options), thresholds=reachable_probabilities(options.hypotheses)
+        )
+
+    @classmethod
+    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
+        durations = cls.assumed_durations(options)
+        return lambda threshold: cls(options, threshold, branches=branches, durations=durations)
+
+    @classmethod
+    def together(cls, deciders: Sequence[Self]) -> "Beams":
+        """Return beams that differ in their thresholds only, computed once."""
+        return Beams(deciders)
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
@@ -115,3 +148,61 @@ class BeamDecider(MeasurementDecider[BeamState]):
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
         return state.stated.copy()
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("beam", self.rule.threshold)
+
+    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of the modes, (N, M)."""
+        # a copy, because `predict` changes the state in place
+        return np.asarray(
+            np.exp(self.predict(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+        )
+
+
+class GeometricBeamDecider(BeamDecider):
+    """The beam that assumes a geometric law of the same mean, for which ages have no meaning."""
+
+    name, title = "beam-geometric", "beam, geometric"
+    colour, marker = "#00e196", "p"
+
+    @classmethod
+    def assumed_durations(cls, options: QuickestOptions) -> Durations:
+        """See `BeamDecider.assumed_durations`."""
+        return GeometricDurations(min(options.law.mean_duration, float(MAX_LENGTH)))
+
+
+class Beams(SeveralThresholds):
+    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements.
+
+    Args:
+        beams: deciders with the same model.
+    """
+
+    observes = "tracks"
+
+    def __init__(self, beams: Sequence[BeamDecider]):
+        self.beam, self.rules = beams[0], [beam.rule for beam in beams]
+        self.chosen = []
+
+    def observe(self, tracks: Any) -> FloatArray:
+        """See `MeasurementDecider.observe`."""
+        return self.beam.observe(tracks)
+
+    def predict(
+        self,
+        observation: FloatArray,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """See `BeamDecider.predict`."""
+        _, state = self.beam.predict(observation, state, episode_start, deterministic)
+        last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
+        started = ~np.asarray(episode_start)
+        self.chosen = [
+            rule.choose(state.log_probability, stated, started)
+            for rule, stated in zip(self.rules, last, strict=True)
+        ]
+        return self.chosen[0], state

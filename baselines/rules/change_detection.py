@@ -8,7 +8,7 @@ statement changes to its mode and all statistics of the track begin anew.
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_positive
 from hybrid_env.observation import QuickestLayout
@@ -16,7 +16,7 @@ from hybrid_env.observation import QuickestLayout
 FloatArray = NDArray[np.float64]
 
 
-class ChangeDecider:
+class ChangeDecider(Decider):
     """A rule that changes its statement when the statistic of another mode reaches a threshold.
 
     Args:
@@ -25,6 +25,8 @@ class ChangeDecider:
     Raises:
         ArgumentError: an argument is out of range.
     """
+
+    task = UNKNOWN
 
     def __init__(self, threshold: float):
         self.threshold = check_positive("threshold", threshold)
@@ -80,6 +82,10 @@ class CusumDecider(ChangeDecider):
         threshold: of G, above 0.
     """
 
+    name, title, symbol, default = "cusum", "CUSUM", "G", 4.0
+    thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
+    colour, marker = "#a0a0a0", "s"
+
     def __init__(self, threshold: float = 4.0):
         super().__init__(threshold)
 
@@ -102,6 +108,10 @@ class ShiryaevRobertsDecider(ChangeDecider):
     Args:
         threshold: of ln R, above 0.
     """
+
+    name, title, symbol, default = "shiryaev-roberts", "Shiryaev-Roberts", "ln R", 6.0
+    thresholds = (2.0, 3.0, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 8.0, 9.0, 10.0, 12.0, 15.0)
+    colour, marker = "#ff87f0", "d"
 
     def __init__(self, threshold: float = 6.0):
         super().__init__(threshold)

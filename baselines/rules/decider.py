@@ -1,26 +1,65 @@
-"""The protocol that every decision rule follows, classical or learned."""
+"""The base class of every decider, classical or learned, and how one is found by its name."""
 
-from typing import Any, Protocol
+import importlib
+import inspect
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import reject
+from hybrid_env.observation import Layout, QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
+
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
+ANNOUNCED, UNKNOWN, FLIGHTS = "announced", "unknown", "flights"
+"""Tasks: announced switches, unknown switches, recorded flights."""
 
-class Decider(Protocol):
+
+class Decider(ABC):
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
-    A decider with filters of its own has an attribute `every_tick` that is True: `baselines.OnlineTracker`
-    asks it also in ticks without a measurement, so that its filters predict. One that cannot predict has an
-    attribute `needs_measurements` that is True. One for `HybridTrackQuickestEnv` that needs more than rows
-    has a method `observe`; its result for the world is then given in place of the rows.
+    A subclass with a `name` is found by that name in commands, tables and figures; nothing else lists it.
+
+    Attributes:
+        name: on the command line; empty for a decider that is not found by a name.
+        task: what it decides, `ANNOUNCED`, `UNKNOWN` or `FLIGHTS`.
+        title: in tables and figures.
+        symbol: of its threshold.
+        thresholds: to sweep, in order of increasing decision time.
+        default: threshold used when none is given.
+        options: options of the environment that it needs, if they differ: another bank that follows the same
+            object.
+        colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
+        observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
+        every_tick: it has filters of its own that predict, so it is also asked in ticks without a
+            measurement.
+        needs_measurements: it cannot do without a measurement at every tick.
     """
 
+    name: ClassVar[str] = ""
+    task: ClassVar[str] = ANNOUNCED
+    title: ClassVar[str] = ""
+    symbol: ClassVar[str] = "threshold"
+    thresholds: ClassVar[tuple[float, ...]] = ()
+    default: ClassVar[float] = 0.0
+    options: ClassVar[Mapping[str, Any]] = {}
+    colour: ClassVar[str] = ""
+    marker: ClassVar[str] = ""
+    observes: ClassVar[Literal["rows", "tracks"]] = "rows"
+    every_tick: ClassVar[bool] = False
+    needs_measurements: ClassVar[bool] = False
+
+    @abstractmethod
     def predict(
         self,
-        observation: Observations,
+        observation: Any,
         state: Any = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
@@ -28,7 +67,7 @@ class Decider(Protocol):
         """Return the actions of N tracks for one step.
 
         Args:
-            observation: (N, width) rows of the environment, see its docstring.
+            observation: (N, width) rows of the environment, see its docstring, or what `observe` returned.
             state: the state that the previous call returned; None at the first step.
             episode_start: (N,) True where an episode begins.
             deterministic: if False, a stochastic decider samples its actions.
@@ -37,4 +76,154 @@ class Decider(Protocol):
             (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares hypothesis i, in
             `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
         """
-        ...
+
+    def observe(self, tracks: Any) -> NDArray[Any]:
+        """Return what `predict` reads, (N, width), from the arrays of the environment."""
+        return np.asarray(tracks.take_rows())
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel in which `evidence` is drawn."""
+        if self.task == ANNOUNCED:
+            return posterior_panel("Kalman filters")
+        return probability_panel("bank")
+
+    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+        """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
+
+        By default it is the posterior of the filters of the environment.
+
+        Args:
+            observation, state, episode_start: as in `predict`.
+        """
+        if self.task == ANNOUNCED:
+            values = np.exp(Layout.of_rows(observation).read(observation, "log_ratio"))
+            return np.asarray(values / values.sum(-1, keepdims=True))
+        return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
+
+    def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+        """Return the state of the tracks selected by a mask (N,), so that finished tracks can be dropped.
+
+        `NotImplemented`, the default, keeps all tracks.
+        """
+        return NotImplemented
+
+    @classmethod
+    def together(cls, deciders: Sequence[Self]) -> "SeveralThresholds | None":
+        """Return one decider that computes for several thresholds what they share; None if nothing is."""
+        return None
+
+    @classmethod
+    def maker(cls, options: Any) -> Callable[[float], "Decider"]:
+        """Return a function from a threshold to the decider, for the options of an environment."""
+        return cls
+
+    @classmethod
+    def family(cls, options: Any) -> "DeciderFamily":
+        """Return the decider at any threshold, for the options of an environment."""
+        return DeciderFamily(
+            cls.title, cls.symbol, cls.thresholds, cls.default, cls.maker(options), options=dict(cls.options)
+        )
+
+
+class RowRule(Decider):
+    """A decider without a state: its actions depend on the present rows only."""
+
+    @abstractmethod
+    def act(self, rows: Observations) -> Actions:
+        """Return the actions (N,) for rows (N, width) of the environment."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, None]:
+        """See `Decider.predict`; only the rows are used."""
+        return self.act(observation), None
+
+
+class SeveralThresholds(Decider):
+    """Deciders of one rule that are computed together; its actions are those of the first.
+
+    Attributes:
+        chosen: actions (N,) of every decider at the present tick.
+    """
+
+    chosen: list[Actions]
+
+
+class Adapted(Decider):
+    """Any object with Stable-Baselines3's `predict`, as a decider.
+
+    Args:
+        model: the object.
+    """
+
+    def __init__(self, model: Any):
+        self.model = model
+
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.predict`."""
+        actions, state = self.model.predict(
+            observation, state=state, episode_start=episode_start, deterministic=deterministic
+        )
+        return actions, state
+
+
+def as_decider(model: Any) -> Decider:
+    """Return a decider, or any object with its `predict`, as a decider.
+
+    Raises:
+        ArgumentError: it has no method `predict`.
+    """
+    if isinstance(model, Decider):
+        return model
+    if not callable(getattr(model, "predict", None)):
+        raise reject("decider", model, "an object with a method predict")
+    return Adapted(model)
+
+
+@dataclass(frozen=True)
+class DeciderFamily:
+    """A decider with one threshold that trades decision time against errors.
+
+    Attributes:
+        name: shown in tables.
+        symbol: of the threshold.
+        thresholds: to sweep, in order of increasing decision time.
+        default: threshold used when none is given.
+        make: creates the decider at a threshold.
+        hypotheses: number M of hypotheses that the decider requires; None applies to any.
+        options: see `Decider.options`.
+    """
+
+    name: str
+    symbol: str
+    thresholds: tuple[float, ...]
+    default: float
+    make: Callable[[float], Any]
+    hypotheses: int | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def rules(task: str) -> dict[str, type[Decider]]:
+    """Return the classical rules of a task by name, in the order of their files."""
+    package = importlib.import_module("baselines.rules")
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{package.__name__}.{module.name}")
+    base: Any = Decider
+    found = [kind for kind in _subclasses(base) if kind.name and kind.__module__.startswith("baselines.")]
+    found = [kind for kind in found if kind.task == task and "name" in vars(kind)]
+    found.sort(key=lambda kind: (kind.__module__, inspect.getsourcelines(kind)[1]))
+    return {kind.name: kind for kind in found}
+
+
+def _subclasses(kind: type[Decider]) -> list[type[Decider]]:
+    return [one for child in kind.__subclasses__() for one in (child, *_subclasses(child))]

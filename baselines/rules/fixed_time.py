@@ -1,16 +1,18 @@
 """A decision after a fixed number of ticks: the maximum-likelihood hypothesis is declared."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import check_integer
 from hybrid_env.observation import Layout
 
+NO_EARLY_DECISION = 10_000_000  # ticks; longer than any segment
 
-class FixedTimeDecider:
+
+class FixedTimeDecider(RowRule):
     """Declares the maximum-likelihood hypothesis at a fixed tick of each segment.
 
     Args:
@@ -20,18 +22,31 @@ class FixedTimeDecider:
         ArgumentError: `ticks` is not an integer >= 1.
     """
 
+    name, title, symbol, default = "fixed", "fixed time", "ticks", 25
+    thresholds: ClassVar[tuple[float, ...]] = (
+        *(5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100),
+    )
+    colour, marker = "#a0a0a0", "s"
+
     def __init__(self, ticks: int = 25):
         self.ticks = check_integer("ticks", ticks)
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        layout = Layout.of_rows(observation)
-        most_likely = layout.read(observation, "log_ratio").argmax(-1)
-        decides = np.rint(layout.read(observation, "ticks")) >= self.ticks
-        return np.where(decides, most_likely + 1, 0), None
+    @classmethod
+    def maker(cls, options: Any) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        return lambda ticks: cls(int(ticks))
+
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        layout = Layout.of_rows(rows)
+        most_likely = layout.read(rows, "log_ratio").argmax(-1)
+        decides = np.rint(layout.read(rows, "ticks")) >= self.ticks
+        return np.where(decides, most_likely + 1, 0)
+
+
+class LikeliestAtEndDecider(FixedTimeDecider):
+    """Declares the maximum-likelihood hypothesis at the end of the segment."""
+
+    name, title = "ml", "ML at the end"
+    thresholds, default = (NO_EARLY_DECISION,), NO_EARLY_DECISION
+    colour, marker = "#2d0069", "X"

@@ -5,10 +5,11 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions
+from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 from hybrid_env.worlds.quickest_world import QuickestWorld
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +40,7 @@ def run_compiled(function: Any, *arguments: Any) -> None:
     function(*arguments)
 
 
-class MeasurementDecider(Generic[State]):
+class MeasurementDecider(Decider, Generic[State]):
     """A decider that observes the measurements, and the first estimate and probabilities of the bank.
 
     Its state describes N tracks and is changed in place.
@@ -48,6 +49,8 @@ class MeasurementDecider(Generic[State]):
         hypotheses: M, number of modes.
     """
 
+    task = UNKNOWN
+    observes = "tracks"
     needs_measurements = True
     hypotheses: int
 
@@ -74,14 +77,13 @@ class MeasurementDecider(Generic[State]):
         """Return the statements (N,). starts: (N,) True where an episode begins."""
         raise NotImplementedError
 
-    @staticmethod
-    def observe(world: QuickestWorld) -> FloatArray:
+    def observe(self, tracks: QuickestWorld) -> FloatArray:
         """Return what the decider observes, (N, 16 + M).
 
         Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.
         """
-        parts = [world.field(name) for name in ("measurement", "estimate", "covariance")]
-        return np.hstack([*parts, world.copy_tick()()["log_probability"]])
+        parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
+        return np.hstack([*parts, tracks.copy_tick()()["log_probability"]])
 
     def predict(
         self,
@@ -111,3 +113,11 @@ class MeasurementDecider(Generic[State]):
         for track in np.flatnonzero(starts).tolist():
             self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:]))
         return self.statements(state, starts), state
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("bank")
+
+    def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the probabilities of the modes by the bank, (N, M)."""
+        return np.asarray(np.exp(observation[:, -self.hypotheses :]))

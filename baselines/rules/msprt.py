@@ -7,18 +7,30 @@ every other hypothesis is large enough (Armitage 1950). If only the type of moti
 left or right), the test should use the posterior of the type: neighbouring radii share it.
 """
 
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 
 FloatArray = NDArray[np.float64]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
 """The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
+ALPHAS = (
+    *(0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02, 0.015, 0.01),
+    *(5e-3, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10),
+)
+"""Thresholds of the posterior error probability to sweep."""
+FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
+"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
+ROBUST = {"likelihood": "student_t 50"}
+"""Options of the bank with the robust likelihood."""
 
 
 def mode_types(hypotheses: int) -> NDArray[np.int64]:
@@ -32,6 +44,17 @@ def type_sums(values: NDArray[Any]) -> FloatArray:
     n = values.shape[-1] // 2
     parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
     return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
+
+
+def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatArray:
+    """Posterior of each hypothesis or of its type, (N, M), from likelihoods or posteriors (N, M)."""
+    sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
+    return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
+
+
+def bank_posterior(observation: Observations, by_type: bool = False) -> FloatArray:
+    """Posterior of each hypothesis or of its type under equal priors, (N, M), from rows (N, 6 M + 10)."""
+    return posterior_of(np.exp(Layout.of_rows(observation).read(observation, "log_ratio")), by_type)
 
 
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
@@ -103,7 +126,7 @@ def read_error_probability(
     return log_error_probability, likeliest_of_type(posterior, log_ratio)
 
 
-class MSPRTDecider:
+class MSPRTDecider(RowRule):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
@@ -115,6 +138,9 @@ class MSPRTDecider:
         ArgumentError: an argument is out of range.
     """
 
+    name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
+    colour, marker = "#c80f82", "D"
+
     def __init__(self, alpha: float = 0.02, by: Literal["hypothesis", "type"] = "hypothesis"):
         self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
         if not np.exp(LOG_FLOOR) < alpha <= 1.0:
@@ -122,19 +148,53 @@ class MSPRTDecider:
         check_choice("by", by, ("hypothesis", "type"))
         self.by: Literal["hypothesis", "type"] = by
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        log_error_probability, best = read_error_probability(observation, self.by)
-        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0), None
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        log_error_probability, best = read_error_probability(rows, self.by)
+        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("Kalman filters", self.by == "type", np.array([self.alpha]))
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of each hypothesis or of its type, (N, M)."""
+        return bank_posterior(observation, self.by == "type")
 
 
-class GapDecider:
+class TypeMSPRTDecider(MSPRTDecider):
+    """The MSPRT of types of motion: straight, left or right."""
+
+    name, title = "msprt-type", "MSPRT of types"
+    colour, marker = "#ff87f0", "d"
+
+    def __init__(self, alpha: float = 0.02):
+        super().__init__(alpha, by="type")
+
+
+class AnchorAwareMSPRTDecider(MSPRTDecider):
+    """The MSPRT of the anchor-aware bank, by what the environment rewards."""
+
+    name, title = "msprt-aware", "MSPRT, anchor-aware"
+    options: ClassVar[Mapping[str, Any]] = {"bank": "anchor_aware"}
+    colour, marker = "#3c000f", "*"
+
+    @classmethod
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        by: Literal["hypothesis", "type"] = "type" if options.correctness == "type" else "hypothesis"
+        return lambda alpha: cls(alpha, by)
+
+
+class RobustMSPRTDecider(MSPRTDecider):
+    """The MSPRT on a bank with a robust likelihood."""
+
+    name, title = "msprt-robust", "MSPRT, robust"
+    options = ROBUST
+    colour = marker = ""
+
+
+class GapDecider(RowRule):
     """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a threshold.
 
     Args:
@@ -144,19 +204,36 @@ class GapDecider:
         ArgumentError: `gap` is out of range.
     """
 
+    name, title, symbol, default = "gap", "gap rule", "gap", 4.6
+    thresholds = (
+        *(0.2, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.6, 5.0, 5.5, 6.0, 7.0, 8.0, 10.0, 13.0, 17.0),
+        *(22.0, 28.0),
+    )
+    colour, marker = "#695a00", "P"
+
     def __init__(self, gap: float = 4.6):
         self.gap = check_positive("gap", gap)
         if gap >= -LOG_FLOOR:
             raise reject("gap", gap, f"a number between 0 and {-LOG_FLOOR:g}")
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        log_ratio = Layout.of_rows(rows).read(rows, "log_ratio")
         second = np.partition(log_ratio, -2, axis=-1)[:, -2]
-        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0), None
+        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return EvidencePanel(
+            label="log-likelihood ratio to the best other mode",
+            limits=ratio_limits(self.gap),
+            thresholds=(Threshold(np.array([self.gap])),),
+            legend=f"gap {self.gap:g}",
+        )
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the log-likelihood ratio of each hypothesis to the most likely of all others, (N, M)."""
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+        second, first = np.partition(log_ratio, -2, axis=-1)[:, -2:].T
+        is_best = np.arange(log_ratio.shape[1]) == log_ratio.argmax(-1)[:, None]
+        return log_ratio - np.where(is_best, second[:, None], first[:, None])

@@ -6,7 +6,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.rules.decider import Actions, Observations, RowRule
 from baselines.rules.msprt import mode_types, read_error_probability
+from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -37,6 +39,14 @@ class PosteriorPaths:
     by: Literal["hypothesis", "type"]
 
 
+class Never(RowRule):
+    """Waits at every tick, or states straight motion."""
+
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        return np.zeros(len(rows), np.int64)
+
+
 def simulate_posterior_paths(
     episodes: int, seed: int, ticks: int | None = None, **options: Any
 ) -> PosteriorPaths:
@@ -64,21 +74,20 @@ def simulate_posterior_paths(
     shape = (episodes * world.segments, last)
     log_error_probability, correct = np.zeros(shape), np.zeros(shape, np.bool_)
     length = np.zeros(shape[0], np.int64)
-    observation, _ = env.reset(seed=seed)
-    wait = np.zeros(episodes, np.int64)
     running = np.ones(episodes, np.bool_)
     first = np.arange(episodes) * world.segments
-    while running.any():
+    for now in rollout(env, Never(), seed):
+        running &= ~(now.terminated & (now.step > 0))
+        if not running.any():
+            break
         rows = first + env.world.field("segment")
         tick = env.world.field("tick")
-        value, best = read_error_probability(observation, by)
+        value, best = read_error_probability(now.observation, by)
         best_correct = kind[best] == kind[env.world.field("true_mode")]
         recorded = running & (tick <= last)
         log_error_probability[rows[recorded], tick[recorded] - 1] = value[recorded]
         correct[rows[recorded], tick[recorded] - 1] = best_correct[recorded]
         length[rows[recorded]] = tick[recorded]
-        observation, _, terminated, _, _ = env.step(wait)
-        running &= ~terminated
     return PosteriorPaths(log_error_probability, correct, length, by)
 
 

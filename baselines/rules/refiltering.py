@@ -6,9 +6,10 @@ uncertainty of the anchor in the state (see `hybrid_env.core.banks.anchor_aware`
 the anchor error that was found in simulated episodes (see `anchor_prior`).
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,17 @@ from baselines.estimation.component_filters import (
     stated_covariance,
 )
 from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
-from baselines.rules.decider import Actions, Observations
-from baselines.rules.msprt import error_and_best, mode_types
+from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
+from baselines.rules.rollout import rollout
+from baselines.rules.seeds import FITTING
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
+CALIBRATION_EPISODES = 2000
 
 
 @dataclass
@@ -46,7 +50,7 @@ class _State:
     posterior: FloatArray
 
 
-class RefilteringDecider:
+class RefilteringDecider(Decider):
     """Base class: declares when the posterior error probability of the filters falls to alpha.
 
     Args:
@@ -58,9 +62,10 @@ class RefilteringDecider:
         ArgumentError: an argument has a value that is not allowed.
     """
 
-    bank: str
-    components: int
+    symbol, thresholds, default = "alpha", ALPHAS, 0.02
     every_tick = True
+    bank: ClassVar[str]
+    components: ClassVar[int]
 
     def __init__(self, world: WorldOptions, alpha: float = 0.02, robust: bool = False):
         self.world, self.robust = world, robust
@@ -119,8 +124,15 @@ class RefilteringDecider:
 class KeptCovarianceDecider(RefilteringDecider):
     """MSPRT of the published bank started from the covariance of the estimate at the switch."""
 
+    name, title = "msprt-kept", "MSPRT, kept P"
+    colour, marker = "#0000b4", ">"
     bank = "published"
     components = 1
+
+    @classmethod
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        return lambda alpha: cls(options, alpha)
 
     def anchors(
         self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
@@ -140,14 +152,28 @@ class CalibratedAnchorDecider(RefilteringDecider):
         alpha, robust: see `RefilteringDecider`.
     """
 
+    name, title = "calibrated", "calibrated anchor"
+    colour, marker = "#00e196", "p"
     bank = "anchor_aware"
     components = 4
+    rejects_outliers: ClassVar[bool] = False
 
     def __init__(
         self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False
     ):
         super().__init__(world, alpha, robust)
         self.prior = prior
+
+    @classmethod
+    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
+        """Return the rule with the distribution of the anchor fitted to simulated episodes."""
+        robust = cls.rejects_outliers
+
+        @functools.cache
+        def prior() -> AnchorPrior:
+            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust=robust)
+
+        return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
     def anchors(
         self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
@@ -167,6 +193,14 @@ class CalibratedAnchorDecider(RefilteringDecider):
             covariance[later] = covariances.reshape(-1, 4, 4, 4)
         anchors = [anchor_rows(self.layout, rows, mean[:, k], covariance[:, k]) for k in range(4)]
         return np.stack(anchors), weight
+
+
+class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
+    """The same with filters that reject outliers."""
+
+    name, title = "calibrated-robust", "calibrated anchor, robust"
+    colour, marker = "#0f961e", "8"
+    rejects_outliers = True
 
 
 def fit_calibrated_anchor(
@@ -206,19 +240,19 @@ def _anchor_errors(
     world = decider.world
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next
     env = HybridTrackVectorEnv(episodes, tick_info=False, trace_rows=rows, **vars(world))
-    observation, _ = env.reset(seed=seed)
-    state: Any = None
-    start = np.ones(episodes, np.bool_)
     running = np.ones(episodes, np.bool_)
     errors, types, correct = [], [], []
-    while running.any():
-        actions, state = decider.predict(observation, state, start)
+    truth = np.empty(0)
+    for now in rollout(env, decider, seed):
+        if now.step:
+            running &= ~now.terminated
+            decided = np.flatnonzero(running & now.info.get("_decided_mode", False))
+            if decided.size:
+                modes = now.info["decided_mode"][decided]
+                errors.append(anchor_errors(env, decided, truth[decided]))
+                types.append(mode_types(world.hypotheses)[modes])
+                correct.append(modes == now.info["decided_true_mode"][decided])
+        if not running.any():
+            break
         truth = env.world.field("truth")
-        observation, _, start, _, info = env.step(actions)
-        running &= ~start
-        decided = np.flatnonzero(running & info.get("_decided_mode", False))
-        if decided.size:
-            errors.append(anchor_errors(env, decided, truth[decided]))
-            types.append(mode_types(world.hypotheses)[info["decided_mode"][decided]])
-            correct.append(info["decided_mode"][decided] == info["decided_true_mode"][decided])
     return np.concatenate(errors), np.concatenate(types), np.concatenate(correct)

@@ -5,6 +5,7 @@ every moment of the switch has a filter of its own. The filters follow the state
 start from the estimate of a wrong mode.
 """
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from baselines.estimation.restarted_filters import (
     restart_arrays,
     step_restarted,
 )
-from baselines.rules.decider import Actions
+from baselines.rules.decider import Actions, Decider
 from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from hybrid_env.checks import check_choice, check_integer, check_positive
 from hybrid_env.core.banks.bank import FilterModel
@@ -43,6 +44,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         ArgumentError: an argument is out of range.
     """
 
+    thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
     mean: bool
 
     def __init__(self, options: QuickestOptions, threshold: float, margin: float, window: int, bank: Bank):
@@ -58,6 +60,12 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
             check_positive("margin", margin, allow_zero=True),
             FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
         )
+
+    @classmethod
+    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        kind: Callable[..., Decider] = cls
+        return lambda threshold: kind(options, threshold)
 
     def begin(self, tracks: int) -> RestartedFilters:
         """Return filters without meaning; see `MeasurementDecider.begin`."""
@@ -92,6 +100,8 @@ class GLRDecider(RestartDecider):
         options, threshold, margin, window, bank: see `RestartDecider`.
     """
 
+    name, title, symbol = "glr", "GLR", "ln GLR"
+    colour, marker = "#0000b4", ">"
     mean = False
 
     def __init__(
@@ -110,7 +120,7 @@ class MeanRatioDecider(RestartDecider):
 
     The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
     is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
-    straight motion, once; `baselines.recordings.change_detection.detect_switch` does that on recordings, with
+    straight motion, once; `baselines.papers.switch_detection.detect_switch` does that on recordings, with
     the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
     one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
 
@@ -123,6 +133,8 @@ class MeanRatioDecider(RestartDecider):
         options, threshold, margin, window, bank: see `RestartDecider`.
     """
 
+    name, title, symbol = "detector-2020", "detector 2020", "ln lambda"
+    colour, marker = "#695a00", "P"
     mean = True
 
     def __init__(

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
-from baselines.rules.msprt import CLIPPED_RATIO
+from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.msprt import CLIPPED_RATIO, ROBUST
 from hybrid_env.checks import check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import Layout
+from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
 
 
 def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, float]:
@@ -92,7 +93,7 @@ def _test_tracks(
         actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
 
 
-class SPRTDecider:
+class SPRTDecider(Decider):
     """The test of ATE as a decider on observations.
 
     The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and
@@ -107,6 +108,13 @@ class SPRTDecider:
     Raises:
         ArgumentError: alpha, beta or their sum is outside its range.
     """
+
+    name, title, symbol, default = "ate", "ATE (SPRT)", "alpha", 1e-3
+    thresholds = (
+        *(0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015, 0.01, 7e-3, 5e-3, 3e-3, 2e-3, 1e-3),
+        *(5e-4, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
+    )
+    colour, marker = "#6900ff", "o"
 
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
@@ -142,3 +150,24 @@ class SPRTDecider:
         actions = np.empty(len(observation), np.int64)
         _test_tracks(log_likelihood, reference, running, self.upper, self.lower, actions)
         return actions, (log_likelihood, running)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        lower, upper = math.exp(self.lower), math.exp(self.upper)
+        return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: Any = None
+    ) -> NDArray[np.float64]:
+        """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
+        log_likelihood = self.predict(observation, state, episode_start)[1][0]
+        active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
+        return log_likelihood - np.take_along_axis(log_likelihood, active[:, None], axis=-1)
+
+
+class RobustSPRTDecider(SPRTDecider):
+    """The test of ATE on a bank with a robust likelihood."""
+
+    name, title = "ate-robust", "ATE (SPRT), robust"
+    options = ROBUST
+    colour = marker = ""

@@ -1,33 +1,21 @@
-"""Statements of a decider on fixed episodes, with the true modes."""
+"""Statements of a decider on fixed episodes with unknown switches."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rules.decider import Decider
+from baselines.rules.rollout import rollout
+from baselines.scoring.statements import Statements
 from hybrid_env.checks import check_integer
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 
-class Statements(NamedTuple):
-    """What was true and what was stated on N tracks of T ticks.
-
-    Attributes:
-        true_modes: (T, N).
-        stated_modes: (T, N).
-    """
-
-    true_modes: NDArray[np.int64]
-    stated_modes: NDArray[np.int64]
-
-
-def record_statements(decider: Decider, tracks: int, seed: int, **options: Any) -> Statements:
+def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> Statements:
     """Run a decider on one episode of every track.
 
     Args:
-        decider: a rule or agent whose action i states mode i. If it has a function `observe`, that is called
-            with the `QuickestWorld`, and its result replaces the rows.
+        decider: a rule or agent whose action i states mode i.
         tracks: N, number of episodes.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
         options: see `hybrid_env.QuickestOptions`.
@@ -35,17 +23,23 @@ def record_statements(decider: Decider, tracks: int, seed: int, **options: Any) 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
+    return record_together([decider], tracks, seed, **options)[0]
+
+
+def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: Any) -> list[Statements]:
+    """Return `record_statements` of each of some deciders of one rule, computed together if they can be."""
+    several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
+    if several is None and len(deciders) > 1:
+        return [record_statements(decider, tracks, seed, **options) for decider in deciders]
+    decider = deciders[0] if several is None else several
     env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **options)
-    shape = env.options.ticks, env.num_envs
-    recorded = Statements(np.empty(shape, np.int64), np.empty(shape, np.int64))
-    rows, _ = env.reset(seed=check_integer("seed", seed, minimum=0))
-    observe = getattr(decider, "observe", None)
-    state, start = None, np.ones(env.num_envs, np.bool_)
-    for k in range(env.options.ticks):
-        recorded.true_modes[k] = env.world.field("true_mode")
-        seen = observe(env.world) if observe is not None else rows
-        actions, state = decider.predict(seen, state, start, deterministic=True)
-        recorded.stated_modes[k] = actions
-        rows, *_ = env.step(actions)
-        start = np.zeros(env.num_envs, np.bool_)
-    return recorded
+    true_modes = np.empty((env.options.ticks, tracks), np.int64)
+    stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
+    for now in rollout(env, decider, check_integer("seed", seed, minimum=0)):
+        if now.step:
+            chosen = [now.actions] if several is None else several.chosen
+            stated_modes[:, now.step - 1] = chosen
+        if now.step == len(true_modes):
+            break
+        true_modes[now.step] = env.world.field("true_mode")
+    return [Statements(true_modes, stated) for stated in stated_modes]

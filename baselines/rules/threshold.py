@@ -1,15 +1,17 @@
 """A threshold with hysteresis on the probabilities of the bank."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations, RowRule
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
+from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 
 @compiled
@@ -51,7 +53,19 @@ def _choose_by_rows(
     _choose(log_probability, stated, started, threshold, release, actions)
 
 
-class ThresholdDecider:
+PROBABILITIES = (
+    *(0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95),
+    *(0.98, 0.99, 0.999),
+)
+"""Thresholds of the probability to sweep."""
+
+
+def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
+    """Return thresholds on the largest probability of M modes, which is never below 1 / M."""
+    return tuple(p for p in PROBABILITIES if p == 0.0 or p > 1.0 / hypotheses)
+
+
+class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
     Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
@@ -66,25 +80,23 @@ class ThresholdDecider:
         ArgumentError: an argument is out of range.
     """
 
+    name, task, title = "threshold", UNKNOWN, "IMM threshold"
+    symbol, default = "probability", 0.6
+    colour, marker = "#6900ff", "o"
+
     def __init__(self, threshold: float = 0.6, release: float = 1.0):
         self.threshold = _check_probability("threshold", threshold)
         self.release = _check_probability("release", release)
         self._log_threshold, self._log_release = _log(self.threshold), _log(self.release)
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`; action i states mode i. The decider has no state: rows have the statement.
+    @classmethod
+    def family(cls, options: Any) -> DeciderFamily:
+        """See `Decider.family`."""
+        return replace(super().family(options), thresholds=reachable_probabilities(options.hypotheses))
 
-        Args:
-            observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
-            state, episode_start, deterministic: not used.
-        """
-        rows = np.ascontiguousarray(observation, np.float32)
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last statement."""
+        rows = np.ascontiguousarray(rows, np.float32)
         layout = QuickestLayout.of_rows(rows)
         actions = np.empty(len(rows), np.int64)
         columns = layout.slices["log_probability"].start, layout.slices["stated"].start
@@ -92,7 +104,11 @@ class ThresholdDecider:
         _choose_by_rows(
             rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
         )
-        return actions, None
+        return actions
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("bank", self.threshold)
 
     def choose(
         self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
@@ -107,6 +123,13 @@ class ThresholdDecider:
         actions = np.empty(len(stated), np.int64)
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
+
+    def statements(self, log_probability: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the statements (T, N) at every tick, from log probabilities (T, N, M)."""
+        stated = np.zeros(log_probability.shape[:2], np.int64)
+        for tick, values in enumerate(log_probability):
+            stated[tick] = self.choose(values, stated[tick - 1], np.full(len(values), tick > 0))
+        return stated
 
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:

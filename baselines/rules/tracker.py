@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.rules.decider import Decider
+from baselines.rules.decider import ANNOUNCED, Decider, as_decider
 from baselines.rules.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
@@ -93,15 +93,13 @@ class OnlineTracker:
     def __init__(self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1):
         if not isinstance(options, (WorldOptions, QuickestOptions)):
             raise reject("options", options, "WorldOptions or QuickestOptions")
-        if not callable(getattr(decider, "predict", None)):
-            raise reject("decider", decider, "an object with a method predict")
-        self.options, self.decider = options, decider
+        self.options, self.decider = options, as_decider(decider)
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
-        known = isinstance(options, WorldOptions)
-        self.world: OnlineTrack = OnlineWorld(options) if known else OnlineQuickestWorld(options)
+        self.world: OnlineTrack = (
+            OnlineWorld(options) if isinstance(options, WorldOptions) else OnlineQuickestWorld(options)
+        )
         self._action_count = int(self.world.action_space().n)
         self._longest = options.longest_segment
-        self._every_tick = bool(getattr(decider, "every_tick", False))
         self._try_decider()
         self.begin()
 
@@ -130,8 +128,8 @@ class OnlineTracker:
         self._mode = -1 if mode is None else mode
         self._collected: FirstMeasurements | None = None
         if first is None:
-            known = isinstance(self.options, WorldOptions)
-            self._collected = FirstMeasurements(self.options, MANY if known else FEW)
+            announced = self.options.switches == ANNOUNCED
+            self._collected = FirstMeasurements(self.options, MANY if announced else FEW)
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
@@ -150,7 +148,7 @@ class OnlineTracker:
         Raises:
             ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
         """
-        if isinstance(self.options, QuickestOptions):
+        if self.options.switches != ANNOUNCED:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
         self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
 
@@ -172,7 +170,7 @@ class OnlineTracker:
         moment = None if time is None else check_number("time", time)
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
-        if missing and getattr(self.decider, "needs_measurements", False):
+        if missing and self.decider.needs_measurements:
             allowed = (
                 f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
             )
@@ -190,7 +188,7 @@ class OnlineTracker:
             if point is None and k == missing - 1:
                 self._begin_announced()  # the tick of `update(None)` itself
             world.skip()
-            if self._every_tick and world.asks:
+            if self.decider.every_tick and world.asks:
                 world.decide(self._ask_decider())
         if point is not None:
             self._measured = True
@@ -253,8 +251,7 @@ class OnlineTracker:
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
-        observe = getattr(self.decider, "observe", None)
-        seen = self.world.take_rows() if observe is None else observe(self.world)
+        seen = self.decider.observe(self.world)
         actions, self._decider_state = self.decider.predict(
             seen, self._decider_state, self._episode_start, True
         )
@@ -273,7 +270,7 @@ class OnlineTracker:
         try:
             self._ask_decider()
         except Exception as error:
-            environment = "HybridTrack-v0" if isinstance(options, WorldOptions) else "HybridTrackQuickest-v0"
+            environment = "HybridTrack-v0" if options.switches == ANNOUNCED else "HybridTrackQuickest-v0"
             allowed = f"one for rows of {environment} with {options.hypotheses} hypotheses: {error}"
             raise reject("decider", type(self.decider).__name__, allowed) from error
 

@@ -16,5 +16,5 @@ finds them in compiled code, and `memory` aligns them. `compilation` has the com
 `cached_files` checks numba's cache; `elementary` has vectorizable log, exp, sine and cosine.
 
 The folder may import numpy, numba and its own files, nothing else of the project. After a change run
-`pytest tests/hybrid_env` and `hybridtrack bench single vector`.
+`pytest tests/hybrid_env` and `make bench ARGS="single vector"`.
 """

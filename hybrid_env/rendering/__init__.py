@@ -1,12 +1,13 @@
 """Rendering of a running episode, with matplotlib for the frames and pygame for the window.
 
 - `modes`: names and colours of the hypotheses.
-- `history`: all ticks and decisions of the episode.
+- `history`: all ticks of the episode: the true modes beside the stated ones.
 - `evidence`: description of the evidence panel.
-- `track_axes`, `evidence_axes`: the two panels of a frame, with the `decision_markers` of both.
-- `figure`: the frame, and the renderer of the environment.
-- `quickest_history`, `quickest_figure`: the same with unknown switch moments.
+- `panels`: the two panels of a frame.
+- `figure`: the frame.
 - `window`: a window on the screen.
+- `renderer`: the renderer of the environments, with announced and with unknown switch moments.
 
-May import: options and checks of `hybrid_env`, column names of `hybrid_env.core.records`.
+May import: options and checks of `hybrid_env`, column names of `hybrid_env.core.records`. Only `panels` and
+`figure` import matplotlib, and the renderer imports them with its first frame.
 """

@@ -13,6 +13,8 @@ from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
 DEFAULT_ALPHA = 0.001
 SINGLE_COLOUR = "#404040"
 RATIO_LIMIT = 15.0  # limit of the axis, unless a threshold needs more
+POSTERIOR_LIMIT = 0.001  # lower limit of the axis of posterior probabilities, unless a threshold needs more
+AXIS_MARGIN = 1.15  # limit of an axis, relative to the threshold
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class EvidencePanel:
             or a single one. Hypotheses that share a curve must have the same evidence.
         thresholds: drawn as dashed lines.
         legend: entry of the thresholds in the legend.
+        ribbons: whether true and stated modes are drawn below the curves, for unknown switch moments; there
+            are then no decisions, and the evidence does not begin anew at a switch.
     """
 
     label: str
@@ -48,6 +52,7 @@ class EvidencePanel:
     curves: Literal["hypothesis", "type", "single"] = "hypothesis"
     thresholds: tuple[Threshold, ...] = ()
     legend: str = ""
+    ribbons: bool = False
 
     def colours(self, radii: Sequence[float]) -> dict[int, str]:
         """Return the colour of each curve by the index of the first hypothesis of the curve."""
@@ -60,7 +65,7 @@ class EvidencePanel:
 
 def ratio_limits(threshold: float) -> tuple[float, float]:
     """Return symmetric limits for an axis of log-likelihood ratios that contain a threshold."""
-    limit = max(RATIO_LIMIT, 1.15 * threshold)
+    limit = max(RATIO_LIMIT, AXIS_MARGIN * threshold)
     return -limit, limit
 
 
@@ -79,6 +84,34 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     )
 
 
+def posterior_panel(
+    source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None
+) -> EvidencePanel:
+    """Return the panel of posterior probabilities with the threshold 1 - alpha.
+
+    Args:
+        source: of the posterior.
+        by_type: show one curve for each type of motion instead of one for each hypothesis.
+        alpha: (T,) threshold on the posterior error probability at each tick; None draws no threshold.
+    """
+    limit = 1.0 - POSTERIOR_LIMIT
+    thresholds: tuple[Threshold, ...] = ()
+    legend = ""
+    if alpha is not None:
+        thresholds = (Threshold(1.0 - alpha),)
+        legend = f"1 - alpha at alpha = {alpha[0]:g}" if len(alpha) == 1 else "stopping boundary"
+        odds = ((1.0 - alpha.max()) / alpha.max()) ** AXIS_MARGIN
+        limit = max(limit, odds / (1.0 + odds))
+    return EvidencePanel(
+        label=f"posterior probability ({source})",
+        limits=(1.0 - limit, limit),
+        scale="logit",
+        curves="type" if by_type else "hypothesis",
+        thresholds=thresholds,
+        legend=legend,
+    )
+
+
 def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel:
     """Return the panel of the probabilities of the modes, for unknown switch moments.
 
@@ -88,7 +121,8 @@ def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel
     """
     return EvidencePanel(
         label=f"probability ({source})" if source else "probability",
-        limits=(0.0, 1.0),
+        limits=(-0.36, 1.05),
         thresholds=(Threshold(np.array([threshold])),) if threshold > 0.0 else (),
         legend=f"threshold {threshold:g}" if threshold > 0.0 else "",
+        ribbons=True,
     )

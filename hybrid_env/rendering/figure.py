@@ -16,66 +16,20 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hybrid_env.rendering.decision_markers import decision_legend
-from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
-from hybrid_env.rendering.evidence_axes import SKIPPED_STYLE, THRESHOLD_STYLE, EvidenceAxes
+from hybrid_env.rendering.evidence import EvidencePanel
+from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
 from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name
-from hybrid_env.rendering.track_axes import TRACE_INDEX, TrackAxes, track_legend
-from hybrid_env.rendering.window import Window
-
-RENDER_FPS = 10
-FRAME_SIZE = (900, 450)  # width, height [px]
+from hybrid_env.rendering.panels import (
+    SKIPPED_STYLE,
+    THRESHOLD_STYLE,
+    EvidenceAxes,
+    TrackAxes,
+    decision_legend,
+    track_legend,
+)
+from hybrid_env.rendering.window import FRAME_SIZE
 
 _DPI = 100
-
-
-class Renderer:
-    """Draws an episode, frame by frame.
-
-    Args:
-        options: of the world.
-        human: whether frames are shown in a window instead of being returned.
-        panel: what the evidence panel shows; None shows the log-likelihood ratios to the active mode, with
-            the thresholds of the SPRT at alpha = 0.001.
-    """
-
-    def __init__(self, options: Any, human: bool, panel: EvidencePanel | None = None):
-        self.options = options
-        self.panel = panel or sprt_panel(DEFAULT_ALPHA)
-        self.window = Window(RENDER_FPS) if human else None
-        self._figure: EpisodeFigure | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        window = None if self.window is None else Window(self.window.fps)
-        return self.__dict__ | {"window": window, "_figure": None}  # neither can be copied or pickled
-
-    def draw(self, history: Any) -> Any:
-        """Draw one frame of the episode so far.
-
-        Returns:
-            (height, width, 3) uint8, a new array; None if frames are shown in a window. After the user has
-            closed the window, this method does nothing, so that the calling loop can continue.
-
-        Raises:
-            NoDisplayError: SDL cannot open a window.
-        """
-        if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
-            return None
-        if self._figure is None:
-            self._figure = self._create_figure()
-        frame = self._figure.draw(history)
-        if self.window is None:
-            return np.array(frame[..., :3])
-        self.window.show(frame)
-        return None
-
-    def _create_figure(self) -> "EpisodeFigure":
-        return EpisodeFigure(self.options, self.panel)
-
-    def close(self) -> None:
-        """Close the window, if there is one. The next call of `draw` opens a new one."""
-        if self.window is not None:
-            self.window.close()
 
 
 class EpisodeFigure:
@@ -90,7 +44,7 @@ class EpisodeFigure:
     """
 
     def __init__(self, options: Any, panel: EvidencePanel):
-        self.options = options
+        self.options, self.panel = options, panel
         width, height = FRAME_SIZE
         self.figure = figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
         self._canvas = FigureCanvasAgg(figure)
@@ -103,32 +57,23 @@ class EpisodeFigure:
             axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
             axes.ticklabel_format(scilimits=(-2, 4))
-        self._panels = (TrackAxes(self._track, options), self._create_evidence(self._evidence, panel))
+        self._panels = (TrackAxes(self._track, options), EvidenceAxes(self._evidence, options, panel))
         self._title = figure.text(0.5, 0.955, "", ha="center", va="center", fontsize=10)
         self._changing: list[Artist] = [*self._panels[0].artists, *self._panels[1].artists, self._title]
         for artist in self._changing:
             artist.set_animated(True)  # excluded from the background
-        self._add_legends(panel)
+        self._add_legends()
 
-    def _create_evidence(self, axes: Any, panel: Any) -> Any:
-        """Return the artists of the right-hand panel, with `artists` and `update` as in `EvidenceAxes`."""
-        return EvidenceAxes(axes, self.options, panel)
-
-    def _add_legends(self, panel: Any) -> None:
-        self._add_legend(
-            track_legend() | decision_legend() | {"after the decision": Patch(**SKIPPED_STYLE)}, 0.095
-        )
-        self._add_threshold_legend(panel)
-
-    def _add_threshold_legend(self, panel: EvidencePanel) -> None:
-        """Add the colours of the modes, and the threshold if there is one."""
-        self._add_mode_legend({panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if panel.legend else {})
-
-    def _add_mode_legend(self, more: dict[str, Any]) -> None:
-        """Add the colours of the modes, by type if there are too many, and further entries."""
+    def _add_legends(self) -> None:
+        """Add what is drawn, and below it the colours of the modes, by type if there are too many."""
+        drawn: dict[str, Artist] = {**track_legend()}
+        if not self.panel.ribbons:
+            drawn |= decision_legend() | {"after the decision": Patch(**SKIPPED_STYLE)}
+        self._add_legend(drawn, 0.095)
+        threshold = {self.panel.legend: Line2D([], [], **THRESHOLD_STYLE)} if self.panel.legend else {}
         radii, modes = self.options.radii, range(self.options.hypotheses)
         colours = {mode_name(mode, radii): mode_colour(mode, radii) for mode in modes}
-        legend = self._add_legend(_colour_legend(colours) | more, 0.04)
+        legend = self._add_legend(_colour_legend(colours) | threshold, 0.04)
         if legend.get_window_extent().width > 0.97 * FRAME_SIZE[0]:
             legend.remove()
             names = (
@@ -137,7 +82,7 @@ class EpisodeFigure:
                 "right turns (R), darker is tighter",
             )
             colours = dict(zip(names, TYPE_COLOURS, strict=True))
-            self._add_legend(_colour_legend(colours) | more, 0.04)
+            self._add_legend(_colour_legend(colours) | threshold, 0.04)
 
     def _add_legend(self, entries: dict[str, Any], height: float) -> Any:
         return self.figure.legend(
@@ -146,7 +91,7 @@ class EpisodeFigure:
             handlelength=1.6, handletextpad=0.5, columnspacing=1.3,
         )  # fmt: skip
 
-    def draw(self, history: Any) -> NDArray[np.uint8]:
+    def draw(self, history: History) -> NDArray[np.uint8]:
         """Draw a frame, (height, width, 4) RGBA. The array is valid until the next call."""
         view = self._fit_view(history)
         if view != self._view:
@@ -163,7 +108,7 @@ class EpisodeFigure:
             artist.draw(self._canvas.get_renderer())
         return np.asarray(self._canvas.buffer_rgba())
 
-    def _fit_view(self, history: Any) -> tuple[float, ...]:
+    def _fit_view(self, history: History) -> tuple[float, ...]:
         """Episode number and axis limits (x, x, y, y, time).
 
         The limits of the last frame are kept while they contain all data, so that the picture is steady.
@@ -192,17 +137,23 @@ class EpisodeFigure:
         last = float(ticks if history.finished else step * math.ceil(ticks / step))
         return history.episode, x_low, x_high, y_low, y_high, last
 
-    def _title_text(self, history: Any) -> str:
+    def _title_text(self, history: History) -> str:
+        radii, stated = self.options.radii, history.trace[:, ACTIVE]
+        true_mode = f"true mode {mode_name(int(history.true_modes[-1]), radii)}"
+        if self.panel.ribbons:
+            parts = [f"tick {len(stated)}", true_mode]
+            if len(stated) > 1:
+                last = stated[-1] if history.finished else stated[-2]
+                parts.append(f"last statement {mode_name(int(last), radii)}")
+            return "  |  ".join(parts)
         parts = [
-            f"segment {history.segment + 1} of {self.options.segments}",
-            f"tick {history.tick}",
-            f"true mode {mode_name(history.true_mode, self.options.radii)}",
-        ]
+            f"segment {history.segment + 1} of {self.options.segments}", f"tick {history.tick}", true_mode
+        ]  # fmt: skip
         if history.decisions:
-            last = history.decisions[-1]
-            verdict = ("correct" if last.correct else "wrong") + (", forced" if last.forced else "")
-            name = mode_name(last.mode, self.options.radii)
-            parts.append(f"last decision {name}, {verdict}, at tick {last.ticks}")
+            last_one = history.decisions[-1]
+            verdict = ("correct" if last_one.correct else "wrong") + (", forced" if last_one.forced else "")
+            name = mode_name(last_one.mode, radii)
+            parts.append(f"last decision {name}, {verdict}, at tick {last_one.ticks}")
         return "  |  ".join(parts)
 
 

@@ -1,14 +1,21 @@
-"""Every tick of the running episode, for figures and recordings."""
+"""Every tick of the running episode, for figures and recordings.
 
+It is a timeline of true modes beside a timeline of stated modes. A declaration is a statement that begins at
+its tick and holds until the next switch.
+"""
+
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
+
+TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
+ACTIVE, SEGMENT = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"]
 
 
 class Decision(NamedTuple):
@@ -35,47 +42,46 @@ class Decision(NamedTuple):
     length: int
 
 
-class EpisodeHistory:
-    """All ticks and decisions of the running episode.
+class History:
+    """All ticks of the running episode, with announced or with unknown switch moments.
 
     Attributes:
         episode: number of episodes started.
+        finished: whether the episode has ended.
         segment: index of the current segment.
         tick: current tick since the switch.
         true_mode: true mode of the current segment.
-        decisions: decisions made so far in this episode.
+        decisions: declarations so far in this episode; none with unknown switch moments.
     """
 
-    def __init__(self, options: WorldOptions):
-        self.options = options
-        self.decisions: list[Decision] = []
-        self.episode = 0
-        self._traces: list[FloatArray] = []
-        self._evidence: list[FloatArray] = []
+    def __init__(self) -> None:
+        self.episode = -1
+        self.begin()  # an empty episode, which is not counted
 
-    def begin(self, trace: FloatArray, info: dict[str, Any]) -> None:
-        """Discard the last episode and store the first tick of a new one.
-
-        Args:
-            trace: (1, len(TRACE_COLUMNS)).
-            info: returned by `reset` of the environment.
-        """
+    def begin(self) -> None:
+        """Discard the last episode; the first tick of a new one is added next."""
         self.episode += 1
-        self.decisions = []
-        self._traces = []
-        self._evidence = []
-        self.add(trace, info)
+        self.finished = False
+        self.decisions: list[Decision] = []
+        self._traces: list[NDArray[Any]] = []
+        self._evidence: list[NDArray[Any]] = []
+        self._true_modes: list[NDArray[Any]] = []
 
-    def add(self, trace: FloatArray, info: dict[str, Any]) -> None:
-        """Store the ticks of one step.
-
-        The evidence at the current tick is the log-likelihood ratio of each hypothesis to the active mode,
-        unless `set_evidence` replaces it.
+    def add(
+        self,
+        trace: Sequence[ArrayLike] | FloatArray,
+        evidence: FloatArray,
+        info: dict[str, Any],
+        finished: bool,
+    ) -> None:
+        """Store the ticks of one step, or the first tick of an episode.
 
         Args:
             trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first
-                tick of the next segment.
-            info: returned by `step` of the environment.
+                tick of the next segment; empty if the step ends the episode without a further tick.
+            evidence: (M,) of each hypothesis at the current tick, unless `set_evidence` replaces it.
+            info: returned by `reset` or `step` of the environment.
+            finished: whether the episode has ended.
         """
         if "decided_mode" in info:
             self.decisions.append(
@@ -90,22 +96,45 @@ class EpisodeHistory:
                     length=info["decided_length"],
                 )
             )
+        self.finished = finished
         self.segment, self.tick, self.true_mode = info["segment"], info["tick"], info["true_mode"]
-        evidence = np.full((len(trace), self.options.hypotheses), np.nan)
-        if not self.finished:  # only the last tick was processed by every filter of the bank
-            active = int(trace[-1, TRACE_COLUMNS.index("active_mode")])
-            evidence[-1] = info["log_likelihood"] - info["log_likelihood"][active]
-        self._traces.append(trace)
-        self._evidence.append(evidence)
+        rows = np.reshape(np.asarray(trace, np.float64), (-1, len(TRACE_COLUMNS)))
+        values = np.full((len(rows), len(evidence)), np.nan)
+        if not finished:  # only the last tick was processed by every filter of the bank
+            values[-1] = evidence
+        current = rows[:, SEGMENT] == info["segment"]
+        self._traces.append(rows)
+        self._evidence.append(values)
+        self._true_modes.append(
+            np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"]))
+        )
+
+    def state(self, mode: int) -> None:
+        """Store the mode that is stated at the current tick."""
+        self._traces[-1][-1, ACTIVE] = mode
 
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
         self._evidence[-1][-1] = evidence
 
     @property
+    def started(self) -> bool:
+        """Whether the episode has a tick."""
+        return bool(self._traces)
+
+    @property
     def trace(self) -> FloatArray:
-        """(T, len(TRACE_COLUMNS)), one row for each tick."""
+        """(T, len(TRACE_COLUMNS)), one row for each tick.
+
+        The active mode is the last declared one. With unknown switch moments it is the stated one, and NaN
+        before the statement.
+        """
         return _joined(self._traces)
+
+    @property
+    def true_modes(self) -> NDArray[np.int64]:
+        """(T,) true modes."""
+        return _joined(self._true_modes)
 
     @property
     def evidence(self) -> FloatArray:
@@ -115,16 +144,10 @@ class EpisodeHistory:
     @property
     def switches(self) -> NDArray[np.int64]:
         """(number of segments so far,) index of the first row of `trace` of each segment."""
-        segment = self.trace[:, TRACE_COLUMNS.index("segment")]
-        return np.flatnonzero(np.diff(segment, prepend=-1.0))
-
-    @property
-    def finished(self) -> bool:
-        """Whether every segment is decided."""
-        return len(self.decisions) == self.options.segments
+        return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
 
 
-def _joined(parts: list[FloatArray]) -> FloatArray:
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
     """Concatenate the parts and store the result in place of them, so that repeated reading is cheap."""
     if len(parts) > 1:
         parts[:] = [np.concatenate(parts)]

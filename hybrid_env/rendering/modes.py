@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-from matplotlib.colors import to_hex
-
 from hybrid_env.checks import reject
 from hybrid_env.core.banks.bank import mode_type
 
@@ -44,11 +42,9 @@ def mode_colour(mode: int, radii: Sequence[float]) -> str:
 
 def shade(colour: str, amount: float) -> str:
     """Mix a colour "#rrggbb" with black (amount -1 .. 0) or with white (amount 0 .. 1)."""
-    red, green, blue = (
-        c * (1.0 + amount) if amount < 0.0 else c + (1.0 - c) * amount
-        for c in (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
-    )
-    return to_hex((red, green, blue))
+    parts = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    mixed = (c * (1.0 + amount) if amount < 0.0 else c + (1.0 - c) * amount for c in parts)
+    return "#" + "".join(f"{round(255 * c):02x}" for c in mixed)
 
 
 def _type_of(mode: int, radii: Sequence[float]) -> int:

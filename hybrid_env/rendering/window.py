@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+RENDER_FPS = 10
+FRAME_SIZE = (900, 450)  # width, height [px]
+
 
 class NoDisplayError(RuntimeError):
     """No window can be opened, with any video driver."""

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import ReadOnlyAttributes, check_choice, check_integer, check_reset_options
-from hybrid_env.rendering.figure import RENDER_FPS
+from hybrid_env.rendering.evidence import EvidencePanel
+from hybrid_env.rendering.history import History
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import RENDER_FPS
 from hybrid_env.seeding import state_of
 from hybrid_env.worlds.tracks import Tracks
 
@@ -32,9 +35,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     options_class: ClassVar[Any]
     """Class of the options."""
 
-    history: Any
+    history: History | None
     """Ticks of the running episode, for rendering; None without a render mode."""
-    renderer: Any
+    renderer: Renderer | None
     """Draws the history; None without a render mode."""
 
     def __init__(self, render_mode: str | None = None, **options: Any):
@@ -45,7 +48,8 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self.history = self.renderer = None
         self.world = self._create_world(rendered=render_mode is not None)
         if render_mode is not None:
-            self.history, self.renderer = self._create_rendering(human=render_mode == "human")
+            self.history = History()
+            self.renderer = Renderer(self.options, render_mode == "human", self._evidence_panel())
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
@@ -58,15 +62,15 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         """Return the arrays of one track."""
         raise NotImplementedError
 
-    def _create_rendering(self, human: bool) -> tuple[Any, Any]:
-        """Return the history and its renderer."""
+    def _evidence_panel(self) -> EvidencePanel:
+        """Return what the evidence panel of a frame shows."""
         raise NotImplementedError
 
     def _step_info(self, events: int) -> dict[str, Any]:
         """Return further info of the last step, by the events of the kernel."""
         return {}
 
-    def _record(self, info: dict[str, Any], begins: bool) -> None:
+    def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
         """Add the last step or reset to the history."""
         raise NotImplementedError
 
@@ -112,7 +116,8 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self._started = True
         info = self._info()
         if self.history is not None:
-            self._record(info, begins=True)
+            self.history.begin()
+            self._record(self.history, info, finished=False)
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), info
@@ -138,7 +143,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         if events:
             info |= self._step_info(events)
         if self.history is not None:
-            self._record(info, begins=False)
+            self._record(self.history, info, self._terminated.item(0))
             if self.render_mode == "human":
                 self.render()
         return self._observation.copy(), self._reward.item(0), self._terminated.item(0), False, info

@@ -153,7 +153,7 @@ def test_a_frame_shows_truth_statements_and_probabilities():
     assert len(history.trace) == 40
     assert history.finished
     np.testing.assert_array_equal(history.trace[:, 8], np.arange(40) // 10 % 3)
-    np.testing.assert_allclose(history.probabilities.sum(1), 1, rtol=1e-12)
+    np.testing.assert_allclose(history.evidence.sum(1), 1, rtol=1e-12)
     copied = copy.deepcopy(env.unwrapped)
     np.testing.assert_array_equal(copied.render(), frames[-1])
     env.close()

@@ -6,13 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.flights.batch import Batch
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import STRAIGHT, Labels
+from baselines.scoring.scores import Scores, Statistic, quotient, ratio
 
 IntArray = NDArray[np.int64]
-
-DRAWS = 2000  # of the bootstrap
 
 
 class FlightCounts(NamedTuple):
@@ -41,46 +39,46 @@ class FlightCounts(NamedTuple):
     changes: int
 
 
-class FlightFigures(NamedTuple):
-    """Figures of a set of flights: NaN where nothing is counted.
+STATISTICS: dict[str, Statistic] = {
+    "agreement": ratio("agreed", "scored"),
+    "delay": Statistic(
+        ("delay", "labels", "missed"), lambda delay, labels, missed: quotient(delay, labels - missed)
+    ),
+    "misses": ratio("missed", "labels"),
+    "false_per_hour": ratio("false", "scored", 3600.0),
+    "false_turns_per_hour": ratio("false_turns", "scored", 3600.0),
+    "changes_per_label": ratio("changes", "labels"),
+}
+"""Figures of a set of flights: share of the scored time; mean delay of the detected changes [s]; share of the
+changes of the label that are missed; false changes in an hour of scored time; of them, those to a turn in
+straight motion; changes of the statement for each change of the label. NaN where nothing is counted."""
 
-    Attributes:
-        agreement: share of the scored time.
-        delay: mean delay of the detected changes [s].
-        misses: share of the changes of the label that are missed.
-        false_per_hour: false changes in an hour of scored time.
-        false_turns_per_hour: of them, those to a turn in straight motion.
-        changes_per_label: changes of the statement for each change of the label.
+
+def score_flights(
+    name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]
+) -> Scores:
+    """Return the scores of a decider, whose figures are those of `FlightCounts`, one row for each flight.
+
+    Args:
+        name: of the decider.
+        flights: the flights.
+        labels: of each flight.
+        stated: (n,) statements on each flight.
     """
-
-    agreement: float
-    delay: float
-    misses: float
-    false_per_hour: float
-    false_turns_per_hour: float
-    changes_per_label: float
+    counts = [count_flight(*one) for one in zip(flights, labels, stated, strict=True)]
+    return Scores(name, "", (0.0,), FlightCounts._fields, np.array(counts, np.float64)[..., None])
 
 
-def count_flight(labels: Labels, stated: IntArray, pieces: Sequence[tuple[int, int]]) -> FlightCounts:
+def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> FlightCounts:
     """Compare the statements of one flight, (n,), with its labels, in each of its pieces."""
     total = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0, 0)
-    for first, end in pieces:
+    for first, end in flight.pieces:
         rows = slice(first, end)
         part = _count_piece(
             labels.times[rows], labels.modes[rows], labels.scored[rows], labels.weights[rows], stated[rows]
         )
         total = FlightCounts._make(a + b for a, b in zip(total, part, strict=True))
     return total
-
-
-def count_flights(
-    flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]
-) -> list[FlightCounts]:
-    """Compare the statements of each flight with its labels."""
-    return [
-        count_flight(label, modes, flight.pieces)
-        for flight, label, modes in zip(flights, labels, stated, strict=True)
-    ]
 
 
 def _count_piece(
@@ -130,61 +128,3 @@ def _count_changes(
     counted = 2 * certain > rows
     false = counted & (ever_right == 0)
     return int(false.sum()), int((false & (turning == rows)).sum()), int(counted.sum())
-
-
-def figures(counts: Sequence[FlightCounts]) -> FlightFigures:
-    """Return the figures of flights."""
-    return FlightFigures(*(float(one) for one in _figures(np.array(counts, np.float64).sum(0))))
-
-
-def bootstrap(counts: Sequence[FlightCounts]) -> dict[str, tuple[float, float]]:
-    """Return a 95 % interval of each figure: flights are drawn with replacement (Efron 1979)."""
-    drawn = _figures(_drawn(counts))
-    return {name: _interval(one) for name, one in zip(FlightFigures._fields, drawn, strict=True)}
-
-
-def paired_agreement(
-    counts: Sequence[FlightCounts], others: Sequence[FlightCounts]
-) -> tuple[float, tuple[float, float]]:
-    """Return the agreement less that of others on the same flights, and its interval as in `bootstrap`."""
-    drawn = _figures(_drawn(counts))[0] - _figures(_drawn(others))[0]
-    return figures(counts).agreement - figures(others).agreement, _interval(drawn)
-
-
-def _drawn(counts: Sequence[FlightCounts]) -> NDArray[np.float64]:
-    """Return sums (fields, draws) over as many flights, drawn with replacement; always the same draws."""
-    values = np.array(counts, np.float64)
-    chosen = np.random.default_rng(0).integers(len(values), size=(DRAWS, len(values)))
-    return np.asarray(values[chosen].sum(1).T)
-
-
-def _interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the 95 % interval of drawn values, NaN if all are."""
-    if np.isnan(values).all():
-        return float("nan"), float("nan")
-    low, high = np.nanquantile(values, (0.025, 0.975))
-    return float(low), float(high)
-
-
-def _figures(sums: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    scored, agreed, labels, missed, delay, false, false_turns, changes = sums
-
-    def over(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), np.nan)
-
-    return [
-        over(agreed, scored),
-        over(delay, labels - missed),
-        over(missed, labels),
-        over(3600.0 * false, scored),
-        over(3600.0 * false_turns, scored),
-        over(changes, labels),
-    ]
-
-
-def unstack(batch: Batch, values: IntArray, lengths: Sequence[int]) -> list[IntArray]:
-    """Return values (T, B) of the pieces as one array (n,) of each flight; 0 outside of the pieces."""
-    flights = [np.zeros(length, values.dtype) for length in lengths]
-    for column, (k, first, end) in enumerate(batch.pieces):
-        flights[k][first:end] = values[: end - first, column]
-    return flights

@@ -1,14 +1,11 @@
 """The figures and tables of deciders for unknown switch moments, from curves with given means."""
 
 import io
-import itertools
 import json
 
 import numpy as np
 import pytest
-from rich.console import Console
-
-from agents.comparison.statement_figure import draw_tradeoff, tradeoff
+from agents.comparison.figures import tradeoff
 from agents.comparison.statement_report import chosen_table, equal_table
 from agents.comparison.statement_study import (
     EQUAL_STATISTICS,
@@ -16,7 +13,6 @@ from agents.comparison.statement_study import (
     StatementEntry,
     StatementPlan,
 )
-from agents.comparison.statement_track_figure import draw_track, record_track, runs, track_figure
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.statement_curve import (
     DELAY,
@@ -28,11 +24,12 @@ from agents.evaluation.statement_curve import (
     WRONG_CHANGES,
     StatementCurve,
     TrackMetrics,
-    sweep_statements,
 )
 from agents.evaluation.statement_table import statement_figures
-from agents.interface.decider_colours import STATEMENT_STYLES
-from baselines import CusumDecider, ThresholdDecider
+from rich.console import Console
+
+from agents.figures.decider_colours import STATEMENT_STYLES
+from baselines import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
 
 OPTIONS = QuickestOptions(ticks=150, durations="uniform 20-40")
@@ -70,25 +67,15 @@ def text_of(table):
     return console.export_text()
 
 
-def test_every_curve_is_labelled_in_both_panels_without_overlap(tmp_path):
-    result = comparison(entry(*REFERENCE), entry(*BETTER), entry(*NEVER_FEW))
-    figure = tradeoff(result)
-    for axes in figure.axes:
-        labels = [text for text in axes.texts if text.get_text()]
-        assert {text.get_text() for text in labels} == {"IMM threshold", "beam", "CUSUM"}
-        boxes = [text.get_window_extent() for text in labels]
-        for one, other in itertools.combinations(boxes, 2):
-            assert not one.overlaps(other)
+def test_both_panels_show_every_decider_with_its_selected_threshold():
+    names = {"IMM threshold", "beam", "CUSUM"}
+    for axes in tradeoff(comparison(entry(*REFERENCE), entry(*BETTER), entry(*NEVER_FEW))).axes:
+        assert {text.get_text() for text in axes.texts if text.get_text()} == names
         box = axes.get_window_extent()
         filled = [line for line in axes.lines if line.get_markersize() == 8]
-        assert len(filled) == 3
+        assert {line.get_color() for line in filled} == {STATEMENT_STYLES[name].colour for name in names}
         for line in filled:
             assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
-            assert line.get_color() in {
-                STATEMENT_STYLES[name].colour for name in ("IMM threshold", "beam", "CUSUM")
-            }
-    draw_tradeoff(result, tmp_path / "compare.png")
-    assert (tmp_path / "compare.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_decider_without_wrong_changes_has_no_point_on_the_logarithmic_axis():
@@ -128,52 +115,3 @@ def test_undefined_figures_are_null_in_json():
     assert second["at_equal_wrong_changes"]["full_delay"] == {"value": None, "low": None, "high": None}
     assert second["curve"]["thresholds"] == [0.4, 0.5, 0.6, 0.8]
     assert second["curve"]["wrong_changes"] == [40.0, 20.0, 6.0, 3.0]
-
-
-@pytest.fixture(scope="module")
-def records():
-    rules = {"IMM threshold": ThresholdDecider(0.6), "CUSUM": CusumDecider(2.0)}
-    return [record_track(name, rule, OPTIONS, 12) for name, rule in rules.items()]
-
-
-def test_a_recorded_track_agrees_with_the_evaluation(records):
-    family = DeciderFamily("x", "p", (0.6,), 0.6, ThresholdDecider)
-    metrics = sweep_statements(family, OPTIONS, 4, 10).metrics[0]
-    true, stated = records[0].statements
-    assert (true == stated).mean() == pytest.approx(metrics.rows[2, ROWS.index("right")])
-    assert records[0].truth.shape == (150, 4)
-    steps = np.hypot(*np.diff(records[0].truth[:, [0, 2]], axis=0).T)
-    assert steps.max() < 2.0 * OPTIONS.speed * OPTIONS.tau
-    error = records[0].measurements - records[0].truth[:, [0, 2]]
-    assert 0.5 < error.std() / np.sqrt(0.1) < 1.5
-    np.testing.assert_array_equal(records[0].truth, records[1].truth)
-
-
-def test_runs_of_equal_values():
-    assert runs(np.array([2, 2, 0, 1, 1, 1])) == [(0, 2, 2), (2, 3, 0), (3, 6, 1)]
-
-
-def test_ribbons_show_modes_and_wrong_statements(records, tmp_path):
-    figure = track_figure(records, OPTIONS, "title")
-    figure.draw_without_rendering()
-    track, timeline = figure.axes
-    assert [label.get_text() for label in timeline.get_yticklabels()] == [
-        "true mode",
-        "IMM threshold",
-        "CUSUM",
-    ]
-    for row, record in enumerate(records, start=1):
-        true, stated = (modes[:, 0] for modes in record.statements)
-        bars = [bar for bar in timeline.patches if round(bar.get_y() + bar.get_height() / 2) == row]
-        assert sum(bar.get_width() for bar in bars) == 150
-        assert sum(bar.get_width() for bar in bars if bar.get_hatch()) == (true != stated).sum()
-        changed = np.flatnonzero(np.diff(stated)) + 1
-        style = STATEMENT_STYLES[record.name]
-        marks = [line for line in track.lines if line.get_marker() == style.marker]
-        filled = {line.get_markerfacecolor() == style.colour: line.get_xdata().size for line in marks}
-        right = (true == stated)[changed]
-        assert filled == {True: right.sum(), False: (~right).sum()}
-    for axes in figure.axes:
-        assert axes.get_legend().get_window_extent().x0 >= axes.get_window_extent().x1 - 1
-    draw_track(records, OPTIONS, "title", tmp_path / "episode.png")
-    assert (tmp_path / "episode.png").read_bytes().startswith(b"\x89PNG")

@@ -4,10 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy import stats
-
-from agents.comparison.episode_figure import record_episode
-from agents.evaluation import evaluate as evaluation
 from agents.evaluation.deciders import FIXED_TIME, DeciderFamily, load_decider
 from agents.evaluation.evaluate import Decisions, confidence_interval, evaluate, share_interval
 from agents.evaluation.operating_curve import (
@@ -19,6 +15,9 @@ from agents.evaluation.operating_curve import (
     sweep,
     ticks_at_accuracy,
 )
+from scipy import stats
+
+from agents.evaluation import evaluate as evaluation
 from baselines import FixedTimeDecider, SPRTDecider
 from hybrid_env import HybridTrackEnv, WorldOptions
 from hybrid_env.checks import ArgumentError
@@ -149,19 +148,6 @@ def test_paired_differences_have_narrower_intervals():
     assert paired.value == pytest.approx(other.value - one.value)
     unpaired = np.hypot(one.high - one.low, other.high - other.low)
     assert paired.high - paired.low < 0.85 * unpaired
-
-
-def test_a_recorded_episode_agrees_with_the_evaluation():
-    decider = SPRTDecider(1e-3)
-    decisions = evaluate(decider, episodes=4, seed=10)
-    record = record_episode("ATE", decider, "hybrid_env:HybridTrack-v0", 12)
-    np.testing.assert_array_equal(record.correct, decisions.correct[2])
-    np.testing.assert_array_equal(np.diff(record.ends, prepend=0), decisions.length[2])
-    np.testing.assert_array_equal(record.decided - (record.ends - decisions.length[2]), decisions.ticks[2])
-    assert record.reward == pytest.approx(decisions.reward[2].mean())
-    assert len(record.trace) == record.ends[-1]
-    error = record.column("estimate_x") - record.column("x"), record.column("estimate_y") - record.column("y")
-    assert (error[0] ** 2 + error[1] ** 2).sum() == pytest.approx(decisions.squared_error[2].sum())
 
 
 def test_dropping_finished_tracks_does_not_change_decisions(monkeypatch):

@@ -5,15 +5,11 @@ import json
 
 import numpy as np
 import pytest
-
-from agents.cli import main
-from agents.evaluation import seeds
 from agents.evaluation.operating_curve import Estimate
 from agents.evaluation.statement_curve import RIGHT, mean_of, sweep_statements
 from agents.evaluation.statement_deciders import beam_family
-from agents.interface.parallel import Workers
 from agents.limits import statement_study
-from agents.limits.statement_figure import NAMES, statement_limits
+from agents.limits.figures import NAMES, statement_limits
 from agents.limits.statement_report import statement_steps_markdown
 from agents.limits.statement_study import (
     BEAM,
@@ -28,6 +24,10 @@ from agents.limits.statement_study import (
 )
 from agents.limits.study import NOISE_LEVELS
 from baselines.rules.metrics import measure_statements
+
+from agents.cli import main
+from agents.interface.parallel import Workers
+from baselines.rules import seeds
 from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions

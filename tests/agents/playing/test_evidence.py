@@ -1,16 +1,23 @@
 """The evidence of each decider, compared with the decisions that it makes."""
 
+import itertools
+
+import gymnasium as gym
 import numpy as np
 import pytest
+import torch
+from agents.evaluation.deciders import load_decider
+from agents.evaluation.statement_deciders import RULES
+from agents.playing.episodes import DECISIONS, Episodes
 from gymnasium import spaces
 
-from agents.evaluation.deciders import load_decider
-from agents.learned.policy import PolicyDecider, make_policy
-from agents.playing.evidence import decider_evidence
-from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
+from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
+from baselines import BeamDecider
+from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
+STATED = "hybrid_env:HybridTrackQuickest-v0"
 
 
 def make_env(correctness="exact"):
@@ -19,11 +26,11 @@ def make_env(correctness="exact"):
 
 def ticks_of(env, decider, count=60):
     """Play, and yield observation, actions and evidence at each tick."""
-    evidence = decider_evidence(decider)
+    evidence = getattr(decider, "evidence", DECISIONS.evidence)
     observation, _ = env.reset(seed=0)
     state, start = None, np.ones(TRACKS, np.bool_)
     for _ in range(count):
-        values = evidence.compute(observation, state, start)
+        values = evidence(observation, state, start)
         assert values.shape == (TRACKS, 7)
         actions, state = decider.predict(observation, state, start)
         yield observation, actions, values
@@ -47,7 +54,7 @@ def policy_decider(actions, threshold):
 def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
     env = make_env(correctness)
     decider = load_decider(name, env.options)
-    (threshold,) = decider_evidence(decider).panel.thresholds
+    (threshold,) = decider.panel().thresholds
     declared = 0
     for observation, actions, values in ticks_of(env, decider):
         level = levels_at(threshold, observation)[:, None]
@@ -63,7 +70,7 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, 
 def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_threshold():
     env = make_env()
     decider = load_decider("ate:1e-4", env.options)
-    panel = decider_evidence(decider).panel
+    panel = decider.panel()
     upper, lower = (threshold.levels[0] for threshold in panel.thresholds)
     assert (upper, lower) == pytest.approx((decider.upper, decider.lower))
     assert panel.legend == "A, B at alpha = 0.0001"
@@ -81,7 +88,7 @@ def test_the_sprt_declares_when_a_ratio_to_the_active_mode_reaches_its_upper_thr
 @pytest.mark.parametrize("actions", [2, 8])
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     decider = policy_decider(actions, threshold=0.001)
-    panel = decider_evidence(decider).panel
+    panel = decider.panel()
     assert panel.curves == ("single" if actions == 2 else "hypothesis")
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
@@ -93,33 +100,74 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
 def test_a_fixed_time_has_the_posterior_without_a_threshold():
     env = make_env()
     decider = load_decider("fixed:20", env.options)
-    panel = decider_evidence(decider).panel
-    assert panel.thresholds == ()
-    assert panel.legend == ""
+    assert not hasattr(decider, "evidence")
+    assert DECISIONS.panel.thresholds == ()
+    assert DECISIONS.panel.legend == ""
     for observation, _, values in ticks_of(env, decider, 25):
         np.testing.assert_allclose(values.sum(axis=1), 1.0)
         likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
         np.testing.assert_array_equal(values.argmax(axis=1), likeliest)
 
 
-@pytest.mark.parametrize("by_type", [True, False])
-def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_type):
-    env = make_env("type" if by_type else "exact")
+@pytest.mark.parametrize("correctness", ["type", "exact"])
+def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(correctness):
+    env = make_env(correctness)
     decider = load_decider("shipped:0.03", env.options)
-    panel = decider_evidence(decider).panel
-    assert panel.curves == ("type" if by_type else "hypothesis")
-    assert panel.legend == "1 - alpha at alpha = 0.03"
+    assert decider.panel().curves == ("type" if correctness == "type" else "hypothesis")
+    assert decider.panel().legend == "1 - alpha at alpha = 0.03"
     for _, _, values in ticks_of(env, decider, 10):
-        own = values[:, [0, 1, 4]] if by_type else values
-        if by_type:  # the best type has 1 - expected loss, which is at most its posterior
-            assert (own.sum(axis=1) <= 1.0 + 1e-9).all()
-        else:
-            np.testing.assert_allclose(own.sum(axis=1), 1.0)
-        assert not by_type or (values[:, 1:4] == values[:, 1:2]).all()
+        if correctness == "exact":
+            np.testing.assert_allclose(values.sum(axis=1), 1.0)
+        else:  # the best type has 1 - expected loss, which is at most its posterior
+            assert (values[:, [0, 1, 4]].sum(axis=1) <= 1.0 + 1e-9).all()
+            assert (values[:, 1:4] == values[:, 1:2]).all()
 
 
 @pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
 def test_the_threshold_is_inside_the_panel(alpha):
-    panel = decider_evidence(load_decider(f"msprt:{alpha}", WorldOptions())).panel
+    panel = load_decider(f"msprt:{alpha}", WorldOptions()).panel()
     low, high = panel.limits
     assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0
+
+
+def stating():
+    return gym.make(STATED, render_mode="rgb_array").unwrapped
+
+
+def test_the_evidence_of_a_policy_is_its_probabilities():
+    torch.manual_seed(0)
+    env = stating()
+    rows, _ = env.reset(seed=0)
+    settings = {"net_arch": [8], "ortho_init": False}
+    policy = make_policy(env.observation_space, env.action_space, settings, layout=QuickestLayout)
+    decider = StatementPolicyDecider(policy)
+    found = decider.evidence(rows[None], None, np.ones(1, np.bool_))
+    logits = decider.logits(rows[None])[0]
+    np.testing.assert_allclose(found, np.exp(logits) / np.exp(logits).sum())
+    assert decider.panel().label == "probability (policy)"
+
+
+@pytest.mark.parametrize("name", [name for name in RULES if not name.startswith("beam")])
+def test_other_rules_have_the_probabilities_of_the_bank(name):
+    other = stating()
+    episodes = Episodes(STATED, {}, name)
+    history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
+    other.reset(seed=0)
+    for _ in range(19):
+        other.step(0)
+    np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
+    assert len(episodes.panel.thresholds) == (name == "threshold")
+
+
+def test_the_evidence_of_a_beam_does_not_change_its_state():
+    env = stating()
+    env.reset(seed=0)
+    decider = BeamDecider(env.options)
+    _, state = decider.predict(decider.observe(env.world))
+    env.step(0)
+    before = state.log_probability.copy()
+    rows, start = decider.observe(env.world), np.zeros(1, np.bool_)
+    found = decider.evidence(rows, state, start)
+    np.testing.assert_array_equal(state.log_probability, before)
+    np.testing.assert_array_equal(found, np.exp(decider.predict(rows, state, start)[1].log_probability))
+    assert decider.panel().thresholds[0].levels == [0.6]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import hybrid_env  # noqa: F401
-from hybrid_env.rendering.figure import Renderer
+from hybrid_env.rendering.evidence import probability_panel
+from hybrid_env.rendering.renderer import Renderer
 from hybrid_env.rendering.window import NoDisplayError, display_available
 
 
@@ -80,4 +81,4 @@ def test_a_missing_display_is_detected(monkeypatch):
 
 
 def test_a_renderer_without_a_window_can_be_closed():
-    Renderer(make("rgb_array").options, human=False).close()
+    Renderer(make("rgb_array").options, human=False, panel=probability_panel()).close()

@@ -1,0 +1,121 @@
+"""What an interrupted comparison leaves behind and goes on from: its agents and finished scores."""
+
+import functools
+import hashlib
+import json
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import agents
+import baselines
+import hybrid_env
+from agents.evaluation.registry import policy_folder
+from agents.interface.output_files import atomic_file, output_folder
+from agents.learned.policy_file import WEIGHTS, package_versions
+from baselines.scoring.scores import Scores
+
+TRAINED = "agents"
+UNFINISHED = "unfinished"
+EXTRA = "extra "
+DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+class Continuation:
+    """Files of a comparison in its output folder.
+
+    `agents` has a run folder for each agent that the comparison trains. `unfinished` has the scores of each
+    decider that has been evaluated, until the comparison is complete. The names contain a digest of
+    everything that determines the content, with the source code: results of other settings are not used.
+
+    Args:
+        settings: plain values of the plan.
+        folder: of its output; None writes nothing.
+    """
+
+    def __init__(self, settings: dict[str, Any], folder: Path | None):
+        self.settings, self.folder = settings, folder
+
+    def run_folder(self, name: str, recipe: dict[str, Any], seed: int) -> Path | None:
+        """Return the run folder of an agent; None without an output folder."""
+        if self.folder is None:
+            return None
+        key = digest([self.settings[part] for part in ("env_id", "options", "steps")] + [recipe])
+        return self.folder / TRAINED / f"{name}-seed{seed}-{key[:8]}"
+
+    def load(self, key: list[Any]) -> tuple[Scores, int, float] | None:
+        """Return what `save` has written for a decider; None if there is no such file, or a damaged one.
+
+        Args:
+            key: plain values that identify the decider, with a digest of its weights.
+        """
+        path = self._path(key)
+        if path is None:
+            return None
+        try:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+                name, symbol = file["names"].tolist()
+                extra = {one.removeprefix(EXTRA): file[one] for one in file if one.startswith(EXTRA)}
+                scores = Scores(
+                    name, symbol, tuple(file["thresholds"].tolist()), tuple(file["columns"].tolist()),
+                    file["values"], extra,
+                )  # fmt: skip
+                return scores, int(file["chosen"]), float(file["selected"])
+        except DAMAGE:
+            return None
+
+    def save(self, key: list[Any], scores: Scores, chosen: int, selected: float) -> None:
+        """Write the scores of a decider, the index of its threshold and its goal on the selection episodes.
+
+        Raises:
+            ArgumentError: the file cannot be written.
+        """
+        path = self._path(key)
+        if path is None:
+            return
+        output_folder("out", path.parent)
+        with atomic_file(path) as part, part.open("wb") as file:
+            extra: dict[str, Any] = {EXTRA + key: array for key, array in scores.extra.items()}
+            np.savez(
+                file, names=np.array([scores.name, scores.symbol]), thresholds=np.array(scores.thresholds),
+                columns=np.array(scores.columns), values=scores.values, chosen=chosen, selected=selected,
+                **extra,
+            )  # fmt: skip
+
+    def finish(self) -> None:
+        """Remove the scores of a complete comparison; the agents stay."""
+        if self.folder is not None:
+            with suppress(OSError):
+                for path in (self.folder / UNFINISHED).glob("*.npz"):
+                    path.unlink()
+                (self.folder / UNFINISHED).rmdir()
+
+    def _path(self, key: list[Any]) -> Path | None:
+        if self.folder is None:
+            return None
+        plan = {name: value for name, value in self.settings.items() if name not in ("deciders", "agents")}
+        return self.folder / UNFINISHED / f"{digest([plan, key])[:16]}.npz"
+
+
+def weights_digest(name: str, switches: str) -> str:
+    """Digest of the weights of 'shipped' or of a run folder; empty for other deciders."""
+    path = policy_folder(name, switches) / WEIGHTS
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def digest(values: Any) -> str:
+    """Digest of plain values together with the source code and the versions of packages."""
+    text = json.dumps([values, _source_digest(), package_versions()], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@functools.cache
+def _source_digest() -> str:
+    content = hashlib.sha256()
+    for package in (hybrid_env, baselines, agents):
+        for path in sorted(Path(package.__path__[0]).rglob("*.py")):
+            content.update(path.read_bytes())
+    return content.hexdigest()

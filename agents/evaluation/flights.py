@@ -1,0 +1,174 @@
+"""Recorded flights: a mode is stated at every position, and compared with labels by hindsight."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.evaluation.registry import SHIPPED, find_decider, policy_folder, split_threshold
+from agents.evaluation.task import Metric
+from baselines.estimation.turn_beam import run_turn_beam
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import Labels
+from baselines.recordings.flights.metrics import STATISTICS
+from baselines.recordings.flights.samples import Samples
+from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
+from baselines.recordings.flights.tiers import SCORED, TIERS
+from baselines.recordings.flights.tracks import FlightTracks
+from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, rules
+from hybrid_env.checks import reject
+
+IntArray = NDArray[np.int64]
+NATIVE, SEMI_REAL = "native", "semi-real"
+AGENT = "agent"
+COMPARED = {NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT), SEMI_REAL: None}
+"""Deciders that are compared by default; in the semi-real form all rules and the shipped agent."""
+
+METRICS = (
+    Metric("agreement", "agreement", STATISTICS["agreement"], 3),
+    Metric("delay", "delay\ns", STATISTICS["delay"], 1, larger_is_better=False),
+    Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0, larger_is_better=False),
+    Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1, larger_is_better=False),
+    Metric(
+        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1,
+        larger_is_better=False,
+    ),
+    Metric(
+        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2, larger_is_better=False
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FlightTask:
+    """What is decided on recorded flights.
+
+    Attributes:
+        source: folder or wheel of the package `traffic`; None for the installed package.
+        identities: of the flights; without any those of `SCORED`.
+        tiers: names of the tiers; of the default flights only these are used.
+        form: "native", the positions as reported, with filters for turn rates; "semi-real", their smoothed
+            path with white noise in the setting of HybridTrackQuickest-v0, with its deciders.
+    """
+
+    source: Path | None
+    identities: tuple[str, ...]
+    tiers: tuple[str, ...]
+    form: str
+
+    def check(self) -> None:
+        """Raise `ArgumentError` if a name is unknown."""
+        for name in self.tiers:
+            if name not in TIERS:
+                raise reject("tier", name, ", ".join(TIERS))
+        if self.form not in COMPARED:
+            raise reject("form", self.form, ", ".join(COMPARED))
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Names of the deciders that are compared by default, the reference first."""
+        return COMPARED[self.form] or tuple(dict.fromkeys(("threshold", *rules(UNKNOWN), SHIPPED)))
+
+    def label(self, name: str) -> str:
+        """Return the name of a decider in figures.
+
+        Raises:
+            ArgumentError: there is no such decider.
+        """
+        base, threshold = split_threshold(name)
+        self.decider(name)
+        if self.form == SEMI_REAL:
+            title = find_decider(name, WORLD)[0].name
+        else:
+            known = rules(FLIGHTS)
+            title = known[base].title if base in known else base
+            if base == AGENT and threshold is not None:
+                title += ", margin"
+        return title if threshold is None else f"{title} {threshold:g}"
+
+    def decider(self, name: str) -> Decider:
+        """Return the decider of a name with an optional threshold.
+
+        Raises:
+            ArgumentError: there is no such decider.
+        """
+        from agents.learned.flight_decider import FlightAgent, load_flight_agent
+
+        if self.form == SEMI_REAL:
+            family, threshold = find_decider(name, WORLD)
+            made: Decider = family.make(threshold)
+            return made
+        base, given = split_threshold(name)
+        known = rules(FLIGHTS)
+        if base in known:
+            family = known[base].family(None)
+            made = family.make(family.default if given is None else given)
+            return made
+        folder = policy_folder(SHIPPED if base == AGENT else base, FLIGHTS)
+        if not folder.is_dir():
+            names = ", ".join((*known, AGENT))
+            raise reject("deciders", name, f"{names} with --flights, or the folder of an agent")
+        return FlightAgent(load_flight_agent(folder), given or 0.0)
+
+    def read(self) -> list[Flight]:
+        """Return the flights of the tiers.
+
+        Raises:
+            ArgumentError: there are no samples, or there is no such flight.
+        """
+        samples = Samples(self.source)
+        wanted = self.identities or tuple(one for tier in self.tiers for one in SCORED[tier])
+        by_file = sorted(dict.fromkeys(wanted))  # the flights of a file one after the other
+        found = {identity: samples.flight(identity) for identity in by_file}
+        flights = [found[identity] for identity in dict.fromkeys(wanted)]
+        flights = [flight for flight in flights if flight.tier.name in self.tiers]
+        if not flights:
+            raise reject("tier", self.tiers, "tiers of the flights")
+        return flights
+
+    def convert(
+        self, flights: Sequence[Flight], labels: Sequence[Labels], seed: int
+    ) -> tuple[list[Flight], list[Labels]]:
+        """Return flights and labels in the form of the task; the seed is that of the noise."""
+        if self.form == SEMI_REAL:
+            return semi_real_flights(flights, labels, np.random.default_rng(seed))
+        return list(flights), list(labels)
+
+    def statements(self, flights: Sequence[Flight]) -> Callable[[str], list[IntArray]]:
+        """Return a function from the name of a decider to its statements on each flight, (n,)."""
+        if self.form == SEMI_REAL:
+            return lambda name: state_semi_real(self.decider(name), flights)
+        filters = _Filters(flights)
+
+        def state(name: str) -> list[IntArray]:
+            decider = self.decider(name)
+            tracks = filters.beam if rules(FLIGHTS).get("beam") is type(decider) else filters.imm
+            return tracks.statements(decider, [len(flight.times) for flight in flights])
+
+        return state
+
+
+class _Filters:
+    """Flights with the output of the filters, each computed once.
+
+    Args:
+        flights: the flights.
+    """
+
+    def __init__(self, flights: Sequence[Flight]):
+        self.batch = stack_flights(flights)
+
+    @cached_property
+    def imm(self) -> FlightTracks:
+        """Tracks whose rows have the probabilities of the IMM."""
+        return FlightTracks(self.batch, run_turn_imm(self.batch))
+
+    @cached_property
+    def beam(self) -> FlightTracks:
+        """Tracks whose rows have the probabilities of the beam."""
+        return FlightTracks(self.batch, self.imm.estimates, run_turn_beam(self.batch))

@@ -1,0 +1,209 @@
+"""Deciders on recorded flights: agreement with labels from a smoother that sees the whole flight."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.evaluation.flights import NATIVE, FlightTask
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import (
+    LabelRules,
+    Labels,
+    label_flights,
+    scored_alike,
+    smoothed_rates,
+)
+from baselines.recordings.flights.metrics import STATISTICS, score_flights
+from baselines.recordings.flights.simulated import twins
+from baselines.recordings.flights.tiers import TIERS, TOGETHER
+from baselines.scoring.scores import Scores
+
+IntArray = NDArray[np.int64]
+
+VARIANTS: dict[str, LabelRules] = {
+    "as used": LabelRules(),
+    "jerk 0.3 m^2/s^5": LabelRules(jerk=0.3),
+    "jerk 3 m^2/s^5": LabelRules(jerk=3.0),
+    "peak 0.5 deg/s": LabelRules(peak=0.5),
+    "peak 1 deg/s": LabelRules(peak=1.0),
+    "bound 0.25 deg/s": LabelRules(bound=0.25),
+    "bound 0.5 deg/s": LabelRules(bound=0.5),
+    "change 10 deg": LabelRules(change=10.0),
+    "change 20 deg": LabelRules(change=20.0),
+}
+"""Settings of the labels whose effect is shown."""
+
+POSITIONS_LATE = (1, 2)
+TWIN_SEED = 20190601
+NOISE_SEED, TWIN_NOISE_SEED = 20190602, 20190603
+
+
+class Sensitivity(NamedTuple):
+    """Effect of one setting of the labels.
+
+    Attributes:
+        name: the setting.
+        same: share of the time, scored with both settings, with the label as used.
+        scored: share of the time that is scored.
+        turns: number of turns.
+        agreement: of the first decider, in the tiers that are compared.
+    """
+
+    name: str
+    same: float
+    scored: float
+    turns: int
+    agreement: float
+
+
+@dataclass(frozen=True, eq=False)
+class FlightComparison:
+    """Results.
+
+    Attributes:
+        task: settings.
+        names: of the deciders, and in figures.
+        flights: the flights, as the deciders see them.
+        labels: of each flight.
+        stated: of each decider and flight, (n,).
+        scores: of each decider.
+        twins: the same on simulated twins.
+        truth: scores of the true modes of the twins against their labels.
+        late: scores of the labels, stated as many positions late as `POSITIONS_LATE` says. The semi-real form
+            has neither, since its labels are those of the native one.
+        sensitivity: of the labels; none in the semi-real form.
+    """
+
+    task: FlightTask
+    names: dict[str, str]
+    flights: list[Flight]
+    labels: list[Labels]
+    stated: dict[str, list[IntArray]]
+    scores: dict[str, Scores]
+    twins: dict[str, Scores]
+    truth: Scores | None
+    late: list[Scores]
+    sensitivity: list[Sensitivity]
+
+    @cached_property
+    def groups(self) -> dict[str, list[int]]:
+        """Indices of the flights of each tier, and of the tiers A to C together."""
+        tiers = {
+            name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name] for name in TIERS
+        }
+        found = [name for name in TOGETHER if tiers[name]]
+        title = "A-C" if len(found) == len(TOGETHER) else "+".join(found)
+        together = {title: [k for name in found for k in tiers[name]]} if len(found) > 1 else {}
+        return {name: rows for name, rows in (tiers | together).items() if rows}
+
+    @cached_property
+    def counted(self) -> list[int]:
+        """Indices of the flights in the totals: all but those of the stress tier, if there are others."""
+        return without_stress(self.flights)
+
+
+def without_stress(flights: Sequence[Flight]) -> list[int]:
+    """Return the indices of the flights that are not of the stress tier; of all if there are no others."""
+    rows = list(range(len(flights)))
+    return [k for k in rows if flights[k].tier.name != "stress"] or rows
+
+
+def compare_on_flights(
+    task: FlightTask, names: dict[str, str], note: Callable[[str], None]
+) -> FlightComparison:
+    """Compare deciders on flights.
+
+    Args:
+        task: settings.
+        names: of the deciders, and in figures.
+        note: called with what is done, `steps` times.
+    """
+    note("reading")
+    flights = task.read()
+    note("labels")
+    labels = label_flights(flights)
+    copies, truth = twins(flights, labels, np.random.default_rng(TWIN_SEED))
+    copied = [scored_alike(*pair) for pair in zip(label_flights(copies), labels, strict=True)]
+    seen = task.convert(flights, labels, NOISE_SEED)
+    stated, scores = _decide(task, names, *seen, note)
+    _, of_twins = _decide(task, names, *task.convert(copies, copied, TWIN_NOISE_SEED), note, "twins, ")
+    sensitivity: list[Sensitivity] = []
+    late: list[Scores] = []
+    of_truth = None
+    if task.form == NATIVE:
+        note("labels with other settings")
+        rows, reference = without_stress(flights), next(iter(stated.values()))
+        sensitivity = label_sensitivity(
+            *([values[k] for k in rows] for values in (flights, labels, reference))  # type: ignore[arg-type]
+        )
+        of_truth = score_flights("truth", flights, copied, [one.modes for one in truth])
+        late = [
+            score_flights(
+                f"{count} late", flights, labels,
+                [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)],
+            )
+            for count in POSITIONS_LATE
+        ]  # fmt: skip
+    return FlightComparison(task, names, *seen, stated, scores, of_twins, of_truth, late, sensitivity)
+
+
+def steps(task: FlightTask, deciders: int) -> int:
+    """Return how often `compare_on_flights` says what is done."""
+    return 2 + 2 * deciders + (task.form == NATIVE)
+
+
+def _decide(
+    task: FlightTask,
+    names: dict[str, str],
+    flights: Sequence[Flight],
+    labels: Sequence[Labels],
+    note: Callable[[str], None],
+    text: str = "",
+) -> tuple[dict[str, list[IntArray]], dict[str, Scores]]:
+    state = task.statements(flights)
+    stated = {}
+    for name, label in names.items():
+        note(f"{text}{label}")
+        stated[name] = state(name)
+    return stated, {name: score_flights(names[name], flights, labels, one) for name, one in stated.items()}
+
+
+def late_modes(flight: Flight, labels: Labels, count: int) -> IntArray:
+    """Return the labels (n,), stated `count` positions late in each piece of the flight."""
+    rows = np.arange(len(flight.times))
+    for first, end in flight.pieces:
+        rows[first:end] = np.maximum(rows[first:end] - count, first)
+    return labels.modes[rows]
+
+
+def label_sensitivity(
+    flights: Sequence[Flight], used: Sequence[Labels], stated: Sequence[IntArray]
+) -> list[Sensitivity]:
+    """Return the effect of each setting of `VARIANTS`.
+
+    Args:
+        flights: the flights.
+        used: their labels.
+        stated: statements of one decider.
+    """
+    smoothed = smoothed_rates(stack_flights(flights), LabelRules().jerk)
+    results = []
+    for name, rules in VARIANTS.items():
+        labels = label_flights(flights, rules, smoothed if rules.jerk == LabelRules().jerk else None)
+        time = scored = both = same = 0.0
+        for one, other in zip(used, labels, strict=True):
+            widths = np.gradient(one.times)
+            time += float(widths.sum())
+            scored += float(widths[other.scored].sum())
+            common = widths * (one.scored & other.scored)
+            both += float(common.sum())
+            same += float(common[one.modes == other.modes].sum())
+        turns = sum(sum(mode != 0 for *_, mode in one.pieces) for one in labels)
+        agreement = float(score_flights(name, flights, labels, stated).curve(STATISTICS["agreement"])[0])
+        results.append(Sensitivity(name, same / both, scored / time, turns, agreement))
+    return results

@@ -1,0 +1,113 @@
+"""Deciders by name: classical rules, the shipped agents, and policies in run folders."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents import learned
+from agents.learned.families import learned_family
+from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN, Decider, DeciderFamily, rules
+from hybrid_env.checks import reject
+
+SHIPPED = "shipped"
+SHIPPED_FOLDERS = {ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights"}
+"""Folders of the weights that come with the package."""
+
+
+def split_threshold(name: str) -> tuple[str, float | None]:
+    """Return the name of a decider and the threshold after its colon, None if there is none.
+
+    Raises:
+        ArgumentError: what follows the colon is not a number.
+    """
+    base, colon, text = name.rpartition(":")
+    if not colon or Path(name).is_dir():
+        return name, None
+    try:
+        return base, float(text)
+    except ValueError:
+        raise reject("decider", name, "a number after the colon") from None
+
+
+def policy_folder(name: str, switches: str) -> Path:
+    """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
+    if name == SHIPPED:
+        return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
+    return Path(name or os.devnull)
+
+
+def find_family(name: str, options: Any) -> DeciderFamily:
+    """Return the family of a classical rule, of the shipped agent or of a run folder, for an environment.
+
+    Args:
+        name: without a threshold.
+        options: of the environment.
+
+    Raises:
+        ArgumentError: an unknown name, an unreadable run folder, a policy for another task or for another
+            number of hypotheses.
+    """
+    known = rules(options.switches)
+    if name in known:
+        return known[name].family(options)
+    folder = policy_folder(name, options.switches)
+    if not folder.is_dir():
+        names = ", ".join(map(repr, (*known, SHIPPED)))
+        raise reject(
+            "decider", name, f"{names} or the path of a run folder, each with an optional ':threshold'"
+        )
+    family = learned_family(folder, options)
+    if name == SHIPPED:
+        family = dataclasses.replace(family, name=SHIPPED)
+    if family.hypotheses not in (None, options.hypotheses):
+        allowed = f"a policy for {options.hypotheses} hypotheses; this one is for {family.hypotheses}"
+        raise reject("decider", name, allowed)
+    return family
+
+
+def find_decider(name: str, options: Any) -> tuple[DeciderFamily, float]:
+    """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2".
+
+    Args:
+        name: of a decider, with an optional threshold after a colon.
+        options: of the environment to decide in.
+
+    Raises:
+        ArgumentError: see `find_family`, or a threshold that is not allowed.
+    """
+    base, threshold = split_threshold(name)
+    family = find_family(base, options)
+    whole = family.symbol == "ticks"
+    if threshold is None:
+        return family, family.default
+    if len(family.thresholds) == 1:
+        raise reject("decider", name, f"{base!r} without a threshold: it has none")
+    if not np.isfinite(threshold) or (whole and threshold % 1):
+        raise reject("decider", name, f"{'a whole' if whole else 'a finite'} number after the colon")
+    return family, threshold
+
+
+def load_decider(name: str, options: Any) -> Decider:
+    """Return the decider of a name with an optional threshold, see `find_decider`.
+
+    Raises:
+        ArgumentError: see `find_decider`, or the environment has not the options that the decider needs.
+    """
+    if getattr(options, "actions", "all") != "all":
+        raise reject("actions", options.actions, "'all': deciders declare hypotheses")
+    family, threshold = find_decider(name, options)
+    for key, value in family.options.items():
+        if str(getattr(options, key)) != value:
+            raise reject(key, getattr(options, key), f"{value!r} for the decider {name!r}")
+    decider: Decider = family.make(threshold)
+    return decider
+
+
+def needed_options(name: str, switches: str) -> Mapping[str, Any]:
+    """Return the options of an environment that a classical rule needs, see `Decider.options`."""
+    rule = rules(switches).get(name.partition(":")[0])
+    return {} if rule is None else rule.options

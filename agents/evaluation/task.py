@@ -1,0 +1,259 @@
+"""A task: what is decided, on which episodes, and what counts; and the one sweep over thresholds."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from baselines.rules.decider import DeciderFamily, as_decider
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores, Statistic
+from hybrid_env.checks import reject
+from hybrid_env.options import ModelOptions
+from hybrid_env.registration import make_track_vector_env
+
+FloatArray = NDArray[np.float64]
+Levels = dict[tuple[str, ...], "Metric"]
+"""Figures of whole operating curves, by their keys in JSON from the outermost on."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of a decider at one threshold, as a column of tables.
+
+    Attributes:
+        name: key in JSON.
+        head: heading, with the unit.
+        statistic: the figure.
+        digits: after the decimal point.
+        scale: factor on the figure in tables.
+        larger_is_better: direction.
+    """
+
+    name: str
+    head: str
+    statistic: Statistic
+    digits: int
+    scale: float = 1.0
+    larger_is_better: bool = True
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What one decider did on E episodes.
+
+    Attributes:
+        figures: (E, F) figures of each episode, see `Task.columns`.
+        samples: values of which quantiles or counts are taken, by name.
+    """
+
+    figures: FloatArray
+    samples: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Task(ABC):
+    """What is decided, in which environment, and what counts.
+
+    Args:
+        env_id: registered id of the environment.
+        given: keyword arguments of the environment, which override those of the id.
+
+    Attributes:
+        switches: task of the deciders, see `baselines.rules.decider`.
+        columns: names of the figures of an episode.
+        metrics: figures of a decider at one threshold, in the order of tables.
+        further: other figures at one threshold, for JSON.
+        goal: figure that thresholds are selected for.
+        notes: lines that explain the metrics below a table.
+        paired: how `against` compares, as a word for headings.
+        reference: name of the rule that others are compared with.
+        compared, agents: names of the deciders that are compared by default.
+        episodes, selection_episodes: default numbers.
+    """
+
+    env_id: str
+    given: Mapping[str, Any]
+
+    switches: ClassVar[str]
+    columns: ClassVar[tuple[str, ...]]
+    metrics: ClassVar[tuple[Metric, ...]]
+    further: ClassVar[Mapping[str, Statistic]] = {}
+    goal: ClassVar[str] = "reward"
+    notes: ClassVar[str] = ""
+    paired: ClassVar[str]
+    reference: ClassVar[str]
+    agents: ClassVar[tuple[str, ...]]
+    episodes: ClassVar[int]
+    selection_episodes: ClassVar[int]
+
+    @cached_property
+    def options(self) -> Any:
+        """All options of the environment, including the defaults of the id."""
+        return self.options_with({})
+
+    def options_with(self, changes: Mapping[str, Any]) -> ModelOptions:
+        """Return all options of the environment with some changes."""
+        return make_track_vector_env(self.env_id, 1, **{**self.given, **changes}).options
+
+    @property
+    def title(self) -> str:
+        """Name of the environment in titles."""
+        return self.env_id.rpartition(":")[2]
+
+    @abstractmethod
+    def size(self, episodes: int) -> str:
+        """Return a number of episodes in words, for titles."""
+
+    def shifted(self) -> dict[str, dict[str, Any]]:
+        """Return name and changed options of the environments of a distribution shift, the nominal one first.
+
+        Raises:
+            ArgumentError: the task has none.
+        """
+        raise reject("shifted", True, f"no --shifted or --drawn in {self.title}")
+
+    @property
+    @abstractmethod
+    def compared(self) -> tuple[str, ...]:
+        """Names of the rules that are compared by default, the reference first."""
+
+    @abstractmethod
+    def check_episodes(self, name: str, episodes: int) -> None:
+        """Raise `ArgumentError` for so many episodes that they fill the memory; `name` is the argument."""
+
+    @abstractmethod
+    def batch(self) -> int:
+        """Return the largest number of episodes that are rolled out at the same time."""
+
+    @abstractmethod
+    def record(
+        self,
+        deciders: Sequence[Any],
+        changes: Mapping[str, Any],
+        episodes: int,
+        seed: int,
+        on_progress: Callable[[float], None],
+    ) -> list[Recorded]:
+        """Roll deciders of one rule out on the same episodes.
+
+        Args:
+            deciders: at different thresholds.
+            changes: options of the environment that they need, see `Decider.options`.
+            episodes: number of episodes, at most `batch`.
+            seed: of the first episode.
+            on_progress: called with the finished share.
+        """
+
+    @abstractmethod
+    def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return arrays by name for `Scores.extra`, from the samples of all episodes at one threshold."""
+
+    @abstractmethod
+    def levels(self, reference: Scores, default: float) -> Levels:
+        """Return figures of whole operating curves.
+
+        Args:
+            reference: scores of the reference.
+            default: its default threshold.
+        """
+
+    @abstractmethod
+    def against(
+        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
+    ) -> dict[str, dict[str, Estimate]]:
+        """Return paired figures of a decider and the reference on the same episodes, by their keys in JSON.
+
+        Args:
+            mine, reference: scores.
+            chosen, of_reference: indices of their selected thresholds.
+            curves: whether both have whole operating curves.
+        """
+
+    def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
+        """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
+        return {}
+
+    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
+        """Return tables of `remarks`."""
+        return []
+
+    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
+        """Return further tables of deciders at one threshold each."""
+        return []
+
+    def statistic(self, name: str) -> Statistic:
+        """Return the statistic of a metric."""
+        return next(metric.statistic for metric in self.metrics if metric.name == name)
+
+    def best(self, scores: Scores) -> int:
+        """Return the index of the threshold that is best for the goal."""
+        return int(scores.curve(self.statistic(self.goal)).argmax())
+
+
+def sweep(
+    task: Task,
+    family: DeciderFamily,
+    episodes: int,
+    seed: int,
+    on_progress: Callable[[float], None] | None = None,
+    thresholds: Sequence[float] | None = None,
+) -> Scores:
+    """Return the scores of a decider at each threshold on the same episodes.
+
+    Args:
+        task: what is decided.
+        family: of the decider.
+        episodes: number of episodes, rolled out in batches.
+        seed: of the first episode; later episodes use consecutive seeds.
+        on_progress: called repeatedly with the finished share.
+        thresholds: to use instead of those of the family.
+
+    Raises:
+        ArgumentError: so many episodes that they would fill the memory.
+    """
+    task.check_episodes("episodes", episodes)
+    used = family.thresholds if thresholds is None else tuple(thresholds)
+    deciders = [family.make(threshold) for threshold in used]
+    together = len(deciders) > 1 and as_decider(deciders[0]).together(deciders[:1]) is not None
+    groups = [deciders] if together else [[decider] for decider in deciders]
+    size, total = task.batch(), episodes * len(deciders)
+    found: list[list[Recorded]] = [[] for _ in used]
+    done = 0
+    for first in range(0, episodes, size):
+        count = min(size, episodes - first)
+        place = 0
+        for group in groups:
+
+            def show(share: float, before: int = done, width: int = count * len(group)) -> None:
+                if on_progress is not None:
+                    on_progress((before + share * width) / total)
+
+            recorded = task.record(group, family.options, count, seed + first, show)
+            for one in recorded:
+                found[place].append(one)
+                place += 1
+            done += count * len(group)
+            show(0.0, done)
+    return gather(task, family, used, found)
+
+
+def gather(
+    task: Task, family: DeciderFamily, thresholds: tuple[float, ...], found: Sequence[Sequence[Recorded]]
+) -> Scores:
+    """Return the scores of a decider from what was recorded in several batches at every threshold."""
+    values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
+    samples = [
+        {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples}
+        for parts in found
+    ]
+    extra = [task.extra(one) for one in samples]
+    return Scores(
+        family.name, family.symbol, thresholds, task.columns, values,
+        {name: np.stack([one[name] for one in extra]) for name in extra[0]},
+    )  # fmt: skip

@@ -1,0 +1,26 @@
+"""The task of an environment."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from agents.evaluation.announced import AnnouncedTask
+from agents.evaluation.task import Task
+from agents.evaluation.unknown import UnknownTask
+from hybrid_env.registration import environment_options
+
+TASKS: tuple[type[Task], ...] = (AnnouncedTask, UnknownTask)
+
+
+def task_of(env_id: str, given: Mapping[str, Any] | None = None) -> Task:
+    """Return the task of an environment.
+
+    Args:
+        env_id: registered id.
+        given: options of the environment that override those of the id.
+
+    Raises:
+        ArgumentError: the id is unknown.
+    """
+    options: Any = environment_options(env_id)
+    kind = next(kind for kind in TASKS if kind.switches == options.switches)
+    return kind(env_id, dict(given or {}))

@@ -1,0 +1,120 @@
+"""Unknown switches: the present mode is stated at every tick."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.evaluation.task import Levels, Metric, Recorded, Task
+from baselines.rules.decider import UNKNOWN, rules
+from baselines.rules.statements import record_together
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores, at_level
+from baselines.scoring.statements import COLUMNS, STATISTICS, Statements, measure_statements
+from hybrid_env.checks import check_integer
+
+LARGEST_BATCH = 1_000_000  # statements, which need about 200 MB with 20 thresholds
+LARGEST_RESULT = 100_000_000  # statements of one threshold
+MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stores their delays
+QUANTILES = (0.5, 0.9)  # of the delays of detected switches
+EQUAL_WRONG_CHANGES = 2.0
+"""Wrong changes per 1,000 ticks at which delays are compared."""
+EQUAL = {
+    name: at_level("wrong_changes", EQUAL_WRONG_CHANGES, STATISTICS[name], falling=True)
+    for name in ("full_delay", "delay", "missed")
+}
+"""Figures at that rate. A decider that has fewer wrong changes from the first threshold on has those of the
+first."""
+
+
+NOTES = """delay: ticks from a switch to the first right statement; 50 and 90 % quantiles.
+missed: switches followed by another one before the new mode was stated.
+delay, all: a switch that is not detected counts until the end of its segment.
+wrong: changes of the statement to a wrong mode per 1,000 ticks.
+changes: of the statement, per switch."""
+
+
+@dataclass(frozen=True)
+class UnknownTask(Task):
+    """Nobody announces switches, and the present mode is stated at every tick."""
+
+    switches: ClassVar = UNKNOWN
+    columns: ClassVar = COLUMNS
+    metrics: ClassVar = (
+        Metric("reward", "reward", STATISTICS["reward"], 4),
+        Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
+        Metric("delay", "delay\nmean", STATISTICS["delay"], 1, larger_is_better=False),
+        Metric("missed", "missed\n%", STATISTICS["missed"], 1, 100.0, larger_is_better=False),
+        Metric("full_delay", "delay,\nall", STATISTICS["full_delay"], 1, larger_is_better=False),
+        Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2, larger_is_better=False),
+        Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2, larger_is_better=False),
+    )
+    notes: ClassVar = NOTES
+    paired: ClassVar = "ratio"
+    reference: ClassVar = "threshold"
+    agents: ClassVar = ("shipped",)
+    episodes: ClassVar = 500
+    selection_episodes: ClassVar = 300
+
+    def size(self, episodes: int) -> str:
+        """See `Task.size`."""
+        return f"{episodes:,} tracks of {self.options.ticks:,} ticks"
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """All rules; see `Task.compared`."""
+        return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
+
+    def check_episodes(self, name: str, episodes: int) -> None:
+        """See `Task.check_episodes`."""
+        options = self.options
+        segments = options.ticks / min(options.law.mean_duration, options.ticks)
+        largest = max(1, int(min(LARGEST_RESULT / options.ticks, MOST_SEGMENTS / segments)))
+        check_integer(name, episodes, maximum=largest)
+
+    def batch(self) -> int:
+        """See `Task.batch`."""
+        return max(1, LARGEST_BATCH // int(self.options.ticks))
+
+    def record(
+        self,
+        deciders: Sequence[Any],
+        changes: Mapping[str, Any],
+        episodes: int,
+        seed: int,
+        on_progress: Callable[[float], None],
+    ) -> list[Recorded]:
+        """See `Task.record`."""
+        found = record_together(deciders, episodes, seed, **vars(self.options_with(changes)))
+        return [self.measured(statements) for statements in found]
+
+    def measured(self, statements: Statements) -> Recorded:
+        """Return the figures of recorded statements."""
+        metrics = measure_statements(statements, self.options.change_cost)
+        return Recorded(metrics.figures, {"delays": metrics.delays})
+
+    def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return quantiles of the delays of the detected switches [ticks], NaN without one."""
+        delays = samples["delays"]
+        quantiles = np.quantile(delays, QUANTILES) if delays.size else np.full(len(QUANTILES), np.nan)
+        return {"delay_quantiles": quantiles}
+
+    def levels(self, reference: Scores, default: float) -> Levels:
+        """Return delays and misses at an equal rate of wrong changes."""
+        heads = {"full_delay": "delay,\nall", "delay": "delay\nof detected", "missed": "missed\n%"}
+        found: Levels = {}
+        for name, head in heads.items():
+            scale = 100.0 if name == "missed" else 1.0
+            found["at_equal_wrong_changes", name] = Metric(name, head, EQUAL[name], 1, scale)
+        return found
+
+    def against(
+        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
+    ) -> dict[str, dict[str, Estimate]]:
+        """Return the ratios of both mean delays at an equal rate of wrong changes."""
+        if not curves:
+            return {}
+        names = ("full_delay", "delay")
+        return {"ratio_to_reference": {name: mine.ratio(reference, EQUAL[name]) for name in names}}

@@ -1,0 +1,11 @@
+"""What the figures of all studies have in common. They are drawn from plain data, not from results.
+
+- `canvas`: an empty figure, the style of its axes, and its file.
+- `decider_colours`: colour and marker of each decider, the same in every figure.
+- `curve_labels`: names beside curves, in place of a legend.
+- `curves`: panels of curves, such as operating curves.
+- `timelines`: modes over time as bars.
+- `tracks`: a track with the decisions or statements of deciders, and a recorded flight.
+
+May import: `hybrid_env` and `agents.interface`.
+"""

@@ -1,0 +1,253 @@
+"""Panels of curves with their names beside them, one curve per decider."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import ArrayLike, NDArray
+
+from agents.figures.canvas import new_canvas, plain_axes
+from agents.figures.curve_labels import label_curves
+from agents.figures.decider_colours import DeciderStyle
+
+FloatArray = NDArray[np.float64]
+LEVEL_STYLE: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
+MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve.
+
+    Attributes:
+        name: written beside it.
+        style: colour and marker.
+        x, y: (K,) points; `Panel.strip` shows those whose y is not finite.
+        bounds: (2, K) lower and upper bound of y, drawn as a band.
+        bars: (2, K) lengths of the bars below and above y.
+        selected: (n, 2) points with large filled markers.
+        size: of the markers [pt], 0 for none.
+        filled: whether the markers are filled.
+        width, dashes: width [pt] and dashes of the line.
+    """
+
+    name: str
+    style: DeciderStyle
+    x: ArrayLike
+    y: ArrayLike
+    bounds: FloatArray | None = None
+    bars: FloatArray | None = None
+    selected: ArrayLike = ()
+    size: float = 4.5
+    filled: bool = False
+    width: float = 1.4
+    dashes: str = "-"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a panel.
+
+    Attributes:
+        label: of the axis.
+        limits: first and last value; None fits the data.
+        ticks: their labels by value; None chooses them.
+        minor: whether there are small ticks between these.
+        log: whether the scale is logarithmic.
+        levels: values that are marked by dashed lines.
+    """
+
+    label: str = ""
+    limits: tuple[float, float] | None = None
+    ticks: Mapping[float, str] | None = None
+    minor: bool = False
+    log: bool = False
+    levels: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel.
+
+    Attributes:
+        title: above it.
+        x, y: axes.
+        curves: in drawing order.
+        strip: y of a line, and y above it where hollow markers stand for points whose y is not finite.
+        unreached: by level of y, a text at the right edge and the styles of the curves that do not reach it.
+    """
+
+    title: str
+    x: Axis
+    y: Axis
+    curves: Sequence[Curve]
+    strip: tuple[float, float] | None = None
+    unreached: Mapping[float, tuple[str, Sequence[DeciderStyle]]] = field(default_factory=dict)
+
+
+def curve_figure(
+    rows: Sequence[Sequence[Panel]],
+    size: tuple[float, float],
+    title: str = "",
+    note: str = "",
+    title_size: float = 12.0,
+    **sharing: Any,
+) -> Figure:
+    """Draw panels of curves. An arrow marks where a curve leaves its panel.
+
+    Args:
+        rows: of panels, equally many in each.
+        size: width and height [in].
+        title, note: above and below all panels.
+        title_size: of the titles of the panels [pt].
+        sharing: arguments `sharex` and `sharey` of `Figure.subplots`.
+    """
+    canvas = new_canvas(size)
+    grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
+    drawn = []
+    for axes, panel in zip(grid.flat, chain(*rows), strict=True):
+        drawn.append((axes, _draw_panel(axes, panel, outer_only=bool(sharing))))
+        axes.set_title(panel.title, fontsize=title_size)
+    if title:
+        canvas.suptitle(title)
+    if note:
+        canvas.supxlabel(note, fontsize=9, color="0.3")
+    canvas.draw_without_rendering()  # fixes the layout
+    for axes, lines in drawn:
+        _mark_edges(axes, [line for line, _ in lines])
+        label_curves(axes, lines, fixed=True)
+    return canvas
+
+
+def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, str]]:
+    """Draw a panel. Returns the lines to label, with their labels.
+
+    outer_only: whether only the outermost panels have labels at their axes.
+    """
+    lines = []
+    missing: dict[float, int] = {}
+    for curve in panel.curves:
+        line = _draw_curve(axes, curve)
+        if panel.strip is not None:
+            marks = _draw_missing(axes, curve, panel.strip[1], missing)
+            line = line if np.isfinite(curve.y).any() else marks[0]
+        lines.append((line, curve.name))
+    if panel.strip is not None:
+        axes.axhline(panel.strip[0], color="0.4", linewidth=0.8)
+    place = axes.get_subplotspec()
+    plain_axes(
+        axes,
+        panel.x.label if place.is_last_row() else "",
+        panel.y.label if place.is_first_col() or not outer_only else "",
+    )
+    for name, axis in (("x", panel.x), ("y", panel.y)):
+        if axis.log:
+            axes.set(**{f"{name}scale": "log"})
+        if axis.ticks is not None:
+            of_axes = getattr(axes, f"{name}axis")
+            of_axes.set_ticks(list(axis.ticks), labels=list(axis.ticks.values()))
+            if axis.minor:
+                of_axes.set_minor_formatter(NullFormatter())
+            else:
+                of_axes.set_ticks([], minor=True)
+        if axis.limits is not None:
+            axes.set(**{f"{name}lim": axis.limits})
+    for level in panel.x.levels:
+        axes.axvline(level, **LEVEL_STYLE)
+    for level in panel.y.levels:
+        axes.axhline(level, **LEVEL_STYLE)
+    for level, (text, styles) in panel.unreached.items():
+        _mark_unreached(axes, level, text, styles)
+    return lines
+
+
+def _draw_curve(axes: Any, curve: Curve) -> Any:
+    """Draw a curve with its band, bars and selected points; return its line."""
+    colour, marker = curve.style.colour, curve.style.marker
+    if curve.bounds is not None:
+        axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
+    if curve.bars is not None:
+        axes.errorbar(curve.x, curve.y, curve.bars, color=colour, linestyle="none", linewidth=1)
+    hollow = {} if curve.filled else {"markerfacecolor": "white", "markeredgewidth": 0.9}
+    (line,) = axes.plot(
+        curve.x, curve.y, color=colour, marker=marker if curve.size else None, markersize=curve.size,
+        linewidth=curve.width, linestyle=curve.dashes, **hollow,
+    )  # fmt: skip
+    for point in np.reshape(curve.selected, (-1, 2)):
+        axes.plot(*point, linestyle="none", color=colour, marker=marker, markersize=8, zorder=5)
+    return line
+
+
+def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
+    """Draw a hollow marker for every point without a finite y, beside those of earlier curves.
+
+    Args:
+        axes: to draw in.
+        curve: of the points.
+        height: y of the markers.
+        missing: number of markers by x, which is increased.
+    """
+    values = np.asarray(curve.x, float)
+    marks = []
+    for x in values[~np.isfinite(curve.y)].tolist():
+        side = -1 if x == values[-1] else 1  # towards the middle of the panel
+        shift = side * MARKER_SPACING * missing.get(x, 0)
+        missing[x] = missing.get(x, 0) + 1
+        offset = ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)
+        marks += axes.plot(
+            x, height, marker=curve.style.marker, markersize=6, color=curve.style.colour,
+            markerfacecolor="white", transform=axes.transData + offset, linestyle="none",
+        )  # fmt: skip
+    return marks
+
+
+def _mark_unreached(axes: Any, level: float, text: str, styles: Sequence[DeciderStyle]) -> None:
+    """Write a text at the right edge, and below it a hollow marker for each style."""
+    edge = axes.get_yaxis_transform()
+    axes.annotate(
+        text, (1.0, level), (6, 3), xycoords=edge, fontsize=8, color="0.3", textcoords="offset points",
+        va="bottom", annotation_clip=False,
+    )  # fmt: skip
+    for index, style in enumerate(styles):
+        shift = ScaledTranslation((10 + 11 * index) / 72, -7 / 72, axes.figure.dpi_scale_trans)
+        axes.plot(
+            1.0, level, transform=edge + shift, marker=style.marker, markersize=6.5, color=style.colour,
+            markerfacecolor="white", clip_on=False,
+        )  # fmt: skip
+
+
+def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
+    """An arrow along a curve wherever it crosses an edge of the axes."""
+    box = axes.get_window_extent()
+    for line in lines:
+        points = axes.transData.transform(line.get_xydata())
+        for start, end in pairwise(points):
+            inside = [box.contains(*point) for point in (start, end)]
+            if inside[0] == inside[1] or not np.isfinite([start, end]).all():
+                continue
+            inner, outer = (start, end) if inside[0] else (end, start)
+            edge = _edge_crossing(inner, outer, box)
+            direction = (outer - inner) / np.hypot(*(outer - inner))
+            ends = axes.transAxes.inverted().transform([edge, edge - 14.0 * direction])
+            arrow = axes.annotate(
+                "", ends[0], ends[1], xycoords="axes fraction", textcoords="axes fraction", zorder=6,
+                arrowprops={
+                    "arrowstyle": "-|>", "color": line.get_color(), "mutation_scale": 11, "linewidth": 1.4,
+                    "shrinkA": 0, "shrinkB": 0,
+                },
+            )  # fmt: skip
+            arrow.set_in_layout(False)
+
+
+def _edge_crossing(inner: FloatArray, outer: FloatArray, box: Any) -> FloatArray:
+    """Point at which a segment from a point inside a box to one outside leaves the box."""
+    step = outer - inner
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.concatenate([(box.min - inner) / step, (box.max - inner) / step])
+    share = min((share for share in shares if 0.0 <= share <= 1.0), default=1.0)
+    return np.asarray(inner + share * step)

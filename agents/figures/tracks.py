@@ -1,0 +1,210 @@
+"""A track in the plane, and below it the true modes and those that deciders declare or state."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from agents.figures.canvas import legend_beside, new_canvas, plain_axes
+from agents.figures.decider_colours import DeciderStyle, decider_styles
+from agents.figures.timelines import (
+    NO_BAR,
+    UNDECIDED,
+    UNDECIDED_COLOUR,
+    IntArray,
+    draw_timelines,
+    runs,
+    wrong_patch,
+)
+from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name, shade
+
+FloatArray = NDArray[np.float64]
+
+TRUE_TRACK = "0.72"
+MEASUREMENT = "0.6"
+MARKER_SIZES = (12.0, 7.0)  # of the first and of the second decider, whose changes may coincide
+MOST_NAMES = 7  # true modes named in the legend
+UNSCORED = "#c8c8c8"
+LABEL_WIDTH, STATED_WIDTH = 6.0, 1.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackRecord:
+    """What a decider declared or stated on a track of T ticks.
+
+    Attributes:
+        name: of the decider.
+        truth, measurements: (T, 2) positions [m].
+        true_modes: (T,) true mode of each tick.
+        modes: (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
+        right: (T,) whether the decision of the tick, or of its segment, is right.
+        marks: (n,) 0-based ticks at which a mode is declared, or the statement changes.
+        switches: (K,) 0-based first tick of each segment if the switches are announced, else None.
+        estimates: (T, 2) estimated positions [m].
+        summary: figures of the decider on this track.
+    """
+
+    name: str
+    truth: FloatArray
+    measurements: FloatArray
+    true_modes: IntArray
+    modes: IntArray
+    right: NDArray[np.bool_]
+    marks: IntArray
+    switches: IntArray | None
+    estimates: FloatArray
+    summary: str
+
+
+def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: str) -> Figure:
+    """The track with the decisions or statements of one or two deciders, and their modes over time.
+
+    Args:
+        records: of the deciders on the same track.
+        radii: (n,) turn radii of the bank [m].
+        title: above.
+    """
+    canvas = new_canvas((11, 8))
+    track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
+    first = records[0]
+    modes = range(2 * len(radii) + 1)
+    colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
+    rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
+    wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
+    edges, label = np.arange(len(first.truth) + 1), "tick of the episode"
+    if first.switches is None:
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
+        shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
+        handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
+        handles.append(wrong_patch("wrong statement"))
+    else:
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
+        handles = [
+            Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
+            wrong_patch("wrong mode"),
+        ]
+    _draw_track(track, records, colours)
+    plain_axes(track, "x, m", "y, m")
+    legend_beside(timeline, handles=handles)
+    canvas.suptitle(title)
+    return canvas
+
+
+def _draw_track(axes: Any, records: Sequence[TrackRecord], colours: Sequence[str]) -> None:
+    """Draw the track, and the estimates and declarations or the changes of the statements of each decider."""
+    first = records[0]
+    announced = first.switches is not None
+    words: tuple[str, ...] = ("right change", "wrong change")
+    handles, sizes = [], MARKER_SIZES
+    if announced:
+        handles += axes.plot(*first.truth.T, color=TRUE_TRACK, linewidth=4, label="true track", zorder=1)
+        sizes, words = (9.0, 9.0), ("estimate", "correct decision", "wrong decision")
+    else:
+        for begin, end, mode in runs(first.true_modes):
+            axes.plot(*first.truth[begin : end + 1].T, color=colours[mode], linewidth=3, zorder=2)
+    handles += axes.plot(
+        *first.measurements[::4].T, ".", color=MEASUREMENT, markersize=2.5, zorder=1 + announced,
+        label="every fourth measurement",
+    )  # fmt: skip
+    if announced:
+        switches = first.truth[first.switches].T
+        handles += axes.plot(*switches, "|", color="0.2", markersize=12, zorder=4, label="mode switch")
+    labels = [line.get_label() for line in handles]
+    styles = decider_styles([record.name for record in records])
+    for record, size in zip(records, sizes, strict=False):
+        style = styles[record.name]
+        if announced:
+            handles += axes.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3)
+        handles += _draw_marks(axes, record, style, size)
+        labels += [f"{record.name}: {what}" for what in words]
+    if announced:
+        low, high = first.truth.min(0), first.truth.max(0)
+        margin = 0.08 * max(high - low)
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    axes.set_aspect("equal", adjustable="box" if announced else "datalim")
+    legend_beside(axes, handles=handles, labels=labels)
+
+
+def _draw_marks(axes: Any, record: TrackRecord, style: DeciderStyle, size: float) -> list[Any]:
+    """Draw filled markers at right decisions and hollow ones at wrong decisions; return both."""
+    handles = []
+    for right in (True, False):
+        ticks = record.marks[record.right[record.marks] == right]
+        handles += axes.plot(
+            *record.truth[ticks].T, linestyle="none", marker=style.marker, markersize=size, zorder=5,
+            color=style.colour, markerfacecolor=style.colour if right else "white", markeredgewidth=1.6,
+        )  # fmt: skip
+    return handles
+
+
+def recording_figure(
+    points: FloatArray,
+    minutes: FloatArray,
+    pieces: Sequence[tuple[int, int]],
+    labels: IntArray,
+    stated: Mapping[str, IntArray],
+    names: Sequence[str],
+    title: str,
+) -> Figure:
+    """A recorded track by the modes of the first decider over the labels, and all modes over time.
+
+    Args:
+        points: (n, 2) positions [km].
+        minutes: (n,) times [min].
+        pieces: first row and row after the last of each piece without gaps.
+        labels: (n,) modes 0 .. 2 of the labels, 3 where they do not count; a wide pale line.
+        stated: statements (n,) of each decider by name; a thin line for the first.
+        names: of the modes.
+        title: above.
+    """
+    width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
+    tall = float(np.clip(9.0 * height / width, 3.5, 8.0))
+    bars = 0.8 + 0.3 * (1 + len(stated))
+    canvas = new_canvas((10.0, tall + bars + 1.2))
+    ground, timeline = canvas.subplots(2, 1, height_ratios=(tall, bars))
+    name, modes = next(iter(stated.items()))
+    pale = [shade(colour, 0.6) for colour in TYPE_COLOURS] + [UNSCORED]
+    _draw_by_mode(ground, points, pieces, labels, pale, linewidths=LABEL_WIDTH, zorder=1)
+    _draw_by_mode(ground, points, pieces, modes, TYPE_COLOURS, linewidths=STATED_WIDTH, zorder=2)
+    ground.plot(*points[0], "s", color="black", markersize=5, zorder=3)
+    ground.set_aspect("equal", adjustable="datalim")
+    ground.autoscale_view()
+    ground.grid(alpha=0.25)
+    ground.set(xlabel="x east [km]", ylabel="y north [km]")
+    inside = np.zeros(len(minutes), np.bool_)
+    for first, end in pieces:
+        inside[first : end - 1] = True  # the last position ends the last bar
+    rows = {one: np.where(inside, values, NO_BAR) for one, values in {"label": labels, **stated}.items()}
+    edges = np.append(minutes, minutes[-1])
+    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
+    canvas.suptitle(title)
+    handles = [
+        *(Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)),
+        Line2D([], [], color=pale[1], linewidth=LABEL_WIDTH, label="pale: label"),
+        Line2D([], [], color=UNSCORED, linewidth=LABEL_WIDTH, label="not scored"),
+    ]
+    canvas.legend(handles=handles, loc="outside right upper", frameon=False, title=f"line: {name}")
+    return canvas
+
+
+def _draw_by_mode(
+    axes: Any,
+    points: FloatArray,
+    pieces: Sequence[tuple[int, int]],
+    modes: IntArray,
+    colours: Sequence[str],
+    **style: Any,
+) -> None:
+    """Draw a line through the points of each piece, in the colour of the mode of each point."""
+    lines, shades = [], []
+    for first, end in pieces:
+        for begin, stop, mode in runs(modes[first:end]):
+            lines.append(points[max(first + begin - 1, first) : first + stop])
+            shades.append(colours[mode])
+    axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))

@@ -1,0 +1,175 @@
+"""Figures of the radar study: a flight with its measurements, errors of all filters, KF CV as published."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+
+from agents.reproduction.canvas import DARK_GREY, GREY, TRUTH, label_lines, new_figure, style_map
+from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
+from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
+from baselines.papers.novospaskyi.study import Example
+from baselines.papers.novospaskyi.tables import NOISE_NAMES, as_published
+from baselines.papers.reproduction import Cell, Reproduction
+
+RADAR = "#AA3377"
+PUBLISHED_CV = as_published("KF CV")
+COLOURS = {
+    UNFILTERED: GREY, "g-h": "#CCBB44", "KF CV": "#4477AA", "KF CA": "#EE6677", "KF CJ": "#228833",
+}  # fmt: skip
+SHOWN: dict[Noise, dict[str, str]] = {
+    "gaussian": {"g-h": "#CCBB44", "KF CA": "#EE6677", "CV": "#4477AA"},
+    "levy": {"KF CA": "#EE6677", "CV": "#4477AA", "CV, Huber": "#228833"},
+}
+"""Estimates in the figure of the flight, with their colours."""
+
+WINDOW = 16
+"""Measurements in the enlarged part of the flight."""
+
+
+def draw(result: Reproduction) -> dict[str, Figure]:
+    """Return the figures by their file names."""
+    example: Example = result.examples["flight"]
+    return {
+        "novospaskyi_flight.png": _flight(result, example),
+        "novospaskyi_errors.png": _errors(result),
+        "novospaskyi_kf_cv.png": _anomaly(result, example),
+    }
+
+
+def _flight(result: Reproduction, example: Example) -> Figure:
+    """The flight with its radars (as figures 2.1.3 and 2.1.4), and its strongest turn for each noise."""
+    figure, axes = new_figure(
+        f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km", (16.0, 5.8),
+        (1.0, 1.0, 1.0),
+    )  # fmt: skip
+    _draw_map(axes[0], example)
+    first = _strongest_turn(example)
+    for part, noise in zip(axes[1:], NOISES, strict=True):
+        _draw_turn(part, example, noise, first)
+    return figure
+
+
+def _draw_map(axes: Any, example: Example) -> None:
+    axes.plot(*example.flight.positions[:, :2].T / 1000.0, color=TRUTH, linewidth=1.5, label="flight")
+    measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
+    axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
+    radars = example.scan.radars[:, :2] / 1000.0
+    axes.plot(*radars.T, "^", color=RADAR, markersize=9, label="radars")
+    for radar in radars:
+        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
+    style_map(axes, "Flight from above, Gaussian noise", "km")
+    label_lines(axes)
+
+
+def _strongest_turn(example: Example) -> int:
+    """First measurement of the window in which the velocity changes most."""
+    velocity = example.scan.velocities
+    changes = np.linalg.norm(velocity[WINDOW:] - velocity[:-WINDOW], axis=1)
+    spans = example.scan.times[WINDOW:] - example.scan.times[:-WINDOW]
+    return int(np.where(spans <= WINDOW, changes, -1.0).argmax()) if len(changes) else 0
+
+
+def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
+    window = slice(first, first + WINDOW)
+    times = example.scan.times[window]
+    states = example.flight.states_at(np.linspace(times[0], times[-1], 200))[0]
+    axes.plot(*states[:, :2].T, color=TRUTH, linewidth=3.0, label="flight")
+    for name, colour in SHOWN[noise].items():
+        positions = example.estimates[noise][name][0][window]
+        axes.plot(*positions[:, :2].T, ".-", color=colour, linewidth=1.3, markersize=5, label=name)
+    measured = example.tracks[noise].measurements[0, window, :2]
+    low, high = states[:, :2].min(0) - 70.0, states[:, :2].max(0) + 70.0
+    axes.plot(*measured.T, "x", color=DARK_GREY, markersize=5)
+    outside = int(((measured < low) | (measured > high)).any(1).sum())
+    hidden = f", {outside} outside" if outside else ""
+    axes.set(
+        title=f"Strongest turn, {NOISE_NAMES[noise]}\n(crosses: measurements{hidden})", xlabel="x [m]",
+        ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]),
+    )  # fmt: skip
+    axes.grid(alpha=0.25)
+    label_lines(axes)
+
+
+def _errors(result: Reproduction) -> Figure:
+    """RMSE of every filter with both noises, as figures 3.3.1 to 3.3.5."""
+    figure, axes = new_figure(
+        f"{result.paper}: RMSE on the test flights; thin lines: 95 % of studies of this size",
+        (17.0, 6.4), (1.0, 1.0, 1.0, 1.0),
+    )  # fmt: skip
+    for index, noise in enumerate(NOISES):
+        for place, metric in enumerate(("position RMSE, m", "velocity RMSE, m/s")):
+            _draw_bars(axes[2 * index + place], result, noise, metric)
+    axes[1].legend(
+        handles=[Patch(facecolor="white", edgecolor=DARK_GREY, hatch="////", label="published"),
+                 Patch(facecolor=DARK_GREY, label="ours, as in the thesis"),
+                 Patch(facecolor="#88CCEE", label="ours, sound and robust")],
+        loc="lower right", fontsize=8,
+    )  # fmt: skip
+    return figure
+
+
+def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> None:
+    thesis = _cells(result, TABLES[noise], metric)
+    sound = [
+        cell
+        for cell in _cells(result, f"Sound settings, {NOISE_NAMES[noise]}", metric)
+        if not (metric.startswith("velocity") and cell.row == UNFILTERED)
+    ]
+    names = [cell.row for cell in (*thesis, *sound)]
+    rows = np.arange(len(names), dtype=np.float64)
+    ours = rows[: len(thesis)]
+    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *FILTERS)])
+    axes.barh(
+        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
+        hatch="////", linewidth=0.6,
+    )  # fmt: skip
+    _bars(axes, rows[len(thesis) :], sound, ["#88CCEE"] * len(sound))
+    axes.axhline(len(thesis) - 0.5, color="0.6", linewidth=0.8)
+    axes.set_yticks(rows, names)
+    axes.invert_yaxis()
+    axes.set(xlabel=metric.replace(", ", " [") + "]", title=NOISE_NAMES[noise])
+    if metric.startswith("velocity"):
+        ticks = [5, 10, 20, 40, 100, 400]
+        axes.set_xscale("log")
+        axes.set_xticks(ticks, [str(tick) for tick in ticks])
+        axes.set_xlim(4.0, 600.0)
+        axes.minorticks_off()
+    axes.grid(axis="x", alpha=0.25)
+
+
+def _bars(axes: Any, places: Any, cells: Sequence[Cell], colours: Sequence[str]) -> None:
+    values = np.array([cell.ours for cell in cells])
+    spread = np.array([[cell.ours - cell.low, cell.high - cell.ours] for cell in cells]).T
+    axes.barh(places, values, 0.36, color=colours, xerr=np.maximum(spread, 0.0), error_kw={"elinewidth": 1.0})
+
+
+def _cells(result: Reproduction, table: str, metric: str) -> list[Cell]:
+    return [cell for cell in result.tables[table] if cell.column == metric]
+
+
+def _anomaly(result: Reproduction, example: Example) -> Figure:
+    """Velocity and position errors of KF CV with the published and with the tuned parameters."""
+    figure, axes = new_figure(
+        f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise",
+        (14.0, 5.0), (1.0, 1.0),
+    )  # fmt: skip
+    tracks, times = example.tracks["gaussian"], example.scan.times
+    truths = tracks.positions[0], tracks.velocities[0]
+    labels = ("error of the position on x [m]", "error of the velocity on x [m/s]")
+    for part, index, label in zip(axes, (0, 1), labels, strict=True):
+        for name, text, colour, width in (
+            (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9),
+            ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6),
+        ):
+            error = (example.estimates["gaussian"][name][index] - truths[index])[:, 0]
+            part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4, label=text)
+        part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        part.set(xlabel="time [s]", ylabel=label)
+        part.grid(alpha=0.25)
+        label_lines(part)
+    axes[0].set_title("The position follows each measurement")
+    axes[1].set_title("The velocity error changes sign at each measurement")
+    return figure

@@ -1,0 +1,182 @@
+"""The posterior of the mode some ticks ago, by fixed-lag smoothing on the beam of switch histories.
+
+A branch of the beam is a pair of mode and age, so its history before its last switch is a mixture. Here every
+branch also carries the probabilities of the modes at the last ticks, given that the branch is right. A branch
+that continues keeps them; one that begins has the mean of its parents, weighted by the probabilities with
+which they switched. Later measurements change the weights of the branches and nothing else, so by Bayes' rule
+the mean over the branches is the posterior of the mode at an earlier tick, given all measurements so far.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.beam_filters import FIRST
+from baselines.rules.beam import BeamDecider, BeamState
+from baselines.rules.decider import UNKNOWN, Actions, Decider
+from hybrid_env.checks import check_integer, reject
+from hybrid_env.core.compilation import compiled, prepare
+
+FloatArray = NDArray[np.float64]
+LONGEST_LAG = 10_000  # ticks
+
+
+class BranchTable(NamedTuple):
+    """The branches of N tracks, at most B for each, without their filters.
+
+    Attributes:
+        modes, ages, rows: (N, B) as in `beam_filters.Branches`. No two branches of a track have the same
+            three.
+        log_weights: (N, B) logarithms of the probabilities of the branches.
+        counts: (N,) number of branches.
+    """
+
+    modes: NDArray[np.int64]
+    ages: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    log_weights: FloatArray
+    counts: NDArray[np.int64]
+
+
+class SmootherState(NamedTuple):
+    """State of N tracks between two calls of `BeamSmoother.predict`.
+
+    Attributes:
+        beam: of the beam.
+        table: its branches.
+        past: (N, B, K + 1, M) probability of each mode 0, ..., K ticks ago, given each branch.
+        spare: memory of the same shape for the next tick.
+    """
+
+    beam: BeamState
+    table: BranchTable
+    past: FloatArray
+    spare: FloatArray
+
+
+@compiled
+def carry_past(
+    before: BranchTable, now: BranchTable, past: FloatArray, carried: FloatArray, hazards: FloatArray
+) -> None:
+    """Give the branches of a tick the probabilities of the modes at the last ticks.
+
+    Args:
+        before, now: branches at the tick before and at this one.
+        past: (N, B, K + 1, M) of the tick before, see `SmootherState`.
+        carried: the same of this tick, written.
+        hazards: (2, ages) as in `beam_filters.BeamModel`.
+    """
+    weights = np.empty(before.modes.shape[1])
+    for track in range(now.counts.size):
+        for c in range(now.counts[track]):
+            mode, age, row = now.modes[track, c], now.ages[track, c], now.rows[track, c]
+            target = carried[track, c]
+            target[:] = 0.0
+            target[0, mode] = 1.0
+            if age > 1:
+                for b in range(before.counts[track]):
+                    if (
+                        before.modes[track, b] == mode
+                        and before.ages[track, b] == age - 1
+                        and before.rows[track, b] == row
+                    ):
+                        target[1:] = past[track, b, :-1]
+                        break
+            elif row != FIRST:
+                largest = -np.inf
+                for b in range(before.counts[track]):
+                    parent = before.rows[track, b], before.ages[track, b]
+                    hazard = hazards[parent[0], min(parent[1], hazards.shape[1]) - 1]
+                    weights[b] = -np.inf
+                    if hazard > 0.0 and before.modes[track, b] != mode:
+                        weights[b] = before.log_weights[track, b] + math.log(hazard)
+                        largest = max(largest, weights[b])
+                total = 0.0
+                for b in range(before.counts[track]):
+                    if weights[b] > -np.inf:
+                        weight = math.exp(weights[b] - largest)
+                        total += weight
+                        target[1:] += weight * past[track, b, :-1]
+                if total > 0.0:
+                    target[1:] /= total
+
+
+class BeamSmoother(Decider):
+    """A beam that also gives the posterior of the mode at each tick, given measurements of later ticks.
+
+    It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits
+    could know. Every track has one episode, and all begin together.
+
+    Args:
+        beam: a beam whose histories are merged.
+        lags: numbers of ticks.
+
+    Raises:
+        ArgumentError: a lag is out of range, or the histories are not merged.
+    """
+
+    task = UNKNOWN
+    observes = "tracks"
+
+    def __init__(self, beam: BeamDecider, lags: Sequence[int]):
+        if not beam.model.merged:
+            raise reject("merged", beam.model.merged, "True: branches are found by their mode and age")
+        self.beam = beam
+        self.lags = tuple(check_integer("lags", lag, 0, LONGEST_LAG) for lag in lags)
+        self._found: dict[int, list[FloatArray]] = {}
+        self._state: SmootherState | None = None
+
+    def observe(self, tracks: Any) -> FloatArray:
+        """See `BeamDecider.observe`."""
+        return self.beam.observe(tracks)
+
+    def predict(
+        self,
+        observation: FloatArray,
+        state: SmootherState | None = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, SmootherState]:
+        """See `BeamDecider.predict`; without a state, a new recording begins."""
+        actions, beam_state = self.beam.predict(observation, None if state is None else state.beam)
+        now = _table(beam_state)
+        if state is None:
+            shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
+            state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
+            self._found = {lag: [] for lag in self.lags}
+        arguments = state.table, now, state.past, state.spare, self.beam.model.hazards
+        prepare(carry_past, *arguments)
+        carry_past(*arguments)
+        self._state = SmootherState(beam_state, now, state.spare, state.past)
+        for lag, found in self._found.items():
+            found.append(self._posterior(lag))  # without meaning before there are so many ticks
+        return actions, self._state
+
+    def _posterior(self, lag: int) -> FloatArray:
+        """Return the posterior of the mode some ticks ago, (N, M)."""
+        assert self._state is not None
+        weights = np.exp(self._state.table.log_weights)
+        return np.einsum("nb,nbm->nm", weights, self._state.past[:, :, lag])
+
+    def posterior(self, lag: int) -> FloatArray:
+        """Return the posteriors of all ticks so far, (T, N, M).
+
+        Args:
+            lag: one of the lags; fewer ticks later for the last ticks.
+        """
+        found = self._found[lag]
+        last = [self._posterior(later) for later in reversed(range(min(lag, len(found))))]
+        return np.array(found[lag:] + last)
+
+
+def _table(state: BeamState) -> BranchTable:
+    """Return a copy of the branches of a beam; branches that are not used have no weight."""
+    branches = state.branches
+    weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
+    weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
+    return BranchTable(
+        branches.modes.copy(), branches.ages.copy(), branches.rows.copy(), weights, branches.counts.copy()
+    )

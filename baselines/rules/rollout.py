@@ -1,0 +1,102 @@
+"""The loop around an environment and a decider: all rollouts of the project go through it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions, Observations, as_decider
+
+DROPPED_BELOW = 0.8
+"""Finished tracks are no longer passed to the decider once fewer than this fraction are unfinished."""
+
+
+class VectorEnvironment(Protocol):
+    """What a rollout needs of an environment of N tracks: Gymnasium's `VectorEnv` with its arrays."""
+
+    num_envs: int
+
+    @property
+    def world(self) -> Any:
+        """Arrays of the tracks, for deciders that observe more than rows."""
+
+    def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode on every track."""
+
+    def step(self, actions: Actions) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Step every track."""
+
+
+@dataclass
+class Now:
+    """The present tick of a rollout, before the decider is asked.
+
+    Attributes:
+        step: number of steps so far.
+        observation: (N, width) rows of the present tick.
+        seen: what the decider will read: the rows, or what it observes of the arrays.
+        state: of the decider.
+        starts: (N,) True where an episode begins.
+        terminated: (N,) True where the last step ended an episode.
+        actions: (N,) of the last step; zeros before the first.
+        rewards: (N,) of the last step.
+        info: of the last step or the reset.
+    """
+
+    step: int
+    observation: Observations
+    seen: NDArray[Any]
+    state: Any
+    starts: NDArray[np.bool_]
+    terminated: NDArray[np.bool_]
+    actions: Actions
+    rewards: NDArray[np.float64]
+    info: dict[str, Any]
+
+
+def rollout(
+    env: VectorEnvironment, model: Any, seed: int, unfinished: NDArray[np.bool_] | None = None
+) -> Iterator[Now]:
+    """Run a decider on an environment, without end: yield every tick before the decider is asked.
+
+    In the body of the loop the environment is at the tick that was yielded, with the results of the last
+    step; the decider is asked and the environment stepped when the loop goes on.
+
+    Args:
+        env: environment of N tracks; its autoreset mode says what follows an episode.
+        model: a decider, see `as_decider`.
+        seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
+        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no
+            longer passed to deciders that can drop tracks. Without it all count.
+    """
+    decider = as_decider(model)
+    rows, info = env.reset(seed=seed)
+    running = np.arange(env.num_envs)  # tracks passed to the decider
+    drops = unfinished is not None
+    actions = np.zeros(env.num_envs, np.int64)
+    now = Now(
+        0, rows, rows, None, np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_), actions,
+        np.zeros(env.num_envs), info,
+    )  # fmt: skip
+    while True:
+        now.seen = now.observation if decider.observes == "rows" else decider.observe(env.world)
+        yield now
+        if drops and unfinished is not None:
+            left = unfinished[running]
+            if np.count_nonzero(left) < DROPPED_BELOW * running.size:
+                kept = decider.select_tracks(now.state, left)
+                drops = kept is not NotImplemented
+                if drops:
+                    now.state, running = kept, running[left]
+                    actions[:] = 0
+        seen, starts = now.seen, now.starts
+        if running.size < env.num_envs:
+            seen, starts = seen[running], starts[running]
+        chosen, now.state = decider.predict(seen, now.state, starts, deterministic=True)
+        actions[running] = chosen
+        now.actions = actions.copy()
+        now.observation, now.rewards, now.terminated, _, now.info = env.step(actions)
+        now.starts = now.terminated
+        now.step += 1

@@ -1,0 +1,82 @@
+"""Point estimates with confidence intervals over episodes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+FloatArray = NDArray[np.float64]
+RESAMPLES = 2000  # of the bootstrap
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A point estimate with its 95 % confidence interval.
+
+    Attributes:
+        value: point estimate; infinite where a level is not reached, NaN where nothing was counted.
+        low, high: bounds of the confidence interval.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def as_json(self) -> dict[str, float | None]:
+        """Return finite numbers, and None for others."""
+        return {name: number if np.isfinite(number) else None for name, number in vars(self).items()}
+
+
+def confidence_interval(
+    episodes: FloatArray,
+    confidence: float = 0.95,
+    seed: int = 0,
+    of_means: Callable[[FloatArray], Any] = lambda means: means,
+) -> tuple[float, float]:
+    """Return the percentile bootstrap confidence interval of a function of means over episodes.
+
+    Whole episodes are resampled (Efron 1979), because the decisions within an episode are dependent.
+
+    Args:
+        episodes: (E, ...) figures of each episode.
+        confidence: level of the interval.
+        seed: of the bootstrap.
+        of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples for which it
+            is NaN do not count.
+    """
+    if len(episodes) < 2 or np.ptp(episodes, axis=0).max() == 0.0:
+        value = float(of_means(episodes.mean(0)))
+        return value, value
+
+    def statistic(index: NDArray[np.int64], axis: int) -> Any:
+        return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
+
+    found = stats.bootstrap(
+        (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile",
+        confidence_level=confidence, rng=seed,
+    ).bootstrap_distribution  # fmt: skip
+    if np.isnan(found).all():
+        return float("nan"), float("nan")
+    low, high = np.nanquantile(found, (0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence))
+    return float(low), float(high)
+
+
+def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Return the confidence interval of a mean share, as `confidence_interval`, also if no episode differs.
+
+    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability
+    that an episode has the share 1; the mean share is at least this probability. The same holds for 0.
+
+    Args:
+        shares: (E,) share of decisions in each episode, from 0 to 1.
+        confidence: level of the interval.
+        seed: of the bootstrap.
+    """
+    if shares[0] in (0.0, 1.0) and (shares == shares[0]).all():
+        test = stats.binomtest(int(shares.sum()), len(shares))
+        interval = test.proportion_ci(confidence, method="wilson")
+        return float(interval.low), float(interval.high)
+    return confidence_interval(shares, confidence, seed)

@@ -1,0 +1,219 @@
+"""The scores of a decider: figures of every episode at every threshold, and what follows from them.
+
+Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its
+confidence interval, and the paired interval of a difference between two deciders on the same episodes.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
+
+FloatArray = NDArray[np.float64]
+NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A function of means over episodes.
+
+    Attributes:
+        columns: names of the figures that it needs, see `Scores`.
+        function: from the means of these figures, (..., K) each, to (..., K), or to (...) if it reads the
+            whole operating curve. `NOT_REACHED` stands for infinity, NaN for nothing counted.
+        share: it is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
+    """
+
+    columns: tuple[str, ...]
+    function: Callable[..., FloatArray]
+    share: bool = False
+
+
+def mean(column: str, share: bool = False) -> Statistic:
+    """Return the mean of a figure over episodes."""
+    return Statistic((column,), lambda means: means, share)
+
+
+def ratio(numerator: str, denominator: str, factor: float = 1.0) -> Statistic:
+    """Return the quotient of two means, times a factor; NaN where the denominator is 0."""
+    return Statistic((numerator, denominator), lambda a, b: factor * quotient(a, b))
+
+
+def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
+    """Return numerator / denominator, NaN where the denominator is not positive."""
+    positive = denominator > 0.0
+    return np.where(positive, numerator / np.where(positive, denominator, 1.0), np.nan)
+
+
+def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
+    """Return a statistic where the operating curve first reaches a level of a figure.
+
+    The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` beyond the level.
+
+    Args:
+        measure: the figure, which rises with the thresholds.
+        level: of the figure.
+        statistic: at every threshold.
+        falling: the figure falls with the thresholds.
+    """
+    sign = -1.0 if falling else 1.0
+    return Statistic(
+        (measure, *statistic.columns),
+        lambda means, *others: value_at_level(sign * means, sign * level, statistic.function(*others)),
+    )
+
+
+def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> FloatArray:
+    """Return values (...) at the first threshold at which a measure reaches a level.
+
+    They are interpolated linearly from the threshold before; the value is `NOT_REACHED` below the level.
+
+    Args:
+        measure, values: (..., thresholds).
+        level: of the measure.
+    """
+    reached = measure >= level
+    right = reached.argmax(-1)
+    left = np.maximum(right - 1, 0)
+
+    def pick(values: FloatArray, index: NDArray[np.int64]) -> FloatArray:
+        return np.take_along_axis(values, index[..., None], -1)[..., 0]
+
+    step = pick(measure, right) - pick(measure, left)
+    fraction = np.where(step > 0, (level - pick(measure, left)) / np.where(step > 0, step, 1.0), 1.0)
+    crossing = pick(values, left) + fraction * (pick(values, right) - pick(values, left))
+    return np.where(reached.any(-1), crossing, NOT_REACHED)
+
+
+def interpolated(measure: str, level: float, column: str) -> Statistic:
+    """Return the mean of a figure where the mean of another has a level.
+
+    The curve is interpolated linearly between thresholds and extrapolated with its first and last values.
+
+    Args:
+        measure: the other figure, which rises with the thresholds.
+        level: of this figure.
+        column: the figure.
+    """
+
+    def function(means: FloatArray, values: FloatArray) -> FloatArray:
+        pairs = zip(means.reshape(-1, means.shape[-1]), values.reshape(-1, means.shape[-1]), strict=True)
+        return np.array([np.interp(level, *pair) for pair in pairs]).reshape(means.shape[:-1])
+
+    return Statistic((measure, column), function, share=True)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Figures of one decider on E episodes at K thresholds.
+
+    Attributes:
+        name: of the decider, in tables.
+        symbol: of its threshold.
+        thresholds: K thresholds.
+        columns: names of F figures.
+        values: (E, F, K) figures.
+        extra: arrays (K, ...) by name, of what is no mean over episodes, such as quantiles.
+    """
+
+    name: str
+    symbol: str
+    thresholds: tuple[float, ...]
+    columns: tuple[str, ...]
+    values: FloatArray
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    @property
+    def episodes(self) -> int:
+        """Number E of episodes."""
+        return len(self.values)
+
+    def of(self, column: str, index: int) -> FloatArray:
+        """Return a figure of each episode at one threshold, (E,)."""
+        return self.values[:, self.columns.index(column), index]
+
+    def at(self, index: int) -> "Scores":
+        """Return the scores of a single threshold."""
+        extra = {name: array[index : index + 1] for name, array in self.extra.items()}
+        chosen = self.thresholds[index : index + 1]
+        return replace(
+            self, thresholds=chosen, values=np.ascontiguousarray(self.values[..., index, None]), extra=extra
+        )
+
+    def some(self, episodes: Sequence[int]) -> "Scores":
+        """Return the scores on some of the episodes, without `extra`."""
+        return replace(self, values=self.values[list(episodes)], extra={})
+
+    def curve(self, statistic: Statistic) -> FloatArray:
+        """Return a statistic at every threshold, (K,), or a number if it depends on the whole curve."""
+        return np.asarray(statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0)))
+
+    def estimate(self, statistic: Statistic, index: int | None = None) -> Estimate:
+        """Return a statistic with its confidence interval.
+
+        Args:
+            statistic: the statistic.
+            index: of the threshold; None for a statistic of the whole curve, or of a single threshold.
+        """
+        rows = self._rows(statistic, index)
+        found = _estimate(rows, lambda means: _number(statistic, means))
+        if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
+            return Estimate(found.value, *share_interval(np.full(len(rows), found.value)))
+        return found
+
+    def difference(
+        self,
+        other: "Scores",
+        statistic: Statistic,
+        index: int | None = None,
+        of_other: int | None = None,
+        combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
+    ) -> Estimate:
+        """Return the difference self - other on the same episodes, with its paired interval.
+
+        Args:
+            other: scores on the same episodes.
+            statistic: the statistic of both.
+            index, of_other: of the thresholds, see `estimate`.
+            combine: another function of both than the difference.
+        """
+        mine, theirs = self._rows(statistic, index), other._rows(statistic, of_other)
+        split = mine.shape[-1]
+
+        def of_means(means: FloatArray) -> Any:
+            parts = means[..., :split], means[..., split:]
+            return combine(*(_number(statistic, part) for part in parts))
+
+        return _estimate(np.concatenate([mine, theirs], axis=-1), of_means)
+
+    def ratio(self, other: "Scores", statistic: Statistic) -> Estimate:
+        """Return the quotient self / other of a statistic of the whole curve, with its paired interval.
+
+        It is infinite where one of the two does not reach the statistic.
+        """
+
+        def divide(mine: FloatArray, theirs: FloatArray) -> FloatArray:
+            return np.where(np.maximum(mine, theirs) < NOT_REACHED, quotient(mine, theirs), NOT_REACHED)
+
+        return self.difference(other, statistic, combine=divide)
+
+    def _rows(self, statistic: Statistic, index: int | None = None) -> FloatArray:
+        """Return the figures that a statistic needs, (E, columns, thresholds)."""
+        rows = self.values[:, [self.columns.index(name) for name in statistic.columns]]
+        return rows if index is None else rows[..., index, None]
+
+
+def _number(statistic: Statistic, means: FloatArray) -> FloatArray:
+    """Return a statistic of the whole curve, or of a single threshold, (...)."""
+    value = statistic.function(*np.moveaxis(means, -2, 0))
+    return value if value.ndim == means.ndim - 2 else value[..., 0]
+
+
+def _estimate(episodes: FloatArray, of_means: Callable[[FloatArray], Any]) -> Estimate:
+    numbers = float(of_means(episodes.mean(0))), *confidence_interval(episodes, of_means=of_means)
+    return Estimate(*(math.copysign(math.inf, one) if abs(one) > NOT_REACHED / 2 else one for one in numbers))

@@ -1,0 +1,159 @@
+"""A timeline of statements beside a timeline of true modes: right ticks, delays, misses, wrong changes."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.scoring.scores import Statistic, mean, quotient, ratio
+from hybrid_env.checks import check_positive, reject
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = (
+    "right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed",
+    "undetected",
+)  # fmt: skip
+"""Figures of a track: two shares of ticks, changes to a wrong mode per 1,000 ticks, then sums. "delay" is the
+sum of the delays of the detected switches, "undetected" the number of ticks after a switch on which the new
+mode has not been stated yet."""
+
+STATISTICS: dict[str, Statistic] = {
+    "reward": mean("reward"),
+    "right": mean("right"),
+    "delay": ratio("delay", "detected"),
+    "missed": Statistic(("missed", "detected"), lambda missed, detected: quotient(missed, missed + detected)),
+    "full_delay": ratio("undetected", "switches"),
+    "wrong_changes": mean("wrong_changes"),
+    "change_ratio": ratio("stated_changes", "switches"),
+}
+"""Figures by name: mean reward of a tick; share of right ticks; mean delay of the detected switches [ticks];
+share of missed switches; mean delay of all switches [ticks], where one that is not detected counts until the
+end of its segment; wrong changes per 1,000 ticks; changes of the statement per switch."""
+
+
+class Statements(NamedTuple):
+    """What was true and what was stated on N tracks of T ticks.
+
+    Attributes:
+        true_modes: (T, N).
+        stated_modes: (T, N).
+    """
+
+    true_modes: NDArray[np.int64]
+    stated_modes: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class StatementMetrics:
+    """Metrics of N tracks of T ticks. Means over tracks are the figures; tracks are independent.
+
+    Attributes:
+        right: (N,) share of ticks with a right statement.
+        reward: (N,) mean reward of a tick.
+        wrong_changes: (N,) changes of the statement to a wrong mode per 1,000 ticks.
+        stated_changes: (N,) number of changes of the statement.
+        switches: (N,) number of switches.
+        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first
+            tick of the new mode. A switch is detected if the new mode is stated before the next switch.
+        delay_tracks: (D,) track of each delay.
+        missed: (N,) number of switches that are followed by another one before they are detected. An
+            undetected last switch of a track is neither detected nor missed.
+        undetected: (N,) number of ticks after a switch before the new mode is stated first. A switch that is
+            not detected counts until the next one, or until the end of the track.
+    """
+
+    right: FloatArray
+    reward: FloatArray
+    wrong_changes: FloatArray
+    stated_changes: NDArray[np.int64]
+    switches: NDArray[np.int64]
+    delays: NDArray[np.int64]
+    delay_tracks: NDArray[np.int64]
+    missed: NDArray[np.int64]
+    undetected: NDArray[np.int64]
+
+    @property
+    def figures(self) -> FloatArray:
+        """Figures of each track, (N, 9), see `COLUMNS`."""
+        tracks = len(self.right)
+        delay = np.bincount(self.delay_tracks, self.delays, tracks)
+        detected = np.bincount(self.delay_tracks, minlength=tracks)
+        return np.stack(
+            [
+                self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches, delay,
+                detected, self.missed, self.undetected,
+            ],
+            axis=1,
+        )  # fmt: skip
+
+    def value(self, name: str) -> float:
+        """Return a figure of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
+        statistic = STATISTICS[name]
+        means = self.figures.mean(0)
+        return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
+
+    def delay_quantiles(self, *levels: float) -> FloatArray:
+        """Return quantiles of the delays of detected switches [ticks], NaN without one."""
+        if not self.delays.size:
+            return np.full(len(levels), np.nan)
+        return np.asarray(np.quantile(self.delays, levels))
+
+
+def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:
+    """Measure recorded statements.
+
+    Args:
+        statements: modes of T >= 1 ticks and N >= 1 tracks.
+        change_cost: cost of a change to a wrong mode, as in the environment.
+
+    Raises:
+        ArgumentError: the arrays have no equal shape (T, N), or the cost is negative.
+    """
+    true, stated = (np.asarray(modes) for modes in statements)
+    if true.ndim != 2 or true.shape != stated.shape or not true.size:
+        raise reject("statements", (true.shape, stated.shape), "two arrays of the same shape (T, N)")
+    change_cost = check_positive("change_cost", change_cost, allow_zero=True)
+    right = true == stated
+    changed, switched = (np.diff(modes, axis=0, prepend=modes[:1]) != 0 for modes in (stated, true))
+    wrong = changed & ~right
+    times = np.arange(len(true))[:, None]
+    last_switch, last_right = (
+        np.maximum.accumulate(np.where(flags, times, -1), axis=0) for flags in (switched, right)
+    )
+    delays, delay_tracks, missed = _detections(switched, right)
+    return StatementMetrics(
+        right=right.mean(0),
+        reward=(right - change_cost * wrong).mean(0),
+        wrong_changes=1000.0 * wrong.mean(0),
+        stated_changes=changed.sum(0),
+        switches=switched.sum(0),
+        delays=delays,
+        delay_tracks=delay_tracks,
+        missed=missed,
+        undetected=(last_right < last_switch).sum(0),
+    )
+
+
+def _detections(
+    switched: NDArray[np.bool_], right: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the delays (D,), their tracks (D,), and the number of missed switches of each track (N,).
+
+    Args:
+        switched: (T, N) True at the first tick of a new mode.
+        right: (T, N) True where the statement is right.
+    """
+    ticks, tracks = switched.shape
+    times = np.arange(ticks)[:, None]
+    # for every tick the next one, itself included, with a right statement, and the next with a switch
+    next_right, next_switch = (
+        np.minimum.accumulate(np.where(flags, times, ticks)[::-1], axis=0)[::-1]
+        for flags in (right, switched)
+    )
+    end = np.vstack([next_switch[1:], np.full((1, tracks), ticks)])  # of the segment that begins at a switch
+    detected = switched & (next_right < end)
+    missed = switched & ~detected & (end < ticks)
+    when, which = np.nonzero(detected)
+    return next_right[detected] - when, which, missed.sum(0)

@@ -1,0 +1,140 @@
+"""The palette of the deciders: distinct colours, also with colour blindness, and apart from the modes."""
+
+import itertools
+
+import numpy as np
+import pytest
+from agents.evaluation.deciders import CLASSICAL, SHIPPED, bayes_family
+from agents.evaluation.statement_deciders import RULES
+from matplotlib.colors import to_rgb
+
+from agents.figures.decider_colours import (
+    FURTHER_STYLES,
+    STATEMENT_STYLES,
+    STYLES,
+    decider_style,
+    decider_styles,
+    name_without_seed,
+)
+from hybrid_env import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+
+RADII = tuple(map(float, range(1, 11)))
+VISION = {
+    "normal": np.eye(3),
+    # Machado, Oliveira and Fernandes 2009, severity 1
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+}
+
+
+def oklab(colour, vision):
+    """Perceptual coordinates (Ottosson 2020) of a colour, in hundredths; 2 is just noticeable."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    cones = np.cbrt(
+        np.array(
+            [
+                [0.4122214708, 0.5363325363, 0.0514459929],
+                [0.2119034982, 0.6806995451, 0.1073969566],
+                [0.0883024619, 0.2817188376, 0.6299787005],
+            ]
+        )
+        @ np.clip(np.array(VISION[vision]) @ linear, 0.0, 1.0)
+    )
+    return (
+        100.0
+        * np.array(
+            [
+                [0.2104542553, 0.7936177850, -0.0040720468],
+                [1.9779984951, -2.4285922050, 0.4505937099],
+                [0.0259040371, 0.7827717662, -0.8086757660],
+            ]
+        )
+        @ cones
+    )
+
+
+def difference(one, other, vision="normal"):
+    return float(np.linalg.norm(oklab(one, vision) - oklab(other, vision)))
+
+
+def test_perceptual_difference_of_black_and_white_is_100():
+    assert difference("#000000", "#ffffff") == pytest.approx(100.0, abs=0.01)
+
+
+def test_every_classical_rule_and_the_shipped_agent_has_a_style_of_its_own():
+    names = [family.name for family in CLASSICAL.values()] + [
+        bayes_family(WorldOptions()).name,
+        SHIPPED,
+        "ppo",
+    ]
+    assert set(names) <= set(STYLES)
+    assert len({style.colour for style in STYLES.values()}) == len(STYLES)
+    assert len({style.marker for style in STYLES.values()}) == len(STYLES)
+
+
+def test_rules_that_state_modes_have_colours_of_the_palette_that_no_agent_has():
+    options = QuickestOptions()
+    assert {make(options).name for make in RULES.values()} <= set(STATEMENT_STYLES)
+    agents = [STYLES[name] for name in ("ppo", "anchor", SHIPPED)]
+    styles = [*STATEMENT_STYLES.values(), *agents]
+    assert {style.colour for style in styles} <= {style.colour for style in STYLES.values()}
+    assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == len(styles)
+    assert decider_style("beam") == STATEMENT_STYLES["beam"]
+
+
+@pytest.mark.parametrize("vision", VISION)
+def test_deciders_are_distinguishable(vision):
+    for one, other in itertools.combinations(STYLES.values(), 2):
+        assert difference(one.colour, other.colour, vision) > 10.0, (one, other)
+
+
+@pytest.mark.parametrize("style", [*STYLES.values(), *FURTHER_STYLES], ids=str)
+def test_no_decider_has_the_colour_of_a_mode(style):
+    modes = [mode_colour(mode, RADII) for mode in range(2 * len(RADII) + 1)]
+    for mode in (*TYPE_COLOURS, *modes):
+        assert difference(style.colour, mode) > 8.0, mode
+
+
+@pytest.mark.parametrize("vision", ["protanopia", "deuteranopia"])
+def test_no_decider_has_the_colour_of_a_mode_type_with_colour_blindness(vision):
+    for style in STYLES.values():
+        for mode in TYPE_COLOURS:
+            assert difference(style.colour, mode, vision) > 5.5, (style, mode)
+
+
+def test_lines_are_visible_on_white():
+    for style in (*STYLES.values(), *FURTHER_STYLES):
+        assert difference(style.colour, "#ffffff") > 20.0, style
+
+
+def test_training_seeds_and_default_run_folders_have_the_style_of_their_recipe():
+    for name in ("ppo seed 3", "ppo-seed3", "HybridTrack-v0-ppo-seed0", "HybridTrackBank-v0-ppo-seed12"):
+        assert decider_style(name) == STYLES["ppo"]
+    assert name_without_seed("anchor seed 1") == "anchor"
+    assert name_without_seed("seed") == "seed"
+
+
+def test_unknown_names_have_stable_styles():
+    assert decider_style("my agent") == decider_style("my agent")
+    assert decider_style("my agent") in FURTHER_STYLES
+    assert len(set(FURTHER_STYLES)) == len(FURTHER_STYLES)
+
+
+def test_styles_of_one_figure_differ():
+    names = [*STYLES, "ppo seed 1", "ppo seed 2", *(f"agent {number}" for number in range(12))]
+    styles = decider_styles(names)
+    assert list(styles) == names
+    assert len(set(styles.values())) == len(names)
+    assert all(styles[name] == STYLES[name] for name in STYLES)
+    assert len(decider_styles(f"agent {number}" for number in range(40))) == 40
