@@ -10,7 +10,6 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from hybrid_env import (
     HybridTrackEnv,
     HybridTrackQuickestEnv,
-    HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
     Layout,
     QuickestLayout,
@@ -154,30 +153,6 @@ def test_one_sensor_of_variance_r_is_the_plain_world():
         np.testing.assert_allclose(rows, others, atol=2e-4)
         actions = np.where(generator.random(9) < 0.05, generator.integers(1, 4, 9), 0)
         rows, others = plain.step(actions)[0], sensed.step(actions)[0]
-
-
-MAKERS = [(HybridTrackEnv, HybridTrackVectorEnv), (HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv)]
-
-
-@pytest.mark.parametrize("name", [*WORLDS, "levy", "student"])
-@pytest.mark.parametrize(("single", "vector"), MAKERS)
-def test_a_track_of_a_vector_environment_equals_a_single_one_bit_for_bit(name, single, vector):
-    options = (WORLDS | {"levy": {"noise": "levy 1.5 1 44"}, "student": {"noise": "student_t 3"}})[name]
-    many = vector(9, **options)
-    ones = [single(**options) for _ in range(9)]
-    rows, _ = many.reset(seed=30)
-    for k, env in enumerate(ones):
-        np.testing.assert_array_equal(env.reset(seed=30 + k)[0], rows[k])
-    generator = np.random.default_rng(1)
-    for _ in range(150):
-        actions = np.where(generator.random(9) < 0.05, generator.integers(0, 3, 9), 0)
-        rows, rewards, terminated, *_ = many.step(actions)
-        for k, env in enumerate(ones):
-            row, reward, ended, *_ = env.step(int(actions[k]))
-            np.testing.assert_array_equal(row, rows[k])
-            assert (reward, ended) == (rewards[k], terminated[k])
-        if terminated.any():
-            break
 
 
 @pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
