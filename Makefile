@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types study coverage pythons docs clean
+.PHONY: compare test lint types study coverage bench pythons docs clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -28,6 +28,10 @@ study: $(INSTALLED)
 # lines of the three packages that the quick tests run; compiled functions are left out
 coverage: $(INSTALLED)
 	$(BIN)/python -m pytest -n 2 --cov --cov-report=term $(ARGS)
+
+# speed beside CartPole and filterpy: make bench ARGS="single vector"
+bench: $(INSTALLED)
+	$(BIN)/python -m tools.bench $(ARGS)
 
 # the quick tests with every other Python that is at hand, each in an environment of its own
 OTHER_PYTHONS ?= python3.12 python3.13 python3.14

@@ -14,7 +14,6 @@ from typing import Any
 import gymnasium as gym
 import tyro
 
-from agents.benchmark.command import Bench
 from agents.evaluation.compare_command import Compare
 from agents.evaluation.evaluate_command import Evaluate
 from agents.evaluation.limits_command import Limits
@@ -35,7 +34,6 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
-    "bench": Bench,
 }
 EXAMPLES = {
     "": (
@@ -87,10 +85,6 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
-    ),
-    "bench": (
-        "hybridtrack bench",
-        "hybridtrack bench single vector                    # some groups",
     ),
 }
 """Lines below the help of each command; a test parses them."""

@@ -2,9 +2,11 @@
 
 import importlib.util
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from setuptools import find_packages
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -37,6 +39,13 @@ def test_without_a_url_words_remain_and_pictures_are_left_out(description):
     assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]+)\)", text))
     assert "![" not in text
     assert "- Start in five minutes and the environments" in text
+
+
+def test_the_wheel_has_the_three_packages_only():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    chosen = settings["tool"]["setuptools"]["packages"]["find"]["include"]
+    packages = {name.partition(".")[0] for name in find_packages(str(ROOT), include=chosen)}
+    assert packages == {"hybrid_env", "baselines", "agents"}
 
 
 def test_the_readme_is_short():

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
 AGENTS = ("interface", "figures", "learned", "evaluation", "training")
-STUDIES = ("comparison", "limits", "reproduction", "benchmark", "recordings", "playing", "tuning")
+STUDIES = ("reproduction", "recordings", "tuning")
 SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 

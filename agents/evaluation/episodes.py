@@ -133,7 +133,8 @@ class Episodes:
             key: trace[:, [columns[f"{key}x"], columns[f"{key}y"]]] for key in ("", "measured_", "estimate_")
         }
         common: dict[str, Any] = {
-            "name": name, "truth": positions[""], "measurements": positions["measured_"], "true_modes": true
+            "name": name, "truth": positions[""], "measurements": positions["measured_"], "true_modes": true,
+            "estimates": positions["estimate_"],
         }  # fmt: skip
         if not self.announced:
             return TrackRecord(
@@ -141,8 +142,7 @@ class Episodes:
                 modes=stated,
                 right=true == stated,
                 marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])),
-                switches=np.zeros(0, np.int64),
-                estimates=None,
+                switches=None,
                 summary=_summary(true, stated, self.env.options.change_cost),
             )
         decisions = history.decisions
@@ -158,7 +158,6 @@ class Episodes:
             right=np.repeat(correct, lengths),
             marks=switches + ticks - 1,
             switches=switches,
-            estimates=positions["estimate_"],
             summary=f"{rewards.mean():+.2f}",
         )
 

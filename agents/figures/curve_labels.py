@@ -21,7 +21,7 @@ END_COST = 0.05  # cost of a pixel between a label and the end of its curve
 Mask = NDArray[np.bool_]
 
 
-def label_curves(axes: Any, curves: Sequence[tuple[Any, str]]) -> list[Any]:
+def label_curves(axes: Any, curves: Sequence[tuple[Any, str]], *, fixed: bool = False) -> list[Any]:
     """Write the name of each curve beside it, in its colour.
 
     Labels overlap neither curves nor markers nor each other, as long as there is free space. A label that
@@ -31,11 +31,13 @@ def label_curves(axes: Any, curves: Sequence[tuple[Any, str]]) -> list[Any]:
     Args:
         axes: of a figure with an Agg canvas.
         curves: pairs of a `Line2D` of these axes and its label.
+        fixed: whether the figure has been drawn since its layout was last changed.
 
     Returns:
         The annotations, in the order of the curves.
     """
-    axes.figure.draw_without_rendering()  # fixes the layout
+    if not fixed:
+        axes.figure.draw_without_rendering()
     box = axes.get_window_extent()
     shape = int(box.height / CELL), int(box.width / CELL)
     masks = {line: _line_mask(line, box, shape) for line in axes.lines if line.get_visible()}

@@ -117,9 +117,10 @@ def curve_figure(
         canvas.suptitle(title)
     if note:
         canvas.supxlabel(note, fontsize=9, color="0.3")
+    canvas.draw_without_rendering()  # fixes the layout
     for axes, lines in drawn:
         _mark_edges(axes, [line for line, _ in lines])
-        label_curves(axes, lines)
+        label_curves(axes, lines, fixed=True)
     return canvas
 
 
@@ -222,7 +223,6 @@ def _mark_unreached(axes: Any, level: float, text: str, styles: Sequence[Decider
 
 def _mark_edges(axes: Any, lines: Sequence[Any]) -> None:
     """An arrow along a curve wherever it crosses an edge of the axes."""
-    axes.figure.draw_without_rendering()  # fixes the layout
     box = axes.get_window_extent()
     for line in lines:
         points = axes.transData.transform(line.get_xydata())

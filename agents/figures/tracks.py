@@ -45,8 +45,8 @@ class TrackRecord:
         modes: (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
         right: (T,) whether the decision of the tick, or of its segment, is right.
         marks: (n,) 0-based ticks at which a mode is declared, or the statement changes.
-        switches: (K,) 0-based first tick of each segment, if the switches are announced; else empty.
-        estimates: (T, 2) estimated positions [m], if the decisions change them.
+        switches: (K,) 0-based first tick of each segment if the switches are announced, else None.
+        estimates: (T, 2) estimated positions [m].
         summary: figures of the decider on this track.
     """
 
@@ -57,8 +57,8 @@ class TrackRecord:
     modes: IntArray
     right: NDArray[np.bool_]
     marks: IntArray
-    switches: IntArray
-    estimates: FloatArray | None
+    switches: IntArray | None
+    estimates: FloatArray
     summary: str
 
 
@@ -75,74 +75,60 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     first = records[0]
     modes = range(2 * len(radii) + 1)
     colours, names = ([of(mode, radii) for mode in modes] for of in (mode_colour, mode_name))
-    styles = decider_styles([record.name for record in records])
     rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
     edges, label = np.arange(len(first.truth) + 1), "tick of the episode"
-    if len(first.switches):
-        _draw_announced(track, records, styles)
+    if first.switches is None:
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
+        shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
+        handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
+        handles.append(wrong_patch("wrong statement"))
+    else:
         draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
         handles = [
             Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
             wrong_patch("wrong mode"),
         ]
-    else:
-        _draw_unknown(track, records, styles, colours)
-        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
-        shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
-        handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
-        handles.append(wrong_patch("wrong statement"))
+    _draw_track(track, records, colours)
     plain_axes(track, "x, m", "y, m")
     legend_beside(timeline, handles=handles)
     canvas.suptitle(title)
     return canvas
 
 
-def _draw_announced(axes: Any, records: Sequence[TrackRecord], styles: Mapping[str, DeciderStyle]) -> None:
-    """Draw the track, its switches, and the estimates and decisions of each decider."""
+def _draw_track(axes: Any, records: Sequence[TrackRecord], colours: Sequence[str]) -> None:
+    """Draw the track, and the estimates and declarations or the changes of the statements of each decider."""
     first = records[0]
-    x, y = first.truth.T
-    handles = axes.plot(x, y, color=TRUE_TRACK, linewidth=4, label="true track", zorder=1)
-    handles += _draw_measurements(axes, first, zorder=2)
+    announced = first.switches is not None
+    words: tuple[str, ...] = ("right change", "wrong change")
+    handles, sizes = [], MARKER_SIZES
+    if announced:
+        handles += axes.plot(*first.truth.T, color=TRUE_TRACK, linewidth=4, label="true track", zorder=1)
+        sizes, words = (9.0, 9.0), ("estimate", "correct decision", "wrong decision")
+    else:
+        for begin, end, mode in runs(first.true_modes):
+            axes.plot(*first.truth[begin : end + 1].T, color=colours[mode], linewidth=3, zorder=2)
     handles += axes.plot(
-        *first.truth[first.switches].T, "|", color="0.2", markersize=12, zorder=4, label="mode switch"
-    )
-    labels = [line.get_label() for line in handles]
-    for record in records:
-        assert record.estimates is not None
-        style = styles[record.name]
-        handles += axes.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3)
-        handles += _draw_marks(axes, record, style, 9)
-        labels += [f"{record.name}: {what}" for what in ("estimate", "correct decision", "wrong decision")]
-    margin = 0.08 * max(np.ptp(x), np.ptp(y))
-    axes.set(xlim=(x.min() - margin, x.max() + margin), ylim=(y.min() - margin, y.max() + margin))
-    axes.set_aspect("equal")
-    legend_beside(axes, handles=handles, labels=labels)
-
-
-def _draw_unknown(
-    axes: Any, records: Sequence[TrackRecord], styles: Mapping[str, DeciderStyle], colours: Sequence[str]
-) -> None:
-    """Draw the track in the colours of the true modes, and the changes of the statements of each decider."""
-    first = records[0]
-    handles = _draw_measurements(axes, first, zorder=1)
-    for begin, end, mode in runs(first.true_modes):
-        axes.plot(*first.truth[begin : end + 1].T, color=colours[mode], linewidth=3, zorder=2)
-    labels = [handles[0].get_label()]
-    for record, size in zip(records, MARKER_SIZES, strict=False):
-        handles += _draw_marks(axes, record, styles[record.name], size)
-        labels += [f"{record.name}: {what}" for what in ("right change", "wrong change")]
-    axes.set_aspect("equal", adjustable="datalim")
-    legend_beside(axes, handles=handles, labels=labels)
-
-
-def _draw_measurements(axes: Any, record: TrackRecord, zorder: int) -> list[Any]:
-    return list(
-        axes.plot(
-            *record.measurements[::4].T, ".", color=MEASUREMENT, markersize=2.5, zorder=zorder,
-            label="every fourth measurement",
-        )
+        *first.measurements[::4].T, ".", color=MEASUREMENT, markersize=2.5, zorder=1 + announced,
+        label="every fourth measurement",
     )  # fmt: skip
+    if announced:
+        switches = first.truth[first.switches].T
+        handles += axes.plot(*switches, "|", color="0.2", markersize=12, zorder=4, label="mode switch")
+    labels = [line.get_label() for line in handles]
+    styles = decider_styles([record.name for record in records])
+    for record, size in zip(records, sizes, strict=False):
+        style = styles[record.name]
+        if announced:
+            handles += axes.plot(*record.estimates.T, color=style.colour, linewidth=1.2, zorder=3)
+        handles += _draw_marks(axes, record, style, size)
+        labels += [f"{record.name}: {what}" for what in words]
+    if announced:
+        low, high = first.truth.min(0), first.truth.max(0)
+        margin = 0.08 * max(high - low)
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    axes.set_aspect("equal", adjustable="box" if announced else "datalim")
+    legend_beside(axes, handles=handles, labels=labels)
 
 
 def _draw_marks(axes: Any, record: TrackRecord, style: DeciderStyle, size: float) -> list[Any]:

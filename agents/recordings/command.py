@@ -88,33 +88,30 @@ class Track(TrackingArguments, FileArguments):
 def report_lines(tracked: TrackedRecording) -> list[str]:
     """Return what was found, in one line, and a line for each warning."""
     model, recording = tracked.model, tracked.recording
-    unit, time = recording.unit, recording.time_unit
-    degrees = [f"{value:.4g} {unit} ({np.degrees(rate):.3g} deg/{time})"
-               for value, rate in zip(model.radii, model.turn_rates, strict=True)]  # fmt: skip
-    origin = {name: "found" if name in model.estimated else "given" for name in
-              ("radii", "measurement_variance", "process_variance", "duration")}  # fmt: skip
+    name, unit, time = recording.name, recording.unit, recording.time_unit
+    radii = ", ".join(
+        f"{radius:.4g} {unit} ({np.degrees(rate):.3g} deg/{time})"
+        for radius, rate in zip(model.radii, model.turn_rates, strict=True)
+    )
+    radii_are, variance_is, process_is, duration_is = (
+        "found" if of in model.estimated else "given"
+        for of in ("radii", "measurement_variance", "process_variance", "duration")
+    )
     lines = [
-        f"{recording.name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii "
-        f"{', '.join(degrees)} "
-        f"{origin['radii']}, R {model.measurement_variance:.4g} {unit}^2 {origin['measurement_variance']}, "
-        f"Q {model.process_variance:.3g} {unit}^2/{time}^2 {origin['process_variance']}, mean duration "
-        f"{model.duration:.3g} ticks {origin['duration']}, tick {tracked.tau:.6g} {time}"
+        f"{name}: {len(tracked.pieces)} pieces by {tracked.decider}; turn radii {radii} {radii_are}, R "
+        f"{model.measurement_variance:.4g} {unit}^2 {variance_is}, Q {model.process_variance:.3g} "
+        f"{unit}^2/{time}^2 {process_is}, mean duration {model.duration:.3g} ticks {duration_is}, tick "
+        f"{tracked.tau:.6g} {time}"
     ]
     if not model.turns and "radii" in model.estimated:
-        lines.append(f"{recording.name}: no turns are seen; the radius has no meaning")
+        lines.append(f"{name}: no turns are seen; the radius has no meaning")
     if tracked.shared:
-        lines.append(
-            f"{recording.name}: {tracked.shared} rows share a tick with another one: their mean is used"
-        )
+        lines.append(f"{name}: {tracked.shared} rows share a tick with another one: their mean is used")
     if tracked.outliers:
-        lines.append(
-            f"{recording.name}: {tracked.outliers} measurements far from their neighbours are not used"
-        )
+        lines.append(f"{name}: {tracked.outliers} measurements far from their neighbours are not used")
     if tracked.moved > 0.01:
-        lines.append(
-            f"{recording.name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)"
-        )
-    return lines + [f"{recording.name}: warning: {text}" for text in tracked.warnings]
+        lines.append(f"{name}: irregular times: rows are moved to ticks by {tracked.moved:.0%} of one (rms)")
+    return lines + [f"{name}: warning: {text}" for text in tracked.warnings]
 
 
 def _printed_table(pieces: dict[str, list[Any]], tracked: TrackedRecording) -> Table:

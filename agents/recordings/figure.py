@@ -1,6 +1,4 @@
-"""Figure of a tracked recording: ground track, probabilities and residuals, readable at any number of
-rows.
-"""
+"""Figure of a tracked recording: ground track, probabilities and residuals of any number of rows."""
 
 from itertools import pairwise
 from typing import Any
@@ -53,8 +51,8 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     handles = [
         Line2D([], [], color=GREY, marker=".", linestyle="none", label="measurements"),
         *(
-            Line2D([], [], color=colours[mode], linewidth=2.5, label=names.get(name, name))
-            for mode, name in enumerate(tracked.mode_names())
+            Line2D([], [], color=colour, linewidth=2.5, label=names.get(name, name))
+            for colour, name in zip(colours, tracked.mode_names(), strict=True)
         ),
         Line2D([], [], color=BLACK, marker="o", markerfacecolor="white", linestyle="none", label="new piece"),
     ]
@@ -74,17 +72,12 @@ def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, NDArray[
     Every piece keeps its first and last row, so that short pieces stay visible.
     """
     every = max(-(-len(tracked.modes) // most), 1)
+    after_gap = {first for first, _ in tracked.recording.pieces}
     lines = []
-    for k, (first, end, mode, _) in enumerate(tracked.pieces.tolist()):
-        joined = first > 0 and k > 0 and tracked.pieces[k - 1, 1] == first and tracked.modes[first - 1] >= 0
-        begin = first - 1 if joined and not _after_gap(tracked, first) else first
-        rows = np.append(np.arange(begin, end - 1, every), end - 1)
-        lines.append((mode, rows))
+    for first, end, mode, _ in tracked.pieces.tolist():
+        begin = first if first in after_gap else first - 1
+        lines.append((mode, np.append(np.arange(begin, end - 1, every), end - 1)))
     return lines
-
-
-def _after_gap(tracked: TrackedRecording, row: int) -> bool:
-    return any(first == row for first, _ in tracked.recording.pieces)
 
 
 def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
@@ -95,9 +88,9 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.plot(*recording.positions[rows].T, ".", color=GREY, markersize=size, alpha=0.5, zorder=1)
     colours, positions = mode_colours(tracked), tracked.estimates[:, ::2]
     lines, shades = [], []
-    for mode, part in mode_lines(tracked, MAX_POINTS):
-        for k in range(0, len(part), MAX_LINE_POINTS):
-            lines.append(positions[part[max(k - 1, 0) : k + MAX_LINE_POINTS]])
+    for mode, line in mode_lines(tracked, MAX_POINTS):
+        for k in range(0, len(line), MAX_LINE_POINTS):
+            lines.append(positions[line[max(k - 1, 0) : k + MAX_LINE_POINTS]])
             shades.append(colours[mode])
     axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.8, capstyle="round", zorder=2))
     first = tracked.pieces[:, 0]
@@ -128,19 +121,17 @@ def _draw_probabilities(
     counts = np.bincount(bins, minlength=len(edges) - 1)
     filled = counts > 0
     colours, bottom = mode_colours(tracked), np.zeros(len(counts))
-    order = [0, *range(1, len(colours))]
-    for mode in order:
+    for mode, colour in enumerate(colours):
         mean = np.bincount(bins, tracked.probabilities[known, mode], len(counts)) / np.maximum(counts, 1)
         top = bottom + np.where(filled, mean, 0.0)
-        axes.stairs(top, edges, baseline=bottom, fill=True, color=colours[mode], linewidth=0.0)
+        axes.stairs(top, edges, baseline=bottom, fill=True, color=colour, linewidth=0.0)
         bottom = top
     above = blended_transform_factory(axes.transData, axes.transAxes)
-    times = tracked.recording.times
-    half = 0.5 * tracked.tau
-    spans: dict[int, list[tuple[float, float]]] = {}
-    for first, end, mode, _ in tracked.pieces.tolist():
-        spans.setdefault(mode, []).append((times[first] - half, times[end - 1] - times[first] + 2 * half))
-    for mode, bars in spans.items():
+    first, end, modes, _ = tracked.pieces.T
+    begins = tracked.recording.times[first] - 0.5 * tracked.tau
+    spans = np.stack([begins, tracked.recording.times[end - 1] + 0.5 * tracked.tau - begins], axis=1)
+    for mode in np.unique(modes):
+        bars = spans[modes == mode]
         axes.broken_barh(bars, (1.04, 0.12), facecolors=colours[mode], transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
@@ -154,18 +145,19 @@ def _draw_residuals(
     times = tracked.recording.times[known]
     given = ~np.isnan(lengths)
     lengths, times = lengths[given], times[given]
-    if len(lengths) <= 4 * BINS:
+    many = len(lengths) > 4 * BINS
+    if not many:
         axes.plot(times, lengths, ".", color=BLACK, markersize=2)
     else:
         borders = np.searchsorted(times, edges)
-        parts = [(a, b) for a, b in pairwise(borders) if b > a]
-        middle = [times[a:b].mean() for a, b in parts]
-        low, median, high = np.array([np.quantile(lengths[a:b], (0.05, 0.5, 0.95)) for a, b in parts]).T
+        filled = [slice(a, b) for a, b in pairwise(borders) if b > a]
+        middle = [times[rows].mean() for rows in filled]
+        low, median, high = np.array([np.quantile(lengths[rows], (0.05, 0.5, 0.95)) for rows in filled]).T
         axes.fill_between(middle, low, high, color=GREY, alpha=0.5, linewidth=0.0)
         axes.plot(middle, median, color=BLACK, linewidth=0.8)
     axes.axhline(MEDIAN_LENGTH, color=BLACK, linestyle=":", linewidth=1.0)
     axes.axhline(FAR_LENGTH, color=BLACK, linestyle="--", linewidth=1.0)
     top = max(1.2 * FAR_LENGTH, 1.1 * float(np.quantile(lengths, 0.995))) if len(lengths) else 5.0
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
-    shown = "" if len(lengths) <= 4 * BINS else ": median, 5 to 95 %"
+    shown = ": median, 5 to 95 %" if many else ""
     axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")

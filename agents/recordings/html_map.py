@@ -44,10 +44,10 @@ def write_map(path: Path, tracked: TrackedRecording) -> None:
     )  # fmt: skip
     lines = mode_lines(tracked, MAX_POINTS)
     for mode, name in enumerate(names):
-        parts = [np.append(part, -1) for of_mode, part in lines if of_mode == mode]
-        if not parts:
+        of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
+        if not of_mode:
             continue
-        joined = np.concatenate(parts)  # -1 interrupts the line
+        joined = np.concatenate(of_mode)  # -1 interrupts the line
         gap = joined < 0
         x, y = (np.where(gap, np.nan, tracked.estimates[joined, k]) for k in (0, 2))
         shown = np.stack([recording.times[joined], tracked.probabilities[joined, mode]], axis=1)

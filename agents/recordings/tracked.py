@@ -70,6 +70,12 @@ class TrackedRecording:
         shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
         return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
 
+    def of_modes(self, modes: NDArray[np.int64]) -> tuple[NDArray[Any], FloatArray]:
+        """Return the letters S, L and R and the radii of modes, empty and NaN where there is none."""
+        radii = self.model.radii
+        letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])
+        return letters[modes], np.array([np.nan, *radii, *radii, np.nan])[modes]
+
 
 def row_results(
     recording: Recording,
@@ -87,7 +93,7 @@ def row_results(
         grid: its ticks.
         model: its model.
         decider: name of the decider.
-        decisions: of each stretch of the grid.
+        decisions: of each piece of the grid.
         consistency: of the model.
         outliers: number of measurements that were not used.
     """
@@ -101,16 +107,16 @@ def row_results(
         "residuals": np.full((rows, 2), np.nan),
     }
     pieces = []
-    for stretch, found, innovations in zip(grid.stretches, decisions, consistency.innovations, strict=True):
-        part = slice(stretch.first, stretch.end)
+    for piece, found, innovations in zip(grid.pieces, decisions, consistency.innovations, strict=True):
+        rows_of = slice(piece.first, piece.end)
         for name in ("modes", "decided", "probabilities", "estimates", "covariances"):
-            arrays[name][part] = getattr(found, name)[stretch.ticks]
-        arrays["estimates"][part, 0::2] += stretch.late[:, None] * arrays["estimates"][part, 1::2]
-        arrays["residuals"][part] = innovations[stretch.ticks]
+            arrays[name][rows_of] = getattr(found, name)[piece.ticks]
+        arrays["estimates"][rows_of, 0::2] += piece.late[:, None] * arrays["estimates"][rows_of, 1::2]
+        arrays["residuals"][rows_of] = innovations[piece.ticks]
         table = found.pieces.copy()
         for column in (0, 1, 3):
-            at = np.searchsorted(stretch.ticks, found.pieces[:, column])
-            table[:, column] = np.minimum(stretch.first + at, stretch.end)
+            at = np.searchsorted(piece.ticks, found.pieces[:, column])
+            table[:, column] = np.minimum(piece.first + at, piece.end)
         table[found.pieces[:, 3] < 0, 3] = -1
         pieces.append(table[table[:, 1] > table[:, 0]])  # a piece between two rows has none
     arrays["residuals"][~recording.measured] = np.nan
@@ -123,34 +129,33 @@ def row_results(
 
 def piece_table(tracked: TrackedRecording) -> dict[str, list[Any]]:
     """Columns of modes.csv. Rows are counted from 1. Cells that do not apply are empty."""
-    times, radii = tracked.recording.times, tracked.model.radii
+    times = tracked.recording.times
     first, end, modes, when = tracked.pieces.T
-    decided = when >= 0
+    letters, radii = tracked.of_modes(modes)
     return {
         "piece": list(range(1, len(first) + 1)),
         "first_row": (first + 1).tolist(),
         "last_row": end.tolist(),
         "begin": times[first].tolist(),
         "end": times[end - 1].tolist(),
-        "mode": ["SLR"[_kind(mode, len(radii))] for mode in modes.tolist()],
-        "radius": [radii[(mode - 1) % len(radii)] if mode > 0 else "" for mode in modes.tolist()],
+        "mode": letters.tolist(),
+        "radius": ["" if np.isnan(radius) else radius for radius in radii.tolist()],
         "decided_at": [times[row] if row >= 0 else "" for row in when.tolist()],
-        "undecided": (~decided).tolist(),
-    }  # fmt: skip
+        "undecided": (when < 0).tolist(),
+    }
 
 
 def row_table(tracked: TrackedRecording) -> dict[str, Any]:
     """Columns of estimates.csv, nan where there is no number. The first three are those of a recording."""
-    recording, radii = tracked.recording, tracked.model.radii
+    recording = tracked.recording
     triangle = [(i, j) for i in range(4) for j in range(i, 4)]
-    letters = np.array(["SLR"[_kind(mode, len(radii))] for mode in range(2 * len(radii) + 1)] + [""])
-    of_mode = np.array([np.nan, *radii, *radii, np.nan])
+    letters, radii = tracked.of_modes(tracked.modes)
     return {
         "t": recording.times,
         "x": recording.positions[:, 0],
         "y": recording.positions[:, 1],
-        "mode": letters[tracked.modes],
-        "radius": of_mode[tracked.modes],
+        "mode": letters,
+        "radius": radii,
         "decided": tracked.decided,
         **{
             f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k]
@@ -161,8 +166,3 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
         "residual_x": tracked.residuals[:, 0],
         "residual_y": tracked.residuals[:, 1],
     }
-
-
-def _kind(mode: int, radii: int) -> int:
-    """Return 0, 1 or 2: straight, left or right."""
-    return 0 if mode == 0 else 1 + (mode > radii)

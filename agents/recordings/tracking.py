@@ -1,9 +1,7 @@
-"""Tracking of one recording: model, bank and decider by name; the options of the command and of the
-function.
-"""
+"""Tracking of one recording: model, bank and decider by name. Options of the command and of the function."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,8 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.deciders import CLASSICAL_NAMES, SHIPPED, load_decider, world_changes
-from agents.evaluation.statement_deciders import RULES, statement_decider
+from agents.evaluation.registry import SHIPPED, load_decider, needed_options
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
@@ -20,6 +17,7 @@ from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import (
     ArgumentError,
@@ -89,23 +87,21 @@ class TrackingArguments:
                 raise reject("bank", self.bank, "none without lengths: the bank is the IMM")
         if self.start is not None:
             check_array("start", self.start, (4,))
-        name = (self.decider or DECIDER).partition(":")[0]
-        if not self.lengths and name in CLASSICAL_NAMES:
-            raise reject("decider", self.decider, f"{', '.join(RULES)} or an agent, or give --lengths")
-        known = (*CLASSICAL_NAMES, *RULES, SHIPPED)
-        if name not in known and not Path(name).is_dir():
-            raise reject("decider", self.decider, f"{', '.join(known)} or the path of a run folder")
-        if self.lengths and self.decider is not None and name in RULES:
-            raise reject("decider", self.decider, f"{', '.join(CLASSICAL_NAMES)} or an agent with --lengths")
+        announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
+        name = self._decider_name().partition(":")[0]
+        if name not in (*announced, *unknown, SHIPPED) and not Path(name).is_dir():
+            known = ", ".join([*announced, *unknown, SHIPPED])
+            raise reject("decider", self.decider, f"{known} or the path of a run folder")
+        if not self.lengths and name in announced:
+            raise reject("decider", self.decider, f"{', '.join(unknown)} or an agent, or give --lengths")
+        if self.lengths and name in unknown:
+            raise reject("decider", self.decider, f"{', '.join(announced)} or an agent with --lengths")
 
-    def track(
-        self, recording: Recording, on_progress: Callable[[float], None] | None = None
-    ) -> TrackedRecording:
+    def track(self, recording: Recording) -> TrackedRecording:
         """Track a recording.
 
         Args:
             recording: measured positions.
-            on_progress: called now and then with the fraction that is done.
 
         Raises:
             ArgumentError: an argument does not fit the recording.
@@ -120,20 +116,19 @@ class TrackingArguments:
             None if law is None else law.mean_duration, lengths,
         )  # fmt: skip
         options: dict[str, Any] = ModelUnits.of(model).options(model)
-        name = self.decider or (DECIDER_OF_LENGTHS if lengths else DECIDER)
+        name = self._decider_name()
         try:
-            tracker = (
-                self._known(name, options, lengths) if lengths else self._unknown(name, options, grid, model)
-            )
+            tracker = self._tracker(name, options, lengths, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        if getattr(tracker.decider, "needs_measurements", False):
+        if tracker.decider.needs_measurements:
             grid, outliers = full, 0
-            _check_measured(name, grid)
+            missing = grid.total - grid.measured
+            if missing:
+                allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement"
+                raise reject("decider", name, f"{allowed}, and it needs all")
         start = None if self.start is None else np.array(self.start)
-        decisions = decide_recording(
-            grid, model, tracker, lengths=lengths, start=start, on_progress=on_progress
-        )
+        decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         return row_results(
             recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers
         )
@@ -145,23 +140,24 @@ class TrackingArguments:
         check_lengths(grid, lengths)
         return lengths
 
-    def _known(self, name: str, options: dict[str, Any], lengths: Sequence[int]) -> OnlineTracker:
-        segments = min(len(lengths), SIMULATED_SEGMENTS)
-        options |= {"scheme": f"random {segments}x{min(lengths)}-{max(lengths)}", "undecided": self.undecided}
-        world = WorldOptions(**options)
-        options |= world_changes(name, world)
-        if self.bank is not None:
-            options["bank"] = self.bank
-        world = WorldOptions(**options)
-        return OnlineTracker(world, load_decider(name, world))
+    def _decider_name(self) -> str:
+        return self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER)
 
-    def _unknown(
-        self, name: str, options: dict[str, Any], grid: TickGrid, model: TrackModel
+    def _tracker(
+        self, name: str, options: dict[str, Any], lengths: Sequence[int], grid: TickGrid, model: TrackModel
     ) -> OnlineTracker:
-        law = GeometricDurations(model.duration) if self.durations is None else self.durations
-        ticks = min(max(map(len, (s.measurements for s in grid.stretches))), MAX_LENGTH)
-        world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
-        return OnlineTracker(world, statement_decider(name, world)[2])
+        world: WorldOptions | QuickestOptions
+        if lengths:
+            segments = min(len(lengths), SIMULATED_SEGMENTS)
+            scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
+            bank = {} if self.bank is None else {"bank": self.bank}
+            options |= {**needed_options(name, ANNOUNCED), **bank}
+            world = WorldOptions(**options, scheme=scheme, undecided=self.undecided)
+        else:
+            law = GeometricDurations(model.duration) if self.durations is None else self.durations
+            ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)
+            world = QuickestOptions(**options, durations=law, start="random", ticks=ticks)
+        return OnlineTracker(world, load_decider(name, world))
 
 
 def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: Any) -> TrackedRecording:
@@ -178,27 +174,14 @@ def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: An
     return TrackingArguments(**options).track(make_recording(times, positions))
 
 
-def _check_measured(name: str, grid: TickGrid) -> None:
-    """Check that every tick has a measurement, for a decider that cannot do without one."""
-    missing = sum(int(np.isnan(s.measurements[:, 0]).sum()) for s in grid.stretches)
-    if missing:
-        allowed = (
-            f"one that reads the rows of the bank: {missing} ticks have no measurement, and it needs all"
-        )
-        raise reject("decider", name, allowed)
-
-
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:
-    """Return the error of a model that the filters refuse, which speak of other units, with those given."""
-    if not str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau")):
+    """Return the error of a model that the filters refuse, in the units of the recording."""
+    of_model = str(error).startswith(("radii", "speed", "measurement_variance", "process_variance", "tau"))
+    if not of_model or not all(map(math.isfinite, model.radii)):
         return error
     radii = ", ".join(f"{radius:.4g}" for radius in model.radii)
-    return (
-        ArgumentError(
-            f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
-            f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a "
-            f"tick of {model.tau:.4g}: check units"
-        )
-        if all(map(math.isfinite, model.radii))
-        else error
+    return ArgumentError(
+        f"the filters cannot follow motion at {model.speed:.4g} per unit of time with R = "
+        f"{model.measurement_variance:.4g}, Q = {model.process_variance:.4g}, radii {radii} and a tick of "
+        f"{model.tau:.4g}: check units"
     )

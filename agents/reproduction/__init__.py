@@ -1,8 +1,8 @@
 """Reproduction of the published tables and figures: `hybridtrack reproduce`.
 
-`command` runs the studies of `baselines.papers`, `report` writes the tables, and `figures` draws the papers'
-figures, on the `canvas` that all have in common. `zimchuk_figure` and `novospaskyi_figures` are those of the
-papers on filters; `novospaskyi_study` runs the radar study with its progress display.
+A paper is a study in `baselines.papers` and a file of the same name in `figures`, by which it is found and
+which draws its figures. `command` runs the studies, `report` writes their tables. `canvas` has what the
+figures of all papers share, and `tracking_figure` what those of papers on ATE share.
 
 May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
 study.

@@ -1,23 +1,40 @@
 """The command `hybridtrack reproduce`: published tables and figures next to reproduced ones."""
 
 import functools
+import os
+import pkgutil
 import time
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from agents.interface.parallel_arguments import ParallelArguments
+from agents.reproduction import figures
 from hybrid_env.checks import check_integer, reject
 
-if TYPE_CHECKING:
-    from agents.interface.parallel import Call
+RADAR_STUDY = "novospaskyi"
+"""The paper whose study takes some minutes, with a folder for its finished parts and processes of its own."""
 
-Paper = Literal["golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk", "novospaskyi"]
-PAPERS: tuple[Paper, ...] = tuple(paper for paper in get_args(Paper) if paper != "novospaskyi")
-RUNS = 1000
+MOST_PROCESSES = 8  # of the radar study
+
+
+def _year(paper: str) -> str:
+    """The year in the name of a paper; those without one come last."""
+    return "".join(filter(str.isdigit, paper)) or "9999"
+
+
+PAPERS = tuple(sorted((module.name for module in pkgutil.iter_modules(figures.__path__)), key=_year))
+"""Papers in the order of their years: all with figures here."""
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    Paper = str
+else:
+    Paper = Literal[PAPERS]
 
 
 @dataclass(kw_only=True)
@@ -27,7 +44,9 @@ class Reproduce(ParallelArguments):
     Prints every published value, the reproduced value, and the 95 % interval of a study of the paper's size.
     """
 
-    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = PAPERS
+    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = tuple(
+        paper for paper in PAPERS if paper != RADAR_STUDY
+    )
     """Papers to reproduce; by default all but novospaskyi, which takes some minutes."""
     runs: int | None = None
     """Number of runs of each study, 1000 by default; Golubkov and Tsyganov used 100. For novospaskyi the
@@ -50,55 +69,57 @@ class Reproduce(ParallelArguments):
         check_integer("seed", self.seed, minimum=0)
         if not self.papers or len(set(self.papers)) != len(self.papers):
             raise reject("papers", self.papers, "one or more papers, each at most once")
-        if self.physics and "novospaskyi" not in self.papers:
-            raise reject("papers", self.papers, "novospaskyi, with --physics")
+        if self.physics and RADAR_STUDY not in self.papers:
+            raise reject("papers", self.papers, f"{RADAR_STUDY}, with --physics")
         from rich.console import Console
 
-        from agents.interface.output_files import atomic_file, output_folder, write_json
+        from agents.interface.output_files import output_folder
         from agents.interface.progress import progress_display
-        from agents.reproduction.figures import draw_figures
-        from agents.reproduction.novospaskyi_study import run_study
-        from agents.reproduction.report import describe_runs, summary_markdown, tables, to_json, to_markdown
+        from agents.reproduction.report import print_report, write_summary
 
         workers = self.workers()
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
-        runs = RUNS if self.runs is None else self.runs
-        others = [paper for paper in self.papers if paper != "novospaskyi"]  # which shows its own progress
-        calls: dict[Paper, Call] = {
-            paper: functools.partial(_reproduce, paper, runs, self.seed) for paper in others
+        options = {"seed": self.seed} | ({} if self.runs is None else {"runs": self.runs})
+        calls = {
+            paper: functools.partial(_reproduce, paper, options)
+            for paper in self.papers
+            if paper != RADAR_STUDY
         }
         with progress_display(console) as progress:
             task = progress.add_task("Reproducing", total=len(self.papers), note="")
             found = dict(workers.results(calls, lambda paper: progress.update(task, advance=1, note=paper)))
-            if "novospaskyi" in self.papers:
-                progress.update(task, note="novospaskyi")
-                started = time.perf_counter()
-                study = run_study(self.runs, self.seed, self.physics, folder, progress)
-                found["novospaskyi"] = study, time.perf_counter() - started
+            if RADAR_STUDY in self.papers:
+                progress.update(task, note=RADAR_STUDY)
+                found[RADAR_STUDY] = self._reproduce_radar_study(options, folder, progress)
                 progress.advance(task)
             progress.update(task, note="")
         for paper in self.papers:
             result, seconds = found[paper]
-            for table in tables(result):
-                console.print(table)
-            write_json(folder / f"{paper}.json", to_json(result))
-            with atomic_file(folder / f"{paper}.md") as part:
-                part.write_text(to_markdown(result), encoding="utf-8")
-            names = draw_figures(paper, result, folder)
-            files = ", ".join([f"{paper}.md", f"{paper}.json", *names])
-            console.print(
-                f"{describe_runs(result)} Computed in {seconds:.2f} s. Files in {folder}: {files}\n",
-                markup=False,
-                highlight=False,
-            )
-        with atomic_file(folder / "reproduction.md") as part:
-            part.write_text(summary_markdown([found[paper][0] for paper in self.papers]), encoding="utf-8")
-        console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)
+            drawn = import_module(f"{figures.__name__}.{paper}").draw(result)
+            print_report(paper, result, drawn, seconds, folder, console)
+        write_summary([found[paper][0] for paper in self.papers], folder, console)
+
+    def _reproduce_radar_study(
+        self, options: dict[str, Any], folder: Path, progress: "Progress"
+    ) -> tuple[Any, float]:
+        """Run the radar study on all processor cores, with a line of its own in the progress display."""
+        from agents.interface.parallel import Workers
+
+        task = progress.add_task(RADAR_STUDY, total=None, note="flights")
+
+        def show(stage: str, done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total, note=f"{stage}: {done} of {total}")
+
+        run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
+        own = {"folder": folder / RADAR_STUDY, "physics": self.physics, "run": run, "progress": show}
+        found = _reproduce(RADAR_STUDY, options | own)
+        progress.remove_task(task)
+        return found
 
 
-def _reproduce(paper: str, runs: int, seed: int) -> tuple[Any, float]:
+def _reproduce(paper: str, options: dict[str, Any]) -> tuple[Any, float]:
     """Return the reproduction of a paper and the seconds that it took."""
     started = time.perf_counter()
-    result = import_module(f"baselines.papers.{paper}").reproduce(runs, seed)
+    result = import_module(f"baselines.papers.{paper}").reproduce(**options)
     return result, time.perf_counter() - started

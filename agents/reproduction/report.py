@@ -1,13 +1,18 @@
-"""Tables of a reproduction for the terminal, as Markdown and as JSON."""
+"""Tables of a reproduction for the terminal, as Markdown and as JSON, and the files beside them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
 from rich import box
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agents.interface.output_files import atomic_file, write_json
+from agents.reproduction.canvas import DPI
 from baselines.papers.reproduction import Cell, Reproduction
 
 HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
@@ -107,3 +112,41 @@ def to_json(result: Reproduction) -> dict[str, Any]:
         "cells": [cell.as_json() for cell in result.cells],
         "findings": [vars(finding) for finding in result.findings],
     }
+
+
+def print_report(
+    paper: str,
+    result: Reproduction,
+    figures: Mapping[str, Figure],
+    seconds: float,
+    folder: Path,
+    console: Console,
+) -> None:
+    """Print the tables of a paper, and write them and the figures.
+
+    Args:
+        paper: its name, which the files have.
+        result: its reproduction.
+        figures: by the names of their files.
+        seconds: that the reproduction took.
+        folder: existing output folder.
+        console: where the tables are printed.
+    """
+    for table in tables(result):
+        console.print(table)
+    write_json(folder / f"{paper}.json", to_json(result))
+    with atomic_file(folder / f"{paper}.md") as part:
+        part.write_text(to_markdown(result), encoding="utf-8")
+    for name, figure in figures.items():
+        with atomic_file(folder / name) as part:
+            figure.savefig(part, dpi=DPI)
+    files = ", ".join([f"{paper}.md", f"{paper}.json", *figures])
+    line = f"{describe_runs(result)} Computed in {seconds:.2f} s. Files in {folder}: {files}\n"
+    console.print(line, markup=False, highlight=False)
+
+
+def write_summary(results: Sequence[Reproduction], folder: Path, console: Console) -> None:
+    """Write `summary_markdown` into the output folder."""
+    with atomic_file(folder / "reproduction.md") as part:
+        part.write_text(summary_markdown(results), encoding="utf-8")
+    console.print(f"Summary: {folder / 'reproduction.md'}", markup=False, highlight=False)

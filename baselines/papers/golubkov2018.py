@@ -19,7 +19,7 @@ from baselines.papers.reproduction import (
     Cell,
     Finding,
     Reproduction,
-    rmse_and_norm,
+    rmse_row,
     study_interval,
     table_row,
 )
@@ -39,7 +39,6 @@ ALPHA = 1e-3
 MEASUREMENT_VARIANCES = {"R1": 1.0, "R2": 0.1, "R3": 0.01}
 """R [m^2] of each setting."""
 
-STATES = ("x1", "x2", "x3", "x4", "nRMSE")
 PIECES = ("1", "2", "3", "4", "5", "6", "mean")
 TABLE_2 = {
     "R1": (0.3552, 0.2738, 0.3618, 0.2587, 0.6316),
@@ -112,9 +111,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             ("Table 2, RMSE with known modes", known_modes.estimates, TABLE_2),
             ("Table 3, RMSE of ATE", tracks.estimates, TABLE_3),
         ):
-            mean_squares = ((estimates - recording.truth) ** 2).mean(1)
-            interval = study_interval(mean_squares, rmse_and_norm, seed)
-            cells += table_row(table, name, STATES, published[name], interval)
+            cells += rmse_row(table, name, published[name], estimates, recording.truth, seed)
         ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
         interval = study_interval(ticks, lambda means: means, seed)
         cells += table_row("Table 4, decision time in ticks", name, PIECES, TABLE_4[name], interval, 2)

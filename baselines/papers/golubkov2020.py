@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.papers.reproduction import Cell, Finding, Reproduction
-from baselines.recordings.change_detection import Detection, detect_switch
+from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
+from baselines.papers.switch_detection import Detection, detect_switch
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
 
@@ -42,6 +42,8 @@ HORIZON = 60
 IDENTIFICATION = {"3 hypotheses": (5.0,), "21 hypotheses": tuple(float(radius) for radius in range(1, 11))}
 """Turn radii of each bank in the identification study [m]."""
 
+PUBLISHED_TABLE = "Detection delay of the published realisation, ticks"
+DISTRIBUTION = "Distribution of the delay"
 DELAY_INTERVAL = "The interval contains 95 % of the delays of single runs."
 BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval over all runs."
 
@@ -89,25 +91,11 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         statistics = delay_statistics(detection.ticks)
         delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
         low, high = np.percentile(delays, [2.5, 97.5]) if delays.size else (math.nan, math.nan)
-        cells.append(
-            Cell("Detection delay of the published realisation, ticks", row, "delay", PUBLISHED_DELAY,
-                 statistics["mean delay"], float(low), float(high), 1, DELAY_INTERVAL)
-        )  # fmt: skip
-        for name, value in statistics.items():
-            low, high = _bootstrap_interval(detection.ticks, name, seed)
-            cells.append(
-                Cell(
-                    "Distribution of the delay",
-                    row,
-                    name,
-                    math.nan,
-                    value,
-                    low,
-                    high,
-                    2,
-                    BOOTSTRAP_INTERVAL,
-                )
-            )
+        value = ([statistics["mean delay"]], [low], [high])
+        cells += table_row(PUBLISHED_TABLE, row, ["delay"], [PUBLISHED_DELAY], value, 1, DELAY_INTERVAL)
+        interval = ([*statistics.values()], *_bootstrap_interval(detection.ticks, seed))
+        nothing = [math.nan] * len(statistics)
+        cells += table_row(DISTRIBUTION, row, statistics, nothing, interval, 2, BOOTSTRAP_INTERVAL)
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
         published_root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
         findings += [
@@ -127,12 +115,11 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
 
 
-def _bootstrap_interval(ticks: NDArray[np.int64], name: str, seed: int) -> tuple[float, float]:
-    """95 % bootstrap confidence interval of one of the `delay_statistics`."""
+def _bootstrap_interval(ticks: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+    """Bounds of the 95 % bootstrap confidence intervals of the `delay_statistics`, (2, S)."""
     generator = np.random.default_rng(seed)
-    values = [delay_statistics(generator.choice(ticks, ticks.size))[name] for _ in range(200)]
-    low, high = np.nanpercentile(values, [2.5, 97.5])
-    return float(low), float(high)
+    values = [list(delay_statistics(generator.choice(ticks, ticks.size)).values()) for _ in range(200)]
+    return np.asarray(np.nanpercentile(values, [2.5, 97.5], axis=0), np.float64)
 
 
 def _identification(runs: int, seed: int) -> list[Finding]:

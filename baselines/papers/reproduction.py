@@ -1,7 +1,8 @@
 """Published and reproduced table values, and the sampling interval of a study of the paper's size."""
 
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,26 +130,66 @@ def study_interval(
     Returns:
         Statistics of all runs, lower and upper bounds of the 95 % interval, each (C,).
     """
-    generator = np.random.default_rng(seed)
-    draws = generator.multinomial(study_runs, np.full(len(per_run), 1.0 / len(per_run)), RESAMPLES)
-    resampled = statistics(draws @ per_run / study_runs)
+    resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
     low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
     return statistics(per_run.mean(0)), low, high
 
 
-def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
-    """Root-mean-square errors and their Euclidean norm (nRMSE), (..., 5), from mean squares (..., 4)."""
-    roots = np.sqrt(mean_squares)
-    return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
+@functools.lru_cache(maxsize=2)
+def _draws(seed: int, study_runs: int, runs: int) -> NDArray[np.int64]:
+    """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
+    return np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
+
+
+def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
+    """Ratio of the mean errors of two filters on the same measurements, with its interval over flights.
+
+    Args:
+        errors: (runs, F) of the first filter.
+        others: (runs, F) of the second one.
+        seed: of the resampling.
+
+    Returns:
+        Ratio of the means over everything, and the bounds of its 95 % bootstrap interval over flights.
+    """
+    both = np.stack([errors.mean(0), others.mean(0)], axis=-1)
+    value, low, high = study_interval(both, lambda means: means[..., 0] / means[..., 1], seed, len(both))
+    return float(value), float(low), float(high)
+
+
+STATES = ("x1", "x2", "x3", "x4", "nRMSE")
+"""Columns of a table of RMSE: components of the state [m, m/s], and the norm of their RMSE."""
+
+
+def rmse_row(
+    table: str, row: str, published: Iterable[float], estimates: FloatArray, truth: FloatArray, seed: int
+) -> list[Cell]:
+    """Cells of one row of RMSE, with the interval of a study with `PAPER_RUNS` runs.
+
+    Args:
+        table, row: names of table and row.
+        published: (5,) published values of `STATES`, NaN where there is none.
+        estimates: (n, T, 4) of n runs.
+        truth: (n, T, 4).
+        seed: seed of the resampling.
+    """
+
+    def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
+        roots = np.sqrt(mean_squares)
+        return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
+
+    interval = study_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    return table_row(table, row, STATES, published, interval)
 
 
 def table_row(
     table: str,
     row: str,
-    columns: tuple[str, ...],
-    published: tuple[float, ...],
-    interval: tuple[FloatArray, FloatArray, FloatArray],
+    columns: Iterable[str],
+    published: Iterable[float],
+    interval: Iterable[Iterable[float]],
     digits: int = 4,
+    note: str = STUDY_INTERVAL,
 ) -> list[Cell]:
     """Cells of one row of a table.
 
@@ -158,8 +199,9 @@ def table_row(
         published: (C,) published values, NaN where there is none.
         interval: value, lower and upper bound of each column, from `study_interval`.
         digits: number of decimals to print.
+        note: meaning of the interval.
     """
     return [
-        Cell(table, row, column, value, float(ours), float(low), float(high), digits)
+        Cell(table, row, column, value, float(ours), float(low), float(high), digits, note)
         for column, value, ours, low, high in zip(columns, published, *interval, strict=True)
     ]

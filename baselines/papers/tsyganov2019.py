@@ -12,14 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.papers.reproduction import (
-    Cell,
-    Finding,
-    Reproduction,
-    rmse_and_norm,
-    study_interval,
-    table_row,
-)
+from baselines.papers.reproduction import Cell, Finding, Reproduction, rmse_row
 from baselines.recordings.ate import Tracks, track_ate
 from hybrid_env.checks import check_integer
 from hybrid_env.simulation import Simulation, simulate
@@ -36,7 +29,6 @@ ALPHA = 1e-3
 MEASUREMENT_VARIANCES = {"R = 0.01": 0.01, "R = 0.1": 0.1, "R = 1": 1.0}
 """R [m^2] of each setting."""
 
-STATES = ("x1", "x2", "x3", "x4", "nRMSE")
 ILLEGIBLE = math.nan
 TABLE = {
     "R = 0.01": (ILLEGIBLE, 0.0404, ILLEGIBLE, ILLEGIBLE, 0.3103),
@@ -88,17 +80,16 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         )
         for variant, options in VARIANTS.items():
             tracks = run_ate(recording, variance, **options)
-            mean_squares = ((tracks.estimates - recording.truth) ** 2).mean(1)
-            interval = study_interval(mean_squares, rmse_and_norm, seed)
+            row = rmse_row("Table, RMSE", name, TABLE[name], tracks.estimates, recording.truth, seed)
             if variant == AS_PUBLISHED:
-                cells += table_row("Table, RMSE", name, STATES, TABLE[name], interval)
+                cells += row
                 examples[name] = (recording, tracks)
             sides = np.array([0, 1, -1])[tracks.decided]
             correct = 100.0 * (sides == np.sign(recording.signed_radii)).mean()
             findings.append(
                 Finding(
                     f"{name}, {variant}",
-                    f"{correct:.1f} % of modes correct, nRMSE {float(interval[0][-1]):.4f}",
+                    f"{correct:.1f} % of modes correct, nRMSE {row[-1].ours:.4f}",
                     "100 % correct" if variant == AS_PUBLISHED else "",
                 )
             )

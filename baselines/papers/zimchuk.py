@@ -20,7 +20,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
-from baselines.papers.reproduction import Cell, Finding, Reproduction, study_interval
+from baselines.papers.reproduction import Cell, Finding, Reproduction, study_interval, table_row
 from hybrid_env.checks import check_integer
 
 FloatArray = NDArray[np.float64]
@@ -139,13 +139,10 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         f"Kalman, sigma_w = {MEDIUM:g}": (SOUND, NOT_PUBLISHED, kalman_positions(flights, MEDIUM)),
         f"Kalman, sigma_w = {FAST:g}": (SOUND, NOT_PUBLISHED, kalman_positions(flights, FAST)),
     }
-    cells = []
+    cells: list[Cell] = []
     for name, (table, published, positions) in rows.items():
         values = study_interval(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
-        cells += [
-            Cell(table, name, leg, value, float(ours), float(low), float(high), 2, RUN_INTERVAL)
-            for leg, value, ours, low, high in zip(LEGS, published, *values, strict=True)
-        ]
+        cells += table_row(table, name, LEGS, published, values, 2, RUN_INTERVAL)
     errors = {name: rmse(flights, positions) for name, (_, _, positions) in rows.items()}
     findings = [*_pattern(errors[adaptive], errors[slow]), *_doubtful_points(flights, seed)]
     examples = {"flights": flights, **{name: positions for name, (_, _, positions) in rows.items()}}

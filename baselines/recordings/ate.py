@@ -7,7 +7,6 @@ switch. `sprt.SPRTDecider` applies the same test in the environment.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -37,8 +36,7 @@ NO_RECALCULATION, AS_PUBLISHED, REWIND = 0, 1, 2
 RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND}
 
 
-@dataclass(frozen=True)
-class Tracks:
+class Tracks(NamedTuple):
     """Results of ATE for n runs of T ticks, K segments and M hypotheses. A single run has no first axis.
 
     Attributes:
@@ -72,18 +70,6 @@ class _Rule(NamedTuple):
     refine: bool
 
 
-class _Output(NamedTuple):
-    """The arrays of `Tracks` for one run."""
-
-    estimates: FloatArray
-    covariances: FloatArray
-    modes: NDArray[np.int64]
-    decided: NDArray[np.int64]
-    ticks: NDArray[np.int64]
-    undecided: NDArray[np.bool_]
-    ratios: FloatArray
-
-
 @internal
 def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
     """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
@@ -97,7 +83,7 @@ def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
 
 
 @internal
-def _write_tick(bank: PublishedBank, mode: int, k: int, output: _Output) -> None:
+def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
     """Write the estimate, covariance and index of a mode at tick k."""
     write_estimate(bank, mode, output.estimates[k], output.covariances[k])
     output.modes[k] = mode
@@ -111,7 +97,7 @@ def _recalculate(
     mode: int,
     filters: Filters,
     recalculation: int,
-    output: _Output,
+    output: Tracks,
 ) -> None:
     """Recompute the estimates up to the decision with the decided filter. Tsyganov 2019, lines 17 to 20."""
     bank, radii, model = filters
@@ -136,7 +122,7 @@ def _track_run(
     start: FloatArray,
     filters: Filters,
     rule: _Rule,
-    output: _Output,
+    output: Tracks,
 ) -> None:
     """Apply ATE to one run. Golubkov 2018, algorithm 1."""
     bank, radii, model = filters
@@ -245,20 +231,19 @@ def track_ate(
     refine = check_flag("refine_radius", refine_radius)
 
     rule = _Rule(upper, lower, straight, keep, method, refine)
-    arrays: dict[str, Any] = {
-        "estimates": np.empty((runs, total, 4)),
-        "covariances": np.empty((runs, total, 2, 3)),
-        "modes": np.empty((runs, total), np.int64),
-        "decided": np.empty((runs, segment_lengths.size), np.int64),
-        "ticks": np.empty((runs, segment_lengths.size), np.int64),
-        "undecided": np.empty((runs, segment_lengths.size), np.bool_),
-        "ratios": np.empty((runs, total, filters.bank.hypotheses.size)),
-    }
+    found = Tracks(
+        estimates=np.empty((runs, total, 4)),
+        covariances=np.empty((runs, total, 2, 3)),
+        modes=np.empty((runs, total), np.int64),
+        decided=np.empty((runs, segment_lengths.size), np.int64),
+        ticks=np.empty((runs, segment_lengths.size), np.int64),
+        undecided=np.empty((runs, segment_lengths.size), np.bool_),
+        ratios=np.empty((runs, total, filters.bank.hypotheses.size)),
+    )
     for run in range(runs):
-        output = _Output(**{name: array[run] for name, array in arrays.items()})
-        arguments = values[run], segment_lengths, starts[run], filters, rule, output
+        of_run = Tracks(*(array[run] for array in found))
+        arguments = values[run], segment_lengths, starts[run], filters, rule, of_run
         if run == 0:
             prepare(_track_run, *arguments)
         _track_run(*arguments)
-    single = np.ndim(measurements) == 2
-    return Tracks(**{name: array[0] if single else array for name, array in arrays.items()})
+    return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found

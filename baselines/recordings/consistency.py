@@ -11,18 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import PassOutput, imm_pass, prepare_pass
+from baselines.recordings.chunks import SHORTEST_CHUNK, chunks_at, cut, recorded_pass
 from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
-from baselines.recordings.parts import SHORTEST_PART, chunks_at, cut
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.imm_bank import imm_arrays
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
 
-CHUNK = 2048
-"""Longest part that is filtered in one go [ticks]; the filters start anew at its begin."""
+LONGEST_CHUNK = 2048
+"""Ticks; the filters start anew at the begin of each chunk."""
 
 CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
 """Median of the squared length of a normalised innovation in two dimensions."""
@@ -42,14 +40,13 @@ class Consistency:
     """Agreement of model and measurements.
 
     Attributes:
-        innovations: of each stretch of the grid, (T, 2), of the most probable mode, in standard deviations;
+        innovations: of each piece of the grid, (T, 2), of the most probable mode, in standard deviations;
             NaN without a measurement and where the filters start.
         ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
         correlation: of successive normalised innovations, 0 if the model holds.
         far: share of normalised innovations that the model exceeds with probability 0.001.
         scatter: standard deviation of the measurements by their third differences, over that of the model;
-        NaN
-            if there are too few.
+            NaN if there are too few measurements.
         count: number of innovations.
     """
 
@@ -108,25 +105,15 @@ def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] 
         lengths: ticks between known switches.
     """
     scale = math.sqrt(model.measurement_variance)
-    longest = max(min(CHUNK, -(-grid.total // LANES)), SHORTEST_PART)
+    longest = max(min(LONGEST_CHUNK, -(-grid.total // LANES)), SHORTEST_CHUNK)
     places = cut(grid, longest)
-    chunks = chunks_at(grid, places, scale, lengths)
-    radii = np.array(model.radii) / scale
-    blocks, ticks = chunks.measurements.shape[:2]
-    output = PassOutput(
-        np.full((blocks, ticks, 2, LANES), np.nan), np.zeros((blocks, ticks, 2 * len(radii) + 1, LANES))
-    )
     process = model.process_variance * model.tau**2 / model.measurement_variance
-    assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(radii))
-    prepare_pass()
-    imm_pass(chunks, imm_arrays(len(radii)), radii, assumed, output)
-    innovations = [np.full((len(s.measurements), 2), np.nan) for s in grid.stretches]
+    assumed = imm_model(1.0, process, NEVER if lengths else model.duration, len(model.radii))
+    chunks = chunks_at(grid, places, scale, lengths)
+    white = recorded_pass(chunks, np.array(model.radii) / scale, assumed).white
+    innovations = [np.full((len(piece.measurements), 2), np.nan) for piece in grid.pieces]
     for k, (index, first, end) in enumerate(places):
-        innovations[index][first:end] = output.white[k // LANES, : end - first, :, k % LANES]
-    return _summary(innovations, grid, model)
-
-
-def _summary(innovations: list[FloatArray], grid: TickGrid, model: TrackModel) -> Consistency:
+        innovations[index][first:end] = white[k // LANES, : end - first, :, k % LANES]
     joined = np.concatenate([np.vstack([one, np.full((1, 2), np.nan)]) for one in innovations])
     squared = (joined**2).sum(1)
     count = int((~np.isnan(squared)).sum())

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import PassOutput, imm_pass, make_chunks, prepare_pass
-from hybrid_env.core.imm_bank import ImmModel, imm_arrays
-from hybrid_env.core.records import LANES
+from baselines.recordings.chunks import recorded_pass
+from baselines.recordings.imm_pass import make_chunks
+from hybrid_env.core.imm_bank import ImmModel
 from hybrid_env.online_worlds import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -61,9 +61,7 @@ def first_state(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
         hazard / (M - 1),
     )  # fmt: skip
-    output = PassOutput(np.empty((1, len(backwards), 2, LANES)), np.zeros((1, len(backwards), M, LANES)))
-    prepare_pass()
-    imm_pass(chunks, imm_arrays(len(radii)), radii, model, output)
+    output = recorded_pass(chunks, radii, model)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)
     # a left turn seen backwards is a right turn

@@ -5,22 +5,21 @@ are in standard deviations of the measurement and all times in ticks, so that th
 not matter. The model is that of the interacting multiple model bank (`imm_pass`).
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, no_output, prepare_pass
-from baselines.recordings.parts import fit_chunks
+from baselines.recordings.chunks import fit_chunks, recorded_pass
+from baselines.recordings.imm_pass import Chunks, imm_pass, no_output, prepare_pass
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.imm_bank import ImmModel, imm_arrays
-from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
 
@@ -92,26 +91,23 @@ class _Parameters:
     duration: float
     radii: tuple[float, ...]
 
+    @property
+    def model(self) -> ImmModel:
+        """That of the bank."""
+        return imm_model(self.variance, self.process, self.duration, len(self.radii))
+
 
 class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
     def __init__(self, chunks: Chunks):
-        self.chunks, self.output = chunks, no_output()
-        self.banks = {n: imm_arrays(n) for n in range(MAX_RADII + 1)}
+        self.chunks, self.output, self.bank = chunks, no_output(), functools.cache(imm_arrays)
         prepare_pass()
 
     def __call__(self, at: _Parameters) -> float:
-        total: float = imm_pass(*self.arguments(at, self.output))[0]
+        bank, radii = self.bank(len(at.radii)), np.array(at.radii, float)
+        total: float = imm_pass(self.chunks, bank, radii, at.model, self.output)[0]
         return total if math.isfinite(total) else -math.inf
-
-    def arguments(self, at: _Parameters, output: PassOutput) -> Any:
-        """Return the arguments of `imm_pass`."""
-        n = len(at.radii)
-        if n not in self.banks:
-            self.banks[n] = imm_arrays(n)
-        model = imm_model(at.variance, at.process, at.duration, n)
-        return self.chunks, self.banks[n], np.array(at.radii, float), model, output
 
 
 def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
@@ -146,7 +142,7 @@ def fit_model(
     tau = grid.tau
     rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
-    step = max(speed, median_step(grid))
+    step = max(speed, median_step(grid) or 0.0)
     if step == 0.0 and rough == 0.0:
         raise ArgumentError("the recording does not move: all measured positions are equal")
     rough = max(rough, (SMALLEST_NOISE * step) ** 2)
@@ -161,13 +157,8 @@ def fit_model(
         tuple(radius / scale for radius in radii or ()),
     )
     processes = PROCESS_NOISES if process_variance is None else (given.process,)
-    free = [
-        name
-        for name, value in (
-            ("variance", measurement_variance), ("process", process_variance), ("radii", radii),
-        )
-        if value is None
-    ]  # fmt: skip
+    known = {"variance": measurement_variance, "process": process_variance, "radii": radii}
+    free = [name for name, value in known.items() if value is None]
     penalty = math.log(used)
     proposed = _proposed(likelihood, given, processes, speed / scale)
     if radii is None:
@@ -184,7 +175,7 @@ def fit_model(
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
-        best = replace(best, duration=_counted_duration(likelihood, best))
+        best = replace(best, duration=_counted_duration(likelihood.chunks, best))
         free.append("duration")
     names = {"variance": "measurement_variance", "process": "process_variance"}
     return TrackModel(
@@ -283,20 +274,15 @@ def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Pa
 _STEPS = {"variance": 0.3, "process": 1.0}
 
 
-def _counted_duration(likelihood: _Likelihood, model: _Parameters) -> float:
+def _counted_duration(chunks: Chunks, model: _Parameters) -> float:
     """Return the mean duration of a mode [ticks], from the changes of the most probable one.
 
     The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a
     change the duration is that of the recording.
     """
-    blocks, ticks = likelihood.chunks.measurements.shape[:2]
-    modes = 2 * len(model.radii) + 1
-    output = PassOutput(
-        np.full((blocks, ticks, 2, LANES), np.nan), np.full((blocks, ticks, modes, LANES), np.nan)
-    )
-    imm_pass(*likelihood.arguments(model, output))
+    found = recorded_pass(chunks, np.array(model.radii, float), model.model).probabilities
     changes, total = 0, 0
-    for lane in np.moveaxis(output.probabilities, 3, 1).reshape(-1, ticks, modes):
+    for lane in np.moveaxis(found, 3, 1).reshape(-1, *found.shape[1:3]):
         sure = lane[lane.max(1) > SURE].argmax(1)  # NaN is not
         total += int((~np.isnan(lane[:, 0])).sum())
         if sure.size:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_env.checks import ArgumentError, check_array, check_positive, frozen, reject
 
 if TYPE_CHECKING:
-    from baselines.recordings.reading.projection import Projection
+    from baselines.recordings.projection import Projection
 
 GAP_TICKS = 20
 """Default of the gap, in nominal ticks."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.ticks import Stretch, TickGrid
+from baselines.recordings.ticks import Piece, TickGrid
 
 FloatArray = NDArray[np.float64]
 
@@ -36,8 +36,7 @@ def noise_estimate(grid: TickGrid) -> float | None:
     Returns:
         R [unit of length squared]; None with too few measurements.
     """
-    found = [_differences(stretch, 4)[1] for stretch in grid.stretches]
-    differences = np.concatenate(found)
+    differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
     if len(differences) < FEWEST:
         return None
     median = np.median(np.abs(differences), axis=0)
@@ -52,26 +51,25 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     measurements next to it are from theirs, whose cubic the outlier has spoilt.
     """
     noise = noise_estimate(grid)
-    measured = sum(int((~np.isnan(s.measurements[:, 0])).sum()) for s in grid.stretches)
     if not noise:
         return grid, 0
-    stretches, count = [], 0
-    for stretch in grid.stretches:
-        ticks, differences = _differences(stretch, 5)
+    pieces, count = [], 0
+    for piece in grid.pieces:
+        ticks, differences = _differences(piece, 5)
         if not len(ticks):
-            stretches.append(stretch)
+            pieces.append(piece)
             continue
         # in standard deviations; the measurement in the middle has the largest weight
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
         far = (size > FAR) & (size >= around)
-        values = stretch.measurements.copy()
+        values = piece.measurements.copy()
         values[ticks[far, 2]] = np.nan
         count += int(far.sum())
-        stretches.append(stretch._replace(measurements=values))
-    if count > MOST_OUTLIERS * measured:
+        pieces.append(piece._replace(measurements=values))
+    if count > MOST_OUTLIERS * grid.measured:
         return grid, 0
-    return grid._replace(stretches=tuple(stretches)), count
+    return grid._replace(pieces=tuple(pieces)), count
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:
@@ -81,48 +79,45 @@ def median_speed(grid: TickGrid, noise: float) -> float:
     """
     speed = 0.0
     for ticks in (1, 2, 4, 8, 16, 32):
-        steps = [s.measurements[ticks:] - s.measurements[:-ticks] for s in grid.stretches]
-        lengths = np.hypot(*np.concatenate(steps).T)
-        lengths = lengths[~np.isnan(lengths)]
-        if not lengths.size:
+        step = median_step(grid, ticks)
+        if step is None:
             break
-        squared = max(float(np.median(lengths)) ** 2 - 4.0 * np.log(2.0) * noise, 0.0)
+        squared = max(step**2 - 4.0 * np.log(2.0) * noise, 0.0)
         speed = math.sqrt(squared) / ticks
         if squared > 10.0 * noise:
             break
     return speed
 
 
-def median_step(grid: TickGrid) -> float:
-    """Return the median distance of measurements in successive ticks [unit of length]."""
-    steps = np.concatenate([np.diff(s.measurements, axis=0) for s in grid.stretches])
-    lengths = np.hypot(*steps.T)
+def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
+    """Return the median distance of measurements that are some ticks apart [unit of length], None if there
+    are none.
+    """
+    steps = [piece.measurements[ticks:] - piece.measurements[:-ticks] for piece in grid.pieces]
+    lengths = np.hypot(*np.concatenate(steps).T)
     lengths = lengths[~np.isnan(lengths)]
-    return float(np.median(lengths)) if lengths.size else 0.0
+    return float(np.median(lengths)) if lengths.size else None
 
 
-def _differences(stretch: Stretch, points: int) -> tuple[NDArray[np.int64], FloatArray]:
+def _differences(piece: Piece, points: int) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the divided differences of successive measurements, of unit noise.
 
     Args:
-        stretch: with T measurements.
+        piece: with T measurements.
         points: number of measurements in each difference, m; it cancels polynomials of degree m - 2.
 
     Returns:
         Ticks of the measurements, (n, m), and differences of both coordinates, (n, 2).
     """
-    rows = np.flatnonzero(~np.isnan(stretch.measurements[:, 0]))
-    number = max(len(rows) - points + 1, 0)
-    ticks = (
-        rows[np.arange(number)[:, None] + np.arange(points)] if number else np.zeros((0, points), np.int64)
-    )
-    if not number:
-        return ticks, np.zeros((0, 2))
+    rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
+    if len(rows) < points:
+        return np.zeros((0, points), np.int64), np.zeros((0, 2))
+    ticks = np.lib.stride_tricks.sliding_window_view(rows, points)
     span = ticks[:, -1] - ticks[:, 0]
     ticks = ticks[span <= LONGEST * np.median(span)]
     times = (ticks - ticks[:, :1]).astype(np.float64)
     apart = times[:, :, None] - times[:, None, :] + np.eye(points)
     weights = 1.0 / apart.prod(2)
     weights /= np.sqrt((weights**2).sum(1, keepdims=True))
-    values = stretch.measurements[ticks]
+    values = piece.measurements[ticks]
     return ticks, np.einsum("am,amx->ax", weights, values - values[:, :1])

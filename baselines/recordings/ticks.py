@@ -36,8 +36,8 @@ CORRECTION = 0.2  # of the clock, over its error
 EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
 
 
-class Stretch(NamedTuple):
-    """The ticks of a piece between two gaps.
+class Piece(NamedTuple):
+    """The ticks of a piece of a recording between two gaps.
 
     Attributes:
         first, end: its rows in the recording.
@@ -58,20 +58,25 @@ class TickGrid(NamedTuple):
 
     Attributes:
         tau: length of a tick [time unit].
-        stretches: one for each piece.
+        pieces: between gaps.
         shared: number of rows with a measurement whose tick is that of another one.
         moved: root mean square of the times by which rows were moved to their ticks, over tau.
     """
 
     tau: float
-    stretches: tuple[Stretch, ...]
+    pieces: tuple[Piece, ...]
     shared: int
     moved: float
 
     @property
     def total(self) -> int:
-        """Number of ticks of all stretches."""
-        return sum(len(stretch.measurements) for stretch in self.stretches)
+        """Number of ticks of all pieces."""
+        return sum(len(piece.measurements) for piece in self.pieces)
+
+    @property
+    def measured(self) -> int:
+        """Number of ticks with a measurement."""
+        return sum(int((~np.isnan(piece.measurements[:, 0])).sum()) for piece in self.pieces)
 
 
 def tick_grid(recording: Recording) -> TickGrid:
@@ -80,10 +85,10 @@ def tick_grid(recording: Recording) -> TickGrid:
     Raises:
         ArgumentError: the gap is so long that there would be more than 5 million ticks.
     """
-    pieces = [recording.times[first:end] for first, end in recording.pieces]
-    tau, ticks = _regular(pieces, recording.tick) or _irregular(recording, pieces)
-    stretches, shared, squares = [], 0, 0.0
-    for (first, end), times, numbers in zip(recording.pieces, pieces, ticks, strict=True):
+    times_of = [recording.times[first:end] for first, end in recording.pieces]
+    tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
+    pieces, shared, squares = [], 0, 0.0
+    for (first, end), times, numbers in zip(recording.pieces, times_of, ticks, strict=True):
         origin = float(np.mean(times - tau * numbers))
         late = times - (origin + tau * numbers)
         late[np.abs(late) < EXACT * tau] = 0.0
@@ -98,23 +103,23 @@ def tick_grid(recording: Recording) -> TickGrid:
         measurements[numbers[measured][single]] = values[single]  # exactly, without 0 + x
         shared += int((counts[counts > 1] - 1).sum())
         squares += float((late**2).sum())
-        stretches.append(Stretch(first, end, numbers, late, measurements))
-    rows = sum(map(len, pieces))
-    return TickGrid(tau, tuple(stretches), shared, float(np.sqrt(squares / rows)) / tau)
+        pieces.append(Piece(first, end, numbers, late, measurements))
+    rows = sum(map(len, times_of))
+    return TickGrid(tau, tuple(pieces), shared, float(np.sqrt(squares / rows)) / tau)
 
 
-def _regular(pieces: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
+def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
     """Return the tick and the tick numbers of a clock whose errors do not add up, or None.
 
-    The tick is the slope of the times over their numbers.
+    Each array has the times of a piece. The tick is the slope of the times over their numbers.
     """
-    numbers = [_follow(times, tick) for times in pieces]
+    numbers = [_follow(times, tick) for times in times_of]
     centred = [one - one.mean() for one in numbers]
     weight = sum(float(one @ one) for one in centred)
     if weight == 0.0:
         return tick, [one.astype(np.int64) for one in numbers]
-    tau = sum(float(one @ (t - t[0])) for one, t in zip(centred, pieces, strict=True)) / weight
-    for one, times in zip(numbers, pieces, strict=True):
+    tau = sum(float(one @ (t - t[0])) for one, t in zip(centred, times_of, strict=True)) / weight
+    for one, times in zip(numbers, times_of, strict=True):
         late = times - tau * one
         if not np.abs(late - late.mean()).max() <= LATEST * tau:
             return None
@@ -140,14 +145,14 @@ def _follow(times: FloatArray, tick: float) -> FloatArray:
     return numbers
 
 
-def _irregular(recording: Recording, pieces: list[FloatArray]) -> tuple[float, list[IntArray]]:
+def _irregular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]]:
     """Return the tick and the next ticks of irregular times, on a grid that is fine enough."""
     numbers: list[IntArray] = []
-    tau = recording.tick
+    tau = tick
     for divisor in DIVISORS:
-        tau = recording.tick / divisor
-        _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in pieces), tau)
-        numbers = [np.rint((times - times[0]) / tau).astype(np.int64) for times in pieces]
+        tau = tick / divisor
+        _check_total(sum((times[-1] - times[0]) / tau + 1.0 for times in times_of), tau)
+        numbers = [np.rint((times - times[0]) / tau).astype(np.int64) for times in times_of]
         shared = sum(int((np.diff(one) == 0).sum()) for one in numbers)
         if shared <= SHARED * sum(map(len, numbers)):
             break

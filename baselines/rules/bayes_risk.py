@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations, RowRule
 from baselines.rules.msprt import bank_posterior, read_error_probability
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
@@ -113,7 +113,7 @@ def _smooth(boundary: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
 
-class BayesRiskDecider(Decider):
+class BayesRiskDecider(RowRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
@@ -150,19 +150,13 @@ class BayesRiskDecider(Decider):
         thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
         return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        layout = Layout.of_rows(observation)
-        ticks = np.rint(layout.read(observation, "ticks")).astype(np.int64)
-        log_error_probability, best = read_error_probability(observation, self.by)
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        layout = Layout.of_rows(rows)
+        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
+        log_error_probability, best = read_error_probability(rows, self.by)
         limit = self.boundary[np.clip(ticks - 1, 0, self.boundary.size - 1)]
-        return np.where(log_error_probability <= limit, best + 1, 0), None
+        return np.where(log_error_probability <= limit, best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""

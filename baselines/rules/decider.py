@@ -125,6 +125,24 @@ class Decider(ABC):
         )
 
 
+class RowRule(Decider):
+    """A decider without a state: its actions depend on the present rows only."""
+
+    @abstractmethod
+    def act(self, rows: Observations) -> Actions:
+        """Return the actions (N,) for rows (N, width) of the environment."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, None]:
+        """See `Decider.predict`; only the rows are used."""
+        return self.act(observation), None
+
+
 class SeveralThresholds(Decider):
     """Deciders of one rule that are computed together; its actions are those of the first.
 

@@ -4,16 +4,15 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import check_integer
 from hybrid_env.observation import Layout
 
 NO_EARLY_DECISION = 10_000_000  # ticks; longer than any segment
 
 
-class FixedTimeDecider(Decider):
+class FixedTimeDecider(RowRule):
     """Declares the maximum-likelihood hypothesis at a fixed tick of each segment.
 
     Args:
@@ -37,18 +36,12 @@ class FixedTimeDecider(Decider):
         """See `Decider.maker`."""
         return lambda ticks: cls(int(ticks))
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        layout = Layout.of_rows(observation)
-        most_likely = layout.read(observation, "log_ratio").argmax(-1)
-        decides = np.rint(layout.read(observation, "ticks")) >= self.ticks
-        return np.where(decides, most_likely + 1, 0), None
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        layout = Layout.of_rows(rows)
+        most_likely = layout.read(rows, "log_ratio").argmax(-1)
+        decides = np.rint(layout.read(rows, "ticks")) >= self.ticks
+        return np.where(decides, most_likely + 1, 0)
 
 
 class LikeliestAtEndDecider(FixedTimeDecider):

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.decider import Actions, Decider, Observations, RowRule
 from hybrid_env.checks import check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
@@ -126,7 +126,7 @@ def read_error_probability(
     return log_error_probability, likeliest_of_type(posterior, log_ratio)
 
 
-class MSPRTDecider(Decider):
+class MSPRTDecider(RowRule):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
@@ -148,16 +148,10 @@ class MSPRTDecider(Decider):
         check_choice("by", by, ("hypothesis", "type"))
         self.by: Literal["hypothesis", "type"] = by
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        log_error_probability, best = read_error_probability(observation, self.by)
-        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0), None
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        log_error_probability, best = read_error_probability(rows, self.by)
+        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
@@ -200,7 +194,7 @@ class RobustMSPRTDecider(MSPRTDecider):
     colour = marker = ""
 
 
-class GapDecider(Decider):
+class GapDecider(RowRule):
     """Declares the most likely hypothesis when its log-likelihood ratio to every other reaches a threshold.
 
     Args:
@@ -222,17 +216,11 @@ class GapDecider(Decider):
         if gap >= -LOG_FLOOR:
             raise reject("gap", gap, f"a number between 0 and {-LOG_FLOOR:g}")
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`. The decider has no state."""
-        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        log_ratio = Layout.of_rows(rows).read(rows, "log_ratio")
         second = np.partition(log_ratio, -2, axis=-1)[:, -2]
-        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0), None
+        return np.where(second <= -self.gap, log_ratio.argmax(-1) + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""

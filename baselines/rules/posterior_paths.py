@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider
+from baselines.rules.decider import Actions, Observations, RowRule
 from baselines.rules.msprt import mode_types, read_error_probability
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
@@ -39,14 +39,12 @@ class PosteriorPaths:
     by: Literal["hypothesis", "type"]
 
 
-class Never(Decider):
+class Never(RowRule):
     """Waits at every tick, or states straight motion."""
 
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`."""
-        return np.zeros(len(observation), np.int64), None
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        return np.zeros(len(rows), np.int64)
 
 
 def simulate_posterior_paths(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Observations
+from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations, RowRule
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
@@ -65,7 +65,7 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
     return tuple(p for p in PROBABILITIES if p == 0.0 or p > 1.0 / hypotheses)
 
 
-class ThresholdDecider(Decider):
+class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
     Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
@@ -94,20 +94,9 @@ class ThresholdDecider(Decider):
         """See `Decider.family`."""
         return replace(super().family(options), thresholds=reachable_probabilities(options.hypotheses))
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`; action i states mode i. The decider has no state: rows have the statement.
-
-        Args:
-            observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
-            state, episode_start, deterministic: not used.
-        """
-        rows = np.ascontiguousarray(observation, np.float32)
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`; rows of `hybrid_env.HybridTrackQuickestEnv` have the last statement."""
+        rows = np.ascontiguousarray(rows, np.float32)
         layout = QuickestLayout.of_rows(rows)
         actions = np.empty(len(rows), np.int64)
         columns = layout.slices["log_probability"].start, layout.slices["stated"].start
@@ -115,17 +104,11 @@ class ThresholdDecider(Decider):
         _choose_by_rows(
             rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
         )
-        return actions, None
+        return actions
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
         return probability_panel("bank", self.threshold)
-
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: Any = None
-    ) -> NDArray[np.float64]:
-        """Return the probabilities of the modes, (N, M)."""
-        return bank_probabilities(observation)
 
     def choose(
         self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
@@ -147,12 +130,6 @@ class ThresholdDecider(Decider):
         for tick, values in enumerate(log_probability):
             stated[tick] = self.choose(values, stated[tick - 1], np.full(len(values), tick > 0))
         return stated
-
-
-def bank_probabilities(observation: Observations) -> NDArray[np.float64]:
-    """Return the probabilities of the modes by the bank, (N, M), from rows (N, 6 M + 2)."""
-    log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")
-    return np.asarray(np.exp(log_probability))
 
 
 def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:

@@ -19,5 +19,5 @@ filters are those of `coordinated_turn` and whose output is that of `imm_merging
 allocates aligned arrays.
 
 The folder may import numpy, numba and its own files, nothing else of the project. After a change run
-`pytest tests/hybrid_env` and `hybridtrack bench single vector`.
+`pytest tests/hybrid_env` and `make bench ARGS="single vector"`.
 """

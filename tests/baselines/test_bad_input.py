@@ -7,7 +7,7 @@ import pytest
 
 from baselines import track_ate
 from baselines.estimation.known_modes import filter_known_modes
-from baselines.recordings.change_detection import detect_switch
+from baselines.papers.switch_detection import detect_switch
 from hybrid_env import ArgumentError, KalmanBank, Layout
 
 POSITIONS = np.cumsum(np.full((10, 2), 0.2), axis=0)

@@ -18,10 +18,10 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, Robust, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.track_filter import TrackFilter
+from baselines.papers.novospaskyi.flights import SPEED
 from baselines.papers.novospaskyi.g_h import GHFilter
 from baselines.papers.novospaskyi.moving_average import moving_average
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
-from baselines.papers.novospaskyi.vehicle import SPEED
 
 FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, Any]
@@ -101,30 +101,34 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
     return GHFilter(axes=3, g=parameters["g"], h=parameters["h"], longest_gap=LONGEST_GAP)
 
 
-def _kalman(
-    name: Any, parameters: Parameters, variance: float = SIGMA**2, robust: Robust | None = None
-) -> KalmanFilter:
-    """Continuous white noise with the intensity "q CV" or so on all axes, known R, a prior of the start."""
-    intensity = parameters[f"q {name}"]
-    model = MotionModel(name, axes=3, noise=(intensity, intensity, parameters.get(VERTICAL, intensity)))
-    return KalmanFilter(model, variance, START_DEVIATIONS[: model.order - 1], robust)
+def _robust(parameters: Parameters) -> Robust | None:
+    if "threshold" in parameters:
+        return Huber(threshold=parameters["threshold"])
+    if "degrees of freedom" in parameters:
+        return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
+    return None
 
 
-def _imm(parameters: Parameters, variance: float = SIGMA**2, robust: Robust | None = None) -> TrackFilter:
-    filters = [_kalman(name, parameters, variance, robust) for name in ("CV", "CA")]
-    return IMMFilter(filters, [parameters["sojourn CV"], parameters["sojourn CA"]])
+def _sound_filter(*names: Any) -> Callable[[Parameters], TrackFilter]:
+    """Kalman filters of some models, with several of them their IMM.
 
+    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a
+    prior of the start, and a robust update if the parameters have one.
+    """
 
-def _huber(parameters: Parameters) -> Robust:
-    return Huber(threshold=parameters["threshold"])
+    def build(parameters: Parameters) -> TrackFilter:
+        filters = []
+        for name in names:
+            intensity = parameters[f"q {name}"]
+            noise = (intensity, intensity, parameters.get(VERTICAL, intensity))
+            model = MotionModel(name, axes=3, noise=noise)
+            variance, start = parameters.get("scale", 1.0) * SIGMA**2, START_DEVIATIONS[: model.order - 1]
+            filters.append(KalmanFilter(model, variance, start, _robust(parameters)))
+        if len(filters) == 1:
+            return filters[0]
+        return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
-
-def _student(parameters: Parameters) -> Robust:
-    return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
-
-
-def _scaled(parameters: Parameters) -> float:
-    return parameters["scale"] * SIGMA**2
+    return build
 
 
 def _log(low: float, high: float) -> FloatDistribution:
@@ -141,28 +145,17 @@ _INTENSITIES: dict[str, dict[str, BaseDistribution]] = {
     "CA": {"q CA": _log(1e-3, 1e2)},
     "CJ": {"q CJ": _log(1e-5, 1e1)},
 }
+_SOJOURNS: dict[str, BaseDistribution] = {"sojourn CV": _log(1.0, 300.0), "sojourn CA": _log(1.0, 300.0)}
 
 
-def _middle(space: Mapping[str, BaseDistribution]) -> dict[str, Any]:
-    """The logarithmic middle of every parameter's range."""
-    return {
+def _sound(space: dict[str, BaseDistribution], *names: str) -> Contender:
+    """A `_sound_filter`; its tuning starts in the logarithmic middle of every range."""
+    middle = {
         key: math.sqrt(values.low * values.high)
         for key, values in space.items()
         if isinstance(values, FloatDistribution)
     }
-
-
-def _sound(name: str, further: Mapping[str, BaseDistribution] | None = None) -> Contender:
-    space = _INTENSITIES[name] | dict(further or {})
-    return Contender(lambda parameters: _kalman(name, parameters), space, _middle(space))
-
-
-def _robust_cv(robust: Callable[[Parameters], Robust], space: dict[str, BaseDistribution]) -> Contender:
-    def build(parameters: Parameters) -> TrackFilter:
-        variance = _scaled(parameters) if "scale" in parameters else SIGMA**2
-        return _kalman("CV", parameters, variance, robust(parameters))
-
-    return Contender(build, space, _middle(space))
+    return Contender(_sound_filter(*names), space, middle)
 
 
 THESIS: dict[str, Contender] = {
@@ -174,33 +167,26 @@ THESIS: dict[str, Contender] = {
 }
 """As in the thesis, with the moving average."""
 
-_SOJOURNS: dict[str, BaseDistribution] = {"sojourn CV": _log(1.0, 300.0), "sojourn CA": _log(1.0, 300.0)}
-_IMM_SPACE = _INTENSITIES["CV"] | _INTENSITIES["CA"] | _SOJOURNS
 SOUND: dict[str, Contender] = {
-    "IMM (CV, CA)": Contender(_imm, _IMM_SPACE, _middle(_IMM_SPACE)),
-    "CV": _sound("CV"),
+    "IMM (CV, CA)": _sound(_INTENSITIES["CV"] | _INTENSITIES["CA"] | _SOJOURNS, "CV", "CA"),
+    "CV": _sound(_INTENSITIES["CV"], "CV"),
     "g-h, plain": Contender(_gh_filter, _GAINS, {"g": 0.6, "h": 0.2}),
-    "CA": _sound("CA"),
-    "CJ": _sound("CJ"),
-    "CV, own q of the height": _sound("CV", {VERTICAL: _log(1e-3, 1e3)}),
+    "CA": _sound(_INTENSITIES["CA"], "CA"),
+    "CJ": _sound(_INTENSITIES["CJ"], "CJ"),
+    "CV, own q of the height": _sound(_INTENSITIES["CV"] | {VERTICAL: _log(1e-3, 1e3)}, "CV"),
 }
 """Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
 are treated alike, as by the g-h filter, except in the last one."""
 
 ROBUST: dict[str, Contender] = {
-    "CV, Huber": _robust_cv(_huber, {"threshold": FloatDistribution(1.0, 5.0, log=True)}),
-    "CV, Student-t": _robust_cv(_student, {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}),
+    "CV, Huber": _sound({"threshold": _log(1.0, 5.0)}, "CV"),
+    "CV, Student-t": _sound({"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}, "CV"),
 }
 """One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
 
 COMBINED = "IMM, Student-t"
-"""The IMM with the robust update of the Student-t CV; nothing of it is tuned again."""
-
-
-def _combined(parameters: Parameters) -> TrackFilter:
-    return _imm(parameters, _scaled(parameters), _student(parameters))
-
+"""The IMM and the robust update of the Student-t CV, with the parameters that each has alone."""
 
 CONTENDERS: dict[str, Contender] = {
-    **THESIS, **SOUND, **ROBUST, COMBINED: Contender(_combined, {}, {}),
+    **THESIS, **SOUND, **ROBUST, COMBINED: Contender(_sound_filter("CV", "CA"), {}, {}),
 }  # fmt: skip

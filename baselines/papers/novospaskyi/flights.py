@@ -1,24 +1,182 @@
-"""Recorded flights, and the generation of a set of them; failed flights are discarded."""
+"""Flights: random curves, the limits, drag and guidance of the aircraft, and a point mass that flies them.
 
-from collections.abc import Callable, Iterator
+Novospaskyi 2025, section 2.1.1: a random Bezier curve through the air space, with waypoints evenly spaced on
+it. Section 2.1.2 flies a quadrotor through all waypoints and discards flights that fail. Its vehicle is not
+described; the values here are those of a fast quadrotor that can turn at 50 m/s. A point mass flies all
+routes at once and is the default, `quadrotor` has six degrees of freedom; both have this guidance.
+"""
+
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from baselines.papers.novospaskyi.paths import Path, random_path
-from baselines.papers.novospaskyi.vehicle import RECORD_STEP
-
 FloatArray = NDArray[np.float64]
 
 FLIGHTS = 133
 """Number of flights of the thesis."""
 
+SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
+"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height."""
+
+CONTROL_POINTS = 4
+"""Of a curve: cubic curves."""
+SPACING = 100.0
+"""Distance between waypoints on the curve [m]."""
+
+SHORTEST = 1500.0
+"""Length of the shortest curve that is flown [m], half a minute of flight."""
+
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+SPEED = 51.0
+"""Commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis."""
+
+LARGEST_FORCE = 2.5 * GRAVITY
+"""Largest thrust per mass [m/s^2]."""
+
+SMALLEST_FORCE = 0.2 * GRAVITY
+"""Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2]."""
+
+LARGEST_TILT = math.radians(60.0)
+DRAG = 0.0016
+"""Drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s."""
+
+FORCE_LAG = 0.2
+"""Time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt."""
+
+VELOCITY_GAIN = 1.2
+"""Acceleration commanded for one metre per second of velocity error [1/s]."""
+
+CAPTURE = 40.0
+"""Distance at which a waypoint counts as passed [m]."""
+
+TIME_LIMIT = 8.0
+"""Longest time from one waypoint to the next [s]; a flight that takes longer has failed."""
+
+RECORD_STEP = 0.05
+"""Time between recorded states, and between commands of the guidance [s]."""
+
+BATCH = 32  # attempts of flights at once
+_SAMPLES = 1001  # of a curve, for its length
+
+
+@dataclass(frozen=True)
+class Route:
+    """Task of one flight.
+
+    Attributes:
+        control_points: (C, 3) control points of the Bezier curve [m].
+        waypoints: (W, 3) points on the curve, the first and the last included [m].
+    """
+
+    control_points: FloatArray
+    waypoints: FloatArray
+
+
+def bezier(control_points: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Points of a Bezier curve, (S, 3), from its control points (C, 3) and parameters in [0, 1], (S,)."""
+    degree = len(control_points) - 1
+    index = np.arange(degree + 1)
+    weights = np.array([math.comb(degree, int(k)) for k in index], dtype=np.float64)
+    shares = parameters[:, None]
+    return (weights * shares**index * (1.0 - shares) ** (degree - index)) @ control_points
+
+
+def random_route(generator: np.random.Generator) -> Route:
+    """A random curve in `SPACE`, with control points uniform on each axis, at least `SHORTEST` long.
+
+    Args:
+        generator: source of random numbers.
+    """
+    low, high = np.array(SPACE).T
+    while True:
+        control_points = generator.uniform(low, high, (CONTROL_POINTS, 3))
+        curve = bezier(control_points, np.linspace(0.0, 1.0, _SAMPLES))
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+        if length[-1] >= SHORTEST:
+            break
+    wanted = np.linspace(0.0, length[-1], int(length[-1] // SPACING) + 1)
+    waypoints = np.stack([np.interp(wanted, length, curve[:, axis]) for axis in range(3)], axis=-1)
+    return Route(control_points, waypoints)
+
+
+def drag(velocity: FloatArray) -> FloatArray:
+    """Acceleration by drag, (..., 3) [m/s^2], at a velocity, (..., 3) [m/s]."""
+    return -DRAG * np.linalg.norm(velocity, axis=-1, keepdims=True) * velocity
+
+
+def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
+    """Thrust per mass that flies to a point at `SPEED`, within the limits.
+
+    The height has priority: the vertical part is limited first, then the horizontal part.
+
+    Args:
+        position: (..., 3) [m].
+        velocity: (..., 3) [m/s].
+        target: (..., 3) point ahead [m].
+
+    Returns:
+        (..., 3) thrust per mass in world axes [m/s^2], its vertical part positive.
+    """
+    way = target - position
+    distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
+    force = VELOCITY_GAIN * (SPEED * way / distance - velocity) - drag(velocity)
+    force[..., 2] = np.clip(force[..., 2] + GRAVITY, SMALLEST_FORCE, 0.9 * LARGEST_FORCE)
+    up = force[..., 2]
+    allowed = np.minimum(math.tan(LARGEST_TILT) * up, np.sqrt(LARGEST_FORCE**2 - up**2))
+    sideways = np.maximum(np.hypot(force[..., 0], force[..., 1]), 1e-9)
+    force[..., :2] *= np.minimum(allowed / sideways, 1.0)[..., None]
+    return force
+
+
+class Guidance:
+    """Progress of N vehicles along their waypoints.
+
+    Args:
+        waypoints: of each vehicle, (W, 3) [m] with its own W. The first one is the start.
+
+    Attributes:
+        flying: (N,) vehicles still on the way.
+        succeeded: (N,) vehicles that have passed their last waypoint.
+    """
+
+    def __init__(self, waypoints: list[FloatArray]):
+        self._counts = np.array([len(points) for points in waypoints])
+        self._waypoints = np.zeros((len(waypoints), self._counts.max(), 3))
+        for row, points in zip(self._waypoints, waypoints, strict=True):
+            row[: len(points)] = points
+            row[len(points) :] = points[-1]
+        self._rows = np.arange(len(waypoints))
+        self._next = np.ones(len(waypoints), dtype=np.int64)
+        self._since = np.zeros(len(waypoints))
+        self.flying = np.ones(len(waypoints), dtype=bool)
+        self.succeeded = np.zeros(len(waypoints), dtype=bool)
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Positions [m] and velocities [m/s] at the start, each (N, 3): in flight, along the curve."""
+        way = self._waypoints[:, 1] - self._waypoints[:, 0]
+        return self._waypoints[:, 0].copy(), SPEED * way / np.linalg.norm(way, axis=1, keepdims=True)
+
+    def targets(self, position: FloatArray) -> FloatArray:
+        """Next waypoints, (N, 3) [m], `RECORD_STEP` after the last call, at positions (N, 3) [m]."""
+        target = self._waypoints[self._rows, self._next]
+        passed = self.flying & (np.linalg.norm(target - position, axis=1) < CAPTURE)
+        self._since = np.where(passed, 0.0, self._since + RECORD_STEP)
+        self._next[passed] += 1
+        self.succeeded |= self._next >= self._counts
+        failed = (self._since > TIME_LIMIT) | (position[:, 2] <= 0.0)
+        self.flying &= ~(self.succeeded | failed)
+        self._next = np.minimum(self._next, self._counts - 1)
+        return self._waypoints[self._rows, self._next]
+
 
 @dataclass(frozen=True)
 class Flight:
-    """States every `vehicle.RECORD_STEP` seconds from time 0.
+    """States every `RECORD_STEP` seconds from time 0.
 
     Attributes:
         positions: (T, 3) [m].
@@ -39,30 +197,60 @@ class Flight:
         return np.asarray(curve(times), np.float64), np.asarray(curve(times, 1), np.float64)
 
 
-def flight_path(seed: int, attempt: int) -> Path:
-    """Path of one attempt; it depends on nothing but the seed and the number of the attempt."""
-    return random_path(np.random.default_rng((seed, 0, attempt)))
+def fly_point_masses(routes: list[Route]) -> list[Flight | None]:
+    """Fly through the waypoints of every route.
+
+    The thrust vector approaches the command of `thrust_command` with the time constant
+    `FORCE_LAG`. Each step of `RECORD_STEP` is integrated by the midpoint rule.
+
+    Args:
+        routes: of N flights.
+
+    Returns:
+        The flight of each route, None where it failed.
+    """
+    guidance = Guidance([route.waypoints for route in routes])
+    position, velocity = guidance.start()
+    step = RECORD_STEP
+    share = 1.0 - np.exp(-step / FORCE_LAG)
+    gravity = np.array([0.0, 0.0, -GRAVITY])
+    force = -gravity - drag(velocity)  # in equilibrium
+    positions, velocities, lengths = [position], [velocity], np.ones(len(routes), dtype=np.int64)
+    while True:
+        command = thrust_command(position, velocity, guidance.targets(position))
+        if not guidance.flying.any():
+            break
+        force = force + share * (command - force)
+        middle = velocity + 0.5 * step * (force + gravity + drag(velocity))
+        position = position + step * middle
+        velocity = velocity + step * (force + gravity + drag(middle))
+        positions.append(position)
+        velocities.append(velocity)
+        lengths += guidance.flying
+    flown, speeds = np.stack(positions, axis=1), np.stack(velocities, axis=1)
+    return [
+        Flight(flown[index, :length].copy(), speeds[index, :length].copy()) if succeeded else None
+        for index, (length, succeeded) in enumerate(zip(lengths, guidance.succeeded, strict=True))
+    ]
 
 
-def generate_flights(
-    count: int, seed: int, fly: Callable[[list[Path]], list[Flight | None]], batch: int
-) -> Iterator[Flight]:
-    """The first successful flights of the attempts 0, 1, 2 ...
+def flight_route(seed: int, attempt: int) -> Route:
+    """Route of one attempt; it depends on nothing but the seed and the number of the attempt."""
+    return random_route(np.random.default_rng((seed, 0, attempt)))
+
+
+def point_mass_flights(count: int, seed: int, batch: int = BATCH) -> list[Flight]:
+    """The first successful flights of the attempts 0, 1, 2 ... of point masses.
 
     Args:
         count: number of flights.
-        seed: seed of the paths.
-        fly: flight model, for example `point_mass.fly_point_masses`.
-        batch: number of attempts that are passed to `fly` at once; it does not change the flights.
-
-    Yields:
-        Successful flights, in the order of the attempts.
+        seed: seed of the routes.
+        batch: number of attempts that are flown at once; it does not change the flights.
     """
-    attempt = flown = 0
-    while flown < count:
-        paths = [flight_path(seed, number) for number in range(attempt, attempt + batch)]
+    flown: list[Flight] = []
+    attempt = 0
+    while len(flown) < count:
+        routes = [flight_route(seed, number) for number in range(attempt, attempt + batch)]
+        flown += [flight for flight in fly_point_masses(routes) if flight is not None]
         attempt += batch
-        for flight in fly(paths):
-            if flight is not None and flown < count:
-                flown += 1
-                yield flight
+    return flown[:count]

@@ -1,6 +1,16 @@
-"""Published values of Novospaskyi 2025: tables 3.1 to 3.6."""
+"""Published values of Novospaskyi 2025, tables 3.1 to 3.6, and why KF CV has the velocity errors in them.
 
+Errors of hundreds of metres per second: the tuned R of KF CV is about 1e-9 m^2, where the noise has 156 m^2.
+With discrete process noise and R / Q towards 0, the gains of position and velocity approach 1 and 2 / t. The
+estimate then follows every measurement, and the velocity becomes v' = 2 (z_k - z_{k-1}) / t - v: its error
+changes sign at every measurement instead of decaying, and all the noise is summed. The position error, which
+alone was tuned, hardly shows it.
+"""
+
+import math
 from typing import Any
+
+import numpy as np
 
 from baselines.papers.novospaskyi.radars import Noise
 
@@ -45,3 +55,30 @@ PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
 """Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window`
 and `ratio` (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans
 old."""
+
+
+def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
+    """Constant gains that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
+
+    Args:
+        variance: R of one axis [m^2].
+        process_variance: of the acceleration that is constant in a step [m^2/s^4].
+        step: time between measurements [s].
+
+    Returns:
+        The position gain g and the velocity gain times the step, h, as those of the g-h filter.
+    """
+    index = math.sqrt(process_variance / variance) * step**2
+    root = 4.0 / (4.0 + index + math.sqrt(8.0 * index + index**2))
+    return 1.0 - root**2, 2.0 * (1.0 - root) ** 2
+
+
+def without_noise(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of a filter of the thesis, with R a millionth: the limit of gains 1 and 2 / t."""
+    return parameters | {"variances": tuple(1e-6 * variance for variance in parameters["variances"])}
+
+
+def memory(g: float, h: float) -> float:
+    """Largest magnitude of an eigenvalue of the error of a g-h filter; at 1 an error never decays."""
+    error = np.array([[1.0 - g, 1.0 - g], [-h, 1.0 - h]])  # of position, and velocity times the step
+    return float(np.abs(np.linalg.eigvals(error)).max())

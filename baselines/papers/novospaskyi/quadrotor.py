@@ -3,19 +3,24 @@
 A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that
 of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch
 2010, "Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor, so the body
-is built here.
+is built here. A flight takes some seconds, so that each is stored in a file; a killed run goes on with the
+next one.
 """
 
 import math
-from types import ModuleType
+import os
+import secrets
+import zipfile
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from baselines.papers.novospaskyi import vehicle
-from baselines.papers.novospaskyi.flights import Flight
-from baselines.papers.novospaskyi.paths import Path
+from baselines.papers.novospaskyi import flights
+from baselines.papers.novospaskyi.flights import Flight, Route, flight_route
 from hybrid_env.checks import ArgumentError
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +43,7 @@ TORQUE_SHARE = 0.02
 MOTOR_LAG = 0.03
 """Time constant from commanded to actual rotor force [s]."""
 
-LARGEST_ROTOR_FORCE = vehicle.LARGEST_FORCE * MASS / 4.0 * 1.2
+LARGEST_ROTOR_FORCE = flights.LARGEST_FORCE * MASS / 4.0 * 1.2
 """[N]; a fifth above the largest thrust of the guidance, so that torque remains available."""
 
 ATTITUDE_GAIN = 120.0
@@ -60,19 +65,27 @@ _ROTOR_LISTS = ROTORS.tolist()
 _MIXER = np.linalg.inv(np.stack([np.ones(4), ROTORS[:, 1], -ROTORS[:, 0], TORQUE_SHARE * SPIN]))
 
 
-def import_engine() -> ModuleType:
-    """The module `pybullet`.
+class Engine:
+    """A simulation of its own in PyBullet: the functions and constants of the module `pybullet`.
 
     Raises:
         ArgumentError: the extra `physics` is not installed.
     """
-    try:
-        import pybullet
-    except ImportError:
-        raise ArgumentError(
-            "flights with physics need PyBullet, which is not installed: pip install 'hybrid-track[physics]'"
-        ) from None
-    return pybullet
+
+    def __init__(self) -> None:
+        try:
+            import pybullet
+        except ImportError:
+            raise ArgumentError(
+                "flights with physics need PyBullet, which is not installed: "
+                "pip install 'hybrid-track[physics]'"
+            ) from None
+        self._module = pybullet
+        self._client = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._module, name)
+        return partial(found, physicsClientId=self._client) if callable(found) else found
 
 
 def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -108,11 +121,11 @@ def rotor_commands(
     return np.minimum(np.maximum(_MIXER @ np.array([force, *torque]), 0.0), LARGEST_ROTOR_FORCE)
 
 
-def fly_quadrotor(path: Path) -> Flight | None:
-    """Fly a quadrotor through the waypoints of a path.
+def fly_quadrotor(route: Route) -> Flight | None:
+    """Fly a quadrotor through the waypoints of a route.
 
     Args:
-        path: task of the flight.
+        route: task of the flight.
 
     Returns:
         The flight, or None if it failed: a waypoint was not reached in time, or the quadrotor fell.
@@ -120,26 +133,25 @@ def fly_quadrotor(path: Path) -> Flight | None:
     Raises:
         ArgumentError: the extra `physics` is not installed.
     """
-    engine = import_engine()
-    client = engine.connect(engine.DIRECT)
+    engine = Engine()
     try:
-        return _fly(engine, client, path)
+        return _fly(engine, route)
     finally:
-        engine.disconnect(client)
+        engine.disconnect()
 
 
-def _fly(engine: ModuleType, client: int, path: Path) -> Flight | None:
-    guidance = vehicle.Guidance([path.waypoints])
+def _fly(engine: Engine, route: Route) -> Flight | None:
+    guidance = flights.Guidance([route.waypoints])
     start, start_velocity = guidance.start()
-    quadrotor = Quadrotor(engine, client, start[0], start_velocity[0])
+    quadrotor = Quadrotor(engine, start[0], start_velocity[0])
     share = 1.0 - math.exp(-1.0 / (RATE * MOTOR_LAG))
-    steps = round(RATE * vehicle.RECORD_STEP)
+    steps = round(RATE * flights.RECORD_STEP)
     positions, velocities = [start[0]], [start_velocity[0]]
     while True:
         target = guidance.targets(positions[-1][None])[0]
         if not guidance.flying[0]:
             break
-        thrust = vehicle.thrust_command(positions[-1], velocities[-1], target)
+        thrust = flights.thrust_command(positions[-1], velocities[-1], target)
         desired = desired_attitude(thrust)
         for _ in range(steps):
             command = rotor_commands(quadrotor.rotation, quadrotor.rates, desired, thrust)
@@ -156,8 +168,7 @@ class Quadrotor:
     """The body in the engine, with four rotors and drag.
 
     Args:
-        engine: the module `pybullet`.
-        client: number of the connection.
+        engine: the simulation.
         position: (3,) at the start [m].
         velocity: (3,) at the start [m/s]; the attitude is that of steady flight at this velocity.
 
@@ -169,47 +180,67 @@ class Quadrotor:
         forces: (4,) of the rotors [N], for the next step.
     """
 
-    def __init__(self, engine: ModuleType, client: int, position: FloatArray, velocity: FloatArray):
-        self._engine, self._client = engine, client
-        engine.setTimeStep(1.0 / RATE, physicsClientId=client)
-        engine.setGravity(0.0, 0.0, -vehicle.GRAVITY, physicsClientId=client)
-        self._body = engine.createMultiBody(
-            baseMass=MASS, basePosition=position.tolist(), physicsClientId=client
-        )
+    def __init__(self, engine: Engine, position: FloatArray, velocity: FloatArray):
+        self._engine = engine
+        engine.setTimeStep(1.0 / RATE)
+        engine.setGravity(0.0, 0.0, -flights.GRAVITY)
+        self._body = engine.createMultiBody(baseMass=MASS, basePosition=position.tolist())
         engine.changeDynamics(
-            self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0,
-            physicsClientId=client,
-        )  # fmt: skip
-        thrust = np.array([0.0, 0.0, vehicle.GRAVITY]) - vehicle.drag(velocity)
-        quaternion = Rotation.from_matrix(desired_attitude(thrust)).as_quat().tolist()
-        engine.resetBasePositionAndOrientation(
-            self._body, position.tolist(), quaternion, physicsClientId=client
+            self._body, -1, localInertiaDiagonal=INERTIA.tolist(), linearDamping=0.0, angularDamping=0.0
         )
-        engine.resetBaseVelocity(self._body, velocity.tolist(), [0.0, 0.0, 0.0], physicsClientId=client)
+        thrust = np.array([0.0, 0.0, flights.GRAVITY]) - flights.drag(velocity)
+        quaternion = Rotation.from_matrix(desired_attitude(thrust)).as_quat().tolist()
+        engine.resetBasePositionAndOrientation(self._body, position.tolist(), quaternion)
+        engine.resetBaseVelocity(self._body, velocity.tolist(), [0.0, 0.0, 0.0])
         self.forces = np.full(4, MASS * math.sqrt(thrust @ thrust) / 4.0)
         self._read()
 
     def step(self) -> None:
         """Advance by 1 / `RATE` seconds with the rotor forces, their yaw torque, and drag at the centre."""
-        engine, body, client = self._engine, self._body, self._client
+        engine, body = self._engine, self._body
         for rotor, force in zip(_ROTOR_LISTS, self.forces.tolist(), strict=True):
-            engine.applyExternalForce(
-                body, -1, (0.0, 0.0, force), rotor, engine.LINK_FRAME, physicsClientId=client
-            )
+            engine.applyExternalForce(body, -1, (0.0, 0.0, force), rotor, engine.LINK_FRAME)
         yaw = (TORQUE_SHARE * float(SPIN @ self.forces) * self.rotation[:, 2]).tolist()
-        engine.applyExternalTorque(body, -1, yaw, engine.WORLD_FRAME, physicsClientId=client)
-        drag = (MASS * vehicle.drag(self.velocity)).tolist()
-        engine.applyExternalForce(
-            body, -1, drag, self.position.tolist(), engine.WORLD_FRAME, physicsClientId=client
-        )
-        engine.stepSimulation(physicsClientId=client)
+        engine.applyExternalTorque(body, -1, yaw, engine.WORLD_FRAME)
+        drag = (MASS * flights.drag(self.velocity)).tolist()
+        engine.applyExternalForce(body, -1, drag, self.position.tolist(), engine.WORLD_FRAME)
+        engine.stepSimulation()
         self._read()
 
     def _read(self) -> None:
-        position, quaternion = self._engine.getBasePositionAndOrientation(
-            self._body, physicsClientId=self._client
-        )
-        velocity, rates = self._engine.getBaseVelocity(self._body, physicsClientId=self._client)
+        position, quaternion = self._engine.getBasePositionAndOrientation(self._body)
+        velocity, rates = self._engine.getBaseVelocity(self._body)
         self.position, self.velocity = np.array(position), np.array(velocity)
         self.rotation = np.array(self._engine.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         self.rates = np.array(rates) @ self.rotation
+
+
+def stored_flight(folder: Path, seed: int, attempt: int) -> Flight | None:
+    """The flight of an attempt, None if it failed, from its file or flown and written to it.
+
+    Args:
+        folder: of the files; it exists.
+        seed: of the routes.
+        attempt: its number.
+
+    Raises:
+        ArgumentError: PyBullet is not installed, or the file cannot be written.
+    """
+    file = folder / f"quadrotor-{seed}-{attempt}.npz"
+    route = flight_route(seed, attempt)
+    try:
+        with file.open("rb") as stored, np.load(stored) as arrays:
+            points, flight = arrays["points"], Flight(arrays["positions"], arrays["velocities"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        points = None
+    if not np.array_equal(points, route.control_points):
+        flight = fly_quadrotor(route) or Flight(np.empty((0, 3)), np.empty((0, 3)))
+        part = file.with_name(f".{file.stem}-{secrets.token_hex(4)}.npz")
+        try:
+            np.savez(
+                part, points=route.control_points, positions=flight.positions, velocities=flight.velocities
+            )
+            os.replace(part, file)
+        except OSError as error:
+            raise ArgumentError(f"{file} cannot be written: {error}") from None
+    return flight if len(flight.positions) else None

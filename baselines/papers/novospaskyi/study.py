@@ -1,7 +1,8 @@
 """The study: flights, tuning on 30 % of them, errors on the others, next to the published tables."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,28 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.papers.novospaskyi import tables
-from baselines.papers.novospaskyi.anomaly import without_noise
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
-from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, generate_flights
-from baselines.papers.novospaskyi.point_mass import fly_point_masses
-from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED
-from baselines.papers.novospaskyi.quadrotor import import_engine
+from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
+from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED, without_noise
+from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
-from baselines.papers.novospaskyi.stored_flights import flight_file, fly_and_store, load_flight
-from baselines.papers.novospaskyi.tasks import (
-    TRAINING_NOISE,
-    Task,
-    Tuning,
-    draw_test_tracks,
-    evaluate,
-    run_tasks,
-    run_tuning,
-)
+from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
 from hybrid_env.checks import check_integer, reject
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
+Calls = Mapping[Any, Callable[[], Any]]
+Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
+"""Runs independent calls by name, and calls back with the name of each that has ended."""
 
 TRAINING_SHARE = 0.3
 TRIALS = 60
@@ -39,7 +32,10 @@ TRIALS = 60
 RUNS = 10
 """Seeds of the noise on the test flights."""
 
-BATCH = 32  # attempts of flights at once
+TRAINING_NOISE, TEST_NOISE = 2, 3
+"""Streams of random numbers of a seed; 0 draws the paths and 1 the radars."""
+
+PART = 10  # trials of a tuning in one call
 
 
 @dataclass(frozen=True)
@@ -59,6 +55,14 @@ class Example:
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]
 
 
+def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[Any, Any]]:
+    """A `Run` in this process."""
+    for name, call in calls.items():
+        result = call()
+        on_done(name)
+        yield name, result
+
+
 def reproduce(
     runs: int = RUNS,
     seed: int = 0,
@@ -67,7 +71,7 @@ def reproduce(
     physics: bool = False,
     flights: int = FLIGHTS,
     trials: int = TRIALS,
-    workers: int = 1,
+    run: Run = one_by_one,
     progress: Progress = lambda stage, done, total: None,
 ) -> Reproduction:
     """Reproduce tables 3.5 and 3.6, and compare them with sound settings and robust filters.
@@ -79,7 +83,8 @@ def reproduce(
         physics: fly a quadrotor in PyBullet instead of a point mass.
         flights: number of flights, at least 4.
         trials: number of trials of each tuning.
-        workers: number of processes. It does not change the results.
+        run: where flights, tunings and evaluations run, for example in several processes. It does not change
+            the results.
         progress: called with the stage, the work done and the total.
 
     Raises:
@@ -87,111 +92,129 @@ def reproduce(
     """
     runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
     flights, trials = check_integer("flights", flights, 4), check_integer("trials", trials)
-    check_integer("workers", workers)
     if physics:
-        import_engine()
+        Engine().disconnect()
     folder = folder / ("quadrotor" if physics else "point-mass")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
-    flown = (
-        _quadrotor_flights(folder, flights, seed, workers, progress)
-        if physics
-        else list(generate_flights(flights, seed, fly_point_masses, BATCH))
-    )
+    work = _Work(run, progress)
+    flown = _quadrotor_flights(work, folder, flights, seed) if physics else point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     count = round(TRAINING_SHARE * flights)
     training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
-    parameters = _tune(training, trials, seed, folder, workers, progress)
-    errors = _evaluate(parameters, scans[count:], runs, seed, workers, progress)
-    results = tables.Results(errors, parameters)
+    parameters = _tune(work, partial(Tuning, training=training, trials=trials, seed=seed, folder=folder))
+    results = tables.Results(_evaluate(work, parameters, scans[count:], runs, seed), parameters)
     return Reproduction(
         PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, count),
         {"flight": _example(flown[count], scans[count], seed, parameters)}, RUNS,
     )  # fmt: skip
 
 
-def _quadrotor_flights(folder: Path, count: int, seed: int, workers: int, progress: Progress) -> list[Flight]:
+@dataclass(frozen=True)
+class _Work:
+    """Where calls run, and who is told about their progress."""
+
+    run: Run
+    progress: Progress
+
+    def results(self, stage: str, calls: Calls, before: int = 0, total: int | None = None) -> dict[Any, Any]:
+        """Results by name of calls of a stage, of which `before` are done."""
+        done = before
+
+        def show(_: Any) -> None:
+            nonlocal done
+            done += 1
+            self.progress(stage, done, total or len(calls))
+
+        self.progress(stage, done, total or len(calls))
+        return dict(self.run(calls, show))
+
+
+def _quadrotor_flights(work: _Work, folder: Path, count: int, seed: int) -> list[Flight]:
     """The first successful quadrotor flights, from files where they are there."""
     flown: list[Flight] = []
     attempt = 0
     while len(flown) < count:
         # no more attempts than can be needed, so that the number of processes does not matter
         batch = range(attempt, attempt + count - len(flown))
-        before = len(flown)
-
-        def show(done: int, before: int = before) -> None:
-            progress("flights", before + done, count)
-
-        run_tasks([(fly_and_store, (folder, seed, number)) for number in batch], workers, show)
-        loaded = [load_flight(flight_file(folder, seed, number), seed, number)[1] for number in batch]
-        flown += [flight for flight in loaded if flight is not None]
+        calls = {number: partial(stored_flight, folder, seed, number) for number in batch}
+        found = work.results("flights", calls, len(flown), count)
+        flown += [flight for flight in found.values() if flight is not None]
         attempt = batch.stop
     return flown
 
 
-def _tune(
-    training: dict[Noise, Tracks], trials: int, seed: int, folder: Path, workers: int, progress: Progress
-) -> dict[Noise, dict[str, dict[str, Any]]]:
+def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, dict[str, Any]]]:
     """Tune all filters, the robust ones after the plain CV filter, with which they are compared."""
-    tunings = [
-        Tuning(name, noise, training, trials, seed, folder)
-        for name in sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
-        for noise in NOISES
-    ]
-    total = trials * (len(tunings) + len(ROBUST))
-
-    def run(group: list[Tuning]) -> list[dict[str, Any]]:
-        files = [tuning.file for tuning in tunings]
-        tasks: list[Task] = [(run_tuning, (tuning,)) for tuning in group]
-        return run_tasks(tasks, workers, lambda _: progress("tuning", _lines(files, trials), total))
-
-    parameters: dict[Noise, dict[str, dict[str, Any]]] = {noise: {} for noise in NOISES}
-    for tuning, best in zip(tunings, run(tunings), strict=True):
-        assert tuning.noise is not None
-        parameters[tuning.noise][tuning.name] = best
+    names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
+    tunings = {(noise, name): tuning(name, noise) for name in names for noise in NOISES}
+    count = len(tunings) + len(ROBUST)
+    found = _tune_in_parts(work, tunings, 0, count)
+    parameters = {noise: {name: found[noise, name] for name in names} for noise in NOISES}
     plain = parameters["gaussian"]["CV"]
-    reference = Tuning("CV", "gaussian", training, trials, seed, folder).cost(plain)
-    robust = [Tuning(name, None, training, trials, seed, folder, plain, reference) for name in ROBUST]
-    tunings += robust
-    for tuning, best in zip(robust, run(robust), strict=True):
-        for noise in NOISES:
-            parameters[noise][tuning.name] = best
-    imm, student = parameters["gaussian"]["IMM (CV, CA)"], parameters["gaussian"]["CV, Student-t"]
-    for noise in NOISES:
-        parameters[noise][COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
-    return parameters
+    reference = tuning("CV", "gaussian").cost(plain)
+    robust = {name: tuning(name, None, plain=plain, reference=reference) for name in ROBUST}
+    found = _tune_in_parts(work, robust, len(tunings), count)
+    imm, student = parameters["gaussian"]["IMM (CV, CA)"], found["CV, Student-t"]
+    found[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
+    return {noise: parameters[noise] | found for noise in NOISES}
 
 
-def _lines(files: list[Path], most: int) -> int:
-    """Number of finished trials in the files."""
-    return sum(min(file.read_bytes().count(b'{"fing'), most) for file in files if file.exists())
+def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: int) -> dict[Any, Any]:
+    """Best parameters by name; a part goes on with the trials of the last one, so that progress is seen.
+
+    Args:
+        work: where the parts run.
+        tunings: by name.
+        before: number of tunings that are done.
+        count: number of tunings in all.
+    """
+    trials = next(iter(tunings.values())).trials
+    parts = range(0, trials, PART)
+    found: dict[Any, Any] = {}
+    for number, done in enumerate(parts):
+        calls = {name: replace(one, trials=min(done + PART, trials)).run for name, one in tunings.items()}
+        finished = before * len(parts) + number * len(tunings)
+        found = work.results("tuning", calls, finished, count * len(parts))
+    return found
+
+
+def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
+    """Measurements of the test flights with so many seeds of the noise, run by run: N = runs x flights."""
+    parts = [measure(scans, noise, (seed, TEST_NOISE, run)) for run in range(runs)]
+    return Tracks(
+        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks))
+    )
+
+
+def evaluate(
+    name: str | None, parameters: dict[str, Any], scans: list[Scan], noise: Noise, runs: int, seed: int
+) -> FloatArray:
+    """`tuning.errors` of a filter, or of no filter, on the test flights, (runs, F, 4)."""
+    return errors(name, parameters, draw_test_tracks(scans, noise, runs, seed)).reshape(runs, len(scans), 4)
 
 
 def _evaluate(
-    parameters: dict[Noise, dict[str, dict[str, Any]]],
-    scans: list[Scan],
-    runs: int,
-    seed: int,
-    workers: int,
-    progress: Progress,
+    work: _Work, parameters: dict[Noise, dict[str, dict[str, Any]]], scans: list[Scan], runs: int, seed: int
 ) -> dict[Noise, dict[str, FloatArray]]:
     """Errors on the test flights with the tuned and with the published parameters, see `tables.Results`."""
-    rows: list[tuple[Noise, str, str | None, dict[str, Any]]] = []  # noise, label, filter, parameters
+    calls = {}
     for noise in NOISES:
-        rows += [(noise, UNFILTERED, None, {})]
-        rows += [(noise, name, name, parameters[noise][name]) for name in CONTENDERS]
-        rows += [(noise, tables.as_published(name), name, PARAMETERS[noise][name]) for name in THESIS]
-        rows += [(noise, tables.LIMIT_CV, "KF CV", without_noise(PARAMETERS[noise]["KF CV"]))]
-    tasks: list[Task] = [
-        (evaluate, (name, chosen, scans, noise, runs, seed)) for noise, _, name, chosen in rows
-    ]
-    found = run_tasks(tasks, workers, lambda done: progress("test flights", done, len(rows)))
-    errors: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
-    for (noise, label, _, _), values in zip(rows, found, strict=True):
-        errors[noise][label] = values
-    return errors
+        published = PARAMETERS[noise]
+        rows: dict[str, tuple[str | None, dict[str, Any]]] = {
+            UNFILTERED: (None, {}),
+            **{name: (name, parameters[noise][name]) for name in CONTENDERS},
+            **{tables.as_published(name): (name, published[name]) for name in THESIS},
+            tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
+        }
+        for label, (name, chosen) in rows.items():
+            calls[noise, label] = partial(evaluate, name, chosen, scans, noise, runs, seed)
+    found: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
+    for (noise, label), values in work.results("test flights", calls).items():
+        found[noise][label] = values
+    return found
 
 
 def _example(
@@ -199,13 +222,11 @@ def _example(
 ) -> Example:
     """The first test flight with estimates of every filter, and of KF CV with the published parameters."""
     tracks = {noise: draw_test_tracks([scan], noise, 1, seed) for noise in NOISES}
-    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {}
+    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {noise: {} for noise in NOISES}
     for noise in NOISES:
-        chosen = dict(parameters[noise])
-        estimates[noise] = {}
-        for name, values in chosen.items():
-            positions, velocities = run_contender(CONTENDERS[name], values, tracks[noise])
-            estimates[noise][name] = positions[0], velocities[0]
-        positions, velocities = run_contender(CONTENDERS["KF CV"], PARAMETERS[noise]["KF CV"], tracks[noise])
-        estimates[noise][tables.as_published("KF CV")] = positions[0], velocities[0]
+        rows = {name: (name, chosen) for name, chosen in parameters[noise].items()}
+        rows[tables.as_published("KF CV")] = "KF CV", PARAMETERS[noise]["KF CV"]
+        for label, (name, chosen) in rows.items():
+            positions, velocities = run_contender(CONTENDERS[name], chosen, tracks[noise])
+            estimates[noise][label] = positions[0], velocities[0]
     return Example(flight, scan, tracks, estimates)

@@ -1,18 +1,23 @@
 """The results as tables and findings."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.papers.novospaskyi.anomaly import memory, steady_gains
 from baselines.papers.novospaskyi.filters import COMBINED, ROBUST, SOUND, THESIS
-from baselines.papers.novospaskyi.metrics import paired_ratio
-from baselines.papers.novospaskyi.published import METRICS, PARAMETERS, TABLES, TEST_ERRORS, UNFILTERED
+from baselines.papers.novospaskyi.published import (
+    METRICS,
+    PARAMETERS,
+    TABLES,
+    TEST_ERRORS,
+    UNFILTERED,
+    memory,
+    steady_gains,
+)
 from baselines.papers.novospaskyi.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
-from baselines.papers.reproduction import Cell, Finding, study_interval
+from baselines.papers.reproduction import Cell, Finding, paired_ratio, study_interval, table_row
 
 FloatArray = NDArray[np.float64]
 
@@ -52,33 +57,23 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
         results: of the study.
         seed: of the resampling.
     """
+    tables = {
+        "{table}": {name: name for name in (UNFILTERED, *THESIS)},
+        "{table}, with the published parameters": {name: as_published(name) for name in THESIS},
+        "Sound settings, {noise}": {name: name for name in (*SOUND, *ROBUST, COMBINED)},
+    }
     made: list[Cell] = []
-    for noise in NOISES:
-        made += _table(TABLES[noise], results.errors[noise], (UNFILTERED, *THESIS), noise, seed)
-    for noise in NOISES:
-        name = f"{TABLES[noise]}, with the published parameters"
-        errors = {key: results.errors[noise][as_published(key)] for key in THESIS}
-        made += _table(name, errors, tuple(THESIS), noise, seed)
-    for noise in NOISES:
-        names = (*SOUND, *ROBUST, COMBINED)
-        made += _table(f"Sound settings, {NOISE_NAMES[noise]}", results.errors[noise], names, noise, seed)
+    for title, rows in tables.items():
+        for noise in NOISES:
+            table = title.format(table=TABLES[noise], noise=NOISE_NAMES[noise])
+            for row, name in rows.items():
+                errors = results.errors[noise][name]
+                flights = errors.shape[1]
+                interval = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
+                published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
+                note = f"The interval contains 95 % of studies with {flights} test flights."
+                made += table_row(table, row, METRICS, published, interval, 2, note)
     return tuple(made)
-
-
-def _table(
-    table: str, errors: dict[str, FloatArray], names: Sequence[str], noise: Noise, seed: int
-) -> list[Cell]:
-    made = []
-    for name in names:
-        flights = errors[name].shape[1]
-        interval = study_interval(errors[name].reshape(-1, 4), lambda means: means, seed, flights)
-        published = TEST_ERRORS[noise].get(name, (np.nan,) * 4)
-        note = f"The interval contains 95 % of studies with {flights} test flights."
-        made += [
-            Cell(table, name, metric, value, float(ours), float(low), float(high), 2, note)
-            for metric, value, ours, low, high in zip(METRICS, published, *interval, strict=True)
-        ]
-    return made
 
 
 def findings(results: Results, seed: int, flights: int, training: int) -> tuple[Finding, ...]:
@@ -144,19 +139,15 @@ def _anomaly(results: Results) -> list[Finding]:
     """KF CV with its published parameters, and the gains that they give."""
     made = []
     for noise in NOISES:
-        errors = results.errors[noise]
-        published, limit, tuned = errors[as_published("KF CV")], errors[LIMIT_CV], errors["KF CV"]
+        shown = [results.errors[noise][name] for name in (as_published("KF CV"), LIMIT_CV, "KF CV")]
+        velocities, positions = (
+            [values[..., metric].mean() for values in shown] for metric in (VELOCITY, POSITION)
+        )
         made.append(
             Finding(
                 f"KF CV with the published R and Q, {NOISE_NAMES[noise]}",
                 "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
-                "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(
-                    *(
-                        values[..., metric].mean()
-                        for metric in (VELOCITY, POSITION)
-                        for values in (published, limit, tuned)
-                    )
-                ),
+                "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(*velocities, *positions),
                 "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"]),
             )
         )
@@ -173,32 +164,36 @@ def _anomaly(results: Results) -> list[Finding]:
     return made
 
 
-def _share(ratio: tuple[float, float, float]) -> str:
+def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
+    ratio = paired_ratio(errors[..., POSITION], others[..., POSITION], seed)
     return "{:.3f} [{:.3f}, {:.3f}]".format(*ratio)
 
 
 def _sound(results: Results, seed: int) -> list[Finding]:
     errors = results.errors["gaussian"]
-    position = {name: values[..., POSITION] for name, values in errors.items()}
-    share = paired_ratio(position["CV"], position[UNFILTERED], seed)
     start = ", ".join(
         f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h")
     )
-    order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
     return [
-        Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", _share(share)),
-        Finding("sound settings: order by position RMSE, Gaussian noise", order),
+        Finding(
+            "sound CV: position RMSE as a share of no filter, Gaussian noise",
+            _share(errors["CV"], errors[UNFILTERED], seed),
+        ),
+        Finding(
+            "sound settings: order by position RMSE, Gaussian noise",
+            _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m"),
+        ),
         Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
 
 
 def _robust(results: Results, seed: int) -> list[Finding]:
-    made = []
-    for name, plain in (*((name, "CV") for name in ROBUST), (COMBINED, "IMM (CV, CA)")):
-        for noise in NOISES:
-            ratio = paired_ratio(
-                results.errors[noise][name][..., POSITION], results.errors[noise][plain][..., POSITION], seed
-            )
-            label = f"{name}: position RMSE as a share of the plain {plain} tuned on {NOISE_NAMES[noise]}"
-            made.append(Finding(label, _share(ratio)))
-    return made
+    plain = {**dict.fromkeys(ROBUST, "CV"), COMBINED: "IMM (CV, CA)"}
+    return [
+        Finding(
+            f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}",
+            _share(results.errors[noise][name], results.errors[noise][other], seed),
+        )
+        for name, other in plain.items()
+        for noise in NOISES
+    ]

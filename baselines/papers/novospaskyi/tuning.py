@@ -1,20 +1,106 @@
-"""Tuning with Optuna that can be killed and resumed.
+"""Tuning of the filters with Optuna, which can be killed and resumed.
 
 Each tuning has a file of its own with one line per finished trial. It is read back into an Optuna study
-at the start. Trial n depends on nothing but the seed and the trials before it, so that a resumed tuning
-ends with the same parameters, bit for bit, and two processes that do the same work at once do no harm.
+at the start. Trial n depends on nothing but the seed and the trials before it. So a resumed tuning ends with
+the same parameters, bit for bit, and two processes may work on the same file.
 """
 
+import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import optuna
+from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution
 
+from baselines import estimation
+from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_contender
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks
 from hybrid_env.checks import ArgumentError
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_LOSS = 0.0075
+"""Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised."""
+
+PENALTY = 100.0
+"""Relative growth of the cost per loss above `LARGEST_LOSS`."""
+
+
+def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
+    """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as velocity."""
+    if name is None:
+        return tracks.errors(tracks.measurements, np.zeros_like(tracks.velocities))
+    return tracks.errors(*run_contender(CONTENDERS[name], parameters, tracks))
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """One filter to tune.
+
+    Attributes:
+        name: of the contender.
+        noise: of the flights; None for a robust filter, which gets one set of parameters for both noises.
+        training: measurements of the training flights with each noise.
+        trials: number of trials.
+        seed: of the sampler.
+        folder: of the tuning files; it exists.
+        plain: parameters of the plain CV filter with Gaussian noise, for robust filters: their process noise.
+        reference: its training error [m].
+    """
+
+    name: str
+    noise: Noise | None
+    training: dict[Noise, Tracks]
+    trials: int
+    seed: int
+    folder: Path
+    plain: Parameters = field(default_factory=dict)
+    reference: float = np.nan
+
+    @property
+    def file(self) -> Path:
+        """File of the finished trials."""
+        return self.folder / f"{self.name.replace(' ', '_')}-{self.noise or 'both'}.jsonl"
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of everything that the cost depends on, also of the source code of the filters."""
+        space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
+        settings = (self.name, space, start, self.seed, self.plain, self.reference)
+        digest = hashlib.sha256(repr(settings).encode())
+        for tracks in self.training.values() if self.noise is None else [self.training[self.noise]]:
+            for array in (tracks.times, tracks.measurements, tracks.positions):
+                digest.update(array.tobytes())
+        for folder in (Path(estimation.__file__).parent, Path(__file__).parent):
+            for source in sorted(folder.glob("*.py")):
+                digest.update(source.read_bytes())
+        return digest.hexdigest()[:16]
+
+    def cost(self, parameters: Parameters) -> float:
+        """Mean position RMSE of the training flights [m] (section 2.3.3).
+
+        For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds
+        `LARGEST_LOSS`.
+        """
+        found = {
+            noise: float(errors(self.name, {**self.plain, **parameters}, self.training[noise])[:, 0].mean())
+            for noise in ([self.noise] if self.noise else NOISES)
+        }
+        if self.noise is not None:
+            return found[self.noise]
+        loss = found["gaussian"] / self.reference - 1.0
+        return found["levy"] * (1.0 + PENALTY * max(loss - LARGEST_LOSS, 0.0))
+
+    def run(self) -> dict[str, Any]:
+        """The best parameters; finished trials are read from the file."""
+        space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
+        best = tune(space, start, self.cost, self.trials, self.seed, self.file, self.fingerprint)
+        return {**self.plain, **best}
 
 
 def tune(
@@ -47,25 +133,17 @@ def tune(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
         study = optuna.create_study()
-        finished = finished_trials(file, fingerprint)
+        finished = finished_trials(file, fingerprint)[:trials]
         for number in range(trials):
-            if number < len(finished):
-                parameters, value = finished[number]
-            else:
-                if number == 0:
-                    parameters = dict(start)
-                else:
-                    study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
-                    trial = study.ask(dict(space))
-                    parameters = trial.params
-                value = float(cost(parameters))
-                _append(file, fingerprint, number, parameters, value)
-                if number:
-                    study.tell(trial, value)
-                    continue
-            study.add_trial(
-                optuna.trial.create_trial(params=parameters, distributions=dict(space), value=value)
-            )
+            known = finished[number] if number < len(finished) else None
+            if known is not None or number == 0:
+                study.enqueue_trial(dict(start) if known is None else known[0])
+            study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
+            trial = study.ask(dict(space))
+            value = float(cost(trial.params)) if known is None else known[1]
+            if known is None:
+                _append(file, fingerprint, number, trial.params, value)
+            study.tell(trial, value)
         return dict(study.best_params)
     finally:
         optuna.logging.set_verbosity(verbosity)
@@ -100,10 +178,7 @@ def _append(file: Path, fingerprint: str, number: int, parameters: Mapping[str, 
     entry = {"fingerprint": fingerprint, "trial": number, "parameters": dict(parameters), "value": value}
     line = f"\n{json.dumps(entry)}\n".encode()  # begins with a line break, as the last line may be cut off
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            os.write(descriptor, line)
-        finally:
-            os.close(descriptor)
+        with file.open("ab", buffering=0) as stored:
+            stored.write(line)
     except OSError as error:
         raise ArgumentError(f"{file} cannot be written: {error}") from None

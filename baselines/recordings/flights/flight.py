@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.flights.tiers import Tier
-from baselines.recordings.reading.projection import Projection, centred_projection
+from baselines.recordings.projection import Projection, centred_projection
 from hybrid_env.checks import ArgumentError
 
 FloatArray = NDArray[np.float64]

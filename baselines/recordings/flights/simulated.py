@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import STRAIGHT, LabelRules, Labels, label_pieces, make_labels
 from baselines.recordings.flights.tiers import Tier
-from baselines.recordings.reading.projection import Projection
+from baselines.recordings.projection import Projection
 
 FloatArray = NDArray[np.float64]
 

@@ -6,15 +6,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.names import ROLES, is_index_name, is_object_name, role_of
-from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.times import epoch_unit
+from baselines.recordings.reading.cells import Table, epoch_unit
+from baselines.recordings.reading.names import INDEX, ROLES, plain_name, role_of
 from hybrid_env.checks import ArgumentError, reject
 
 ONE_OBJECT = "none"
 """Value of --object for a file with one object."""
 
+PLANE, DEGREES = {"x", "y"}, {"lat", "lon"}
 HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
+LISTED = 8
+"""So many columns are listed in a message."""
 
 
 @dataclass
@@ -47,30 +49,26 @@ def find_columns(table: Table, columns: Mapping[str, str] | None, object_column:
     Raises:
         ArgumentError: a column is missing, or more than one may be meant.
     """
-    given = {role: numbered(table, "columns", name) for role, name in _checked(columns or {}).items()}
+    given = {role: _numbered(table, "columns", name) for role, name in _checked(columns or {}).items()}
     found = Columns(_roles(table, given), chosen=bool(given))
     used = set(found.roles.values())
-    if object_column is not None and object_column != ONE_OBJECT:
-        found.object = numbered(table, "object", object_column)
-    elif object_column is None:
+    if object_column is None:
         found.object = _object(table, used)
-    if table.headed:
-        found.index = next(
-            (k for k in range(len(table.names)) if k not in used and _is_index(table, k)), None
-        )
-    if found.index is not None and "time" not in found.roles and _is_time(table.frame[found.index]):
-        found.roles["time"], found.index = found.index, None
+    elif object_column != ONE_OBJECT:
+        found.object = _numbered(table, "object", object_column)
+    cells = table.frame[0]
+    if table.headed and 0 not in used and plain_name(table.names[0]) in INDEX and not cells.isna().all():
+        if "time" not in found.roles and _is_time(cells):
+            found.roles["time"] = 0
+        else:
+            found.index = 0
     kept = {*found.roles.values(), found.object, found.index}
     found.left_out = [table.label(k) for k in range(len(table.names)) if k not in kept]
     return found
 
 
-def numbered(table: Table, option: str, name: str) -> int:
-    """Return the number from 0 of a column that is given by its name or its number from 1.
-
-    Raises:
-        ArgumentError: there is no such column, or several have the name.
-    """
+def _numbered(table: Table, option: str, name: str) -> int:
+    """Return the number from 0 of a column that is given by its name or its number from 1."""
     wanted = name.strip().lower()
     found = [k for k, one in enumerate(table.names) if one.strip().lower() == wanted and wanted]
     if not found and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
@@ -82,44 +80,41 @@ def numbered(table: Table, option: str, name: str) -> int:
 
 
 def _checked(columns: Mapping[str, str]) -> dict[str, str]:
-    names = {"t": "time"}
-    result = {names.get(role, role): str(name) for role, name in columns.items()}
+    result = {"time" if role == "t" else role: str(name) for role, name in columns.items()}
     for role in result:
         if role not in ROLES:
             raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
-    if result and not ({"x", "y"} <= set(result) or {"lat", "lon"} <= set(result) or set(result) == {"time"}):
+    roles = set(result)
+    if roles and not (roles >= PLANE or roles >= DEGREES or roles == {"time"}):
         raise reject("columns", dict(columns), "x and y, or lat and lon, and time where the file has times")
     return result
 
 
 def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
+    """Return the columns of time and positions: those that are given, and others by their names."""
     if not table.headed and not given:
         count = len(table.names)
         if count not in (2, 3):
             raise ArgumentError(f"{table.file}: {count} columns without names: {HINT}")
         return dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
     roles = dict(given)
-    axes = {"x", "y", "lat", "lon"}
-    missing = [role for role in ROLES if role not in roles and not (role in axes and axes & set(given))]
-    for role in missing:
+    for role in ("time",) if set(given) - {"time"} else ROLES:
         named = [k for k, name in enumerate(table.names) if role_of(name) == role and k not in given.values()]
+        if role in given or not named:
+            continue
         if len(named) > 1:
-            labels = " and ".join(repr(table.label(k)) for k in named)
-            raise ArgumentError(
-                f"{table.file}: both {labels} may be {role}: choose by --columns, for example "
-                f"{role}={named[0] + 1}"
-            )
-        if named:
-            roles[role] = named[0]
-    planar, degrees = {"x", "y"} <= set(roles), {"lat", "lon"} <= set(roles)
-    if planar and degrees:
-        raise ArgumentError(
-            f"{table.file}: it has x, y and lat, lon: choose by --columns, for example "
-            f"lat={table.label(roles['lat'])} lon={table.label(roles['lon'])}"
-        )
-    if not planar and not degrees:
+            advice = f"choose by --columns, for example {role}={named[0] + 1}"
+            raise ArgumentError(f"{table.file}: both {table.labels(named)} may be {role}: {advice}")
+        roles[role] = named[0]
+    plane, degrees = set(roles) >= PLANE, set(roles) >= DEGREES
+    if plane and degrees:
+        lat, lon = table.label(roles["lat"]), table.label(roles["lon"])
+        advice = f"choose by --columns, for example lat={lat} lon={lon}"
+        raise ArgumentError(f"{table.file}: it has x, y and lat, lon: {advice}")
+    if not plane and not degrees:
         raise ArgumentError(f"{table.file}: no columns x, y or lat, lon ({_listed(table)}): {HINT}")
-    return {role: k for role, k in roles.items() if role == "time" or (role in ("lat", "lon")) == degrees}
+    axes = DEGREES if degrees else PLANE
+    return {role: k for role, k in roles.items() if role == "time" or role in axes}
 
 
 def _object(table: Table, used: set[int]) -> int | None:
@@ -128,23 +123,20 @@ def _object(table: Table, used: set[int]) -> int | None:
     A column that is different in every row is a number of the row, one that is the same in every row names
     the object.
     """
-    named = [k for k, name in enumerate(table.names) if is_object_name(name) and k not in used]
     codes = {}
-    for k in named:
+    for k, name in enumerate(table.names):
         cells = table.frame[k]
+        if k in used or role_of(name) != "object":
+            continue
         whole = not pd.api.types.is_float_dtype(cells) or (cells.dropna() % 1 == 0).all()
         if whole and cells.nunique() and (cells.nunique() < len(cells) or len(cells) == 1):
             codes[k] = pd.factorize(cells)[0]
     several = [k for k, code in codes.items() if code.max() > 0]
     for other in several[1:]:
         if not np.array_equal(codes[several[0]], codes[other]):
-            labels = " and ".join(repr(table.label(k)) for k in (several[0], other))
+            labels = table.labels([several[0], other])
             raise ArgumentError(f"{table.file}: {labels} tell objects apart differently: choose by --object")
     return next(iter([*several, *codes]), None)
-
-
-def _is_index(table: Table, column: int) -> bool:
-    return column == 0 and is_index_name(table.names[0]) and not table.frame[0].isna().all()
 
 
 def _is_time(cells: "pd.Series[object]") -> bool:
@@ -159,6 +151,6 @@ def _is_time(cells: "pd.Series[object]") -> bool:
 
 def _listed(table: Table) -> str:
     names = [name for name in table.names if name]
-    return "its columns are " + ", ".join(names[:8]) + (" ..." if len(names) > 8 else "") if names else (
-        f"it has {len(table.names)} columns without names"
-    )  # fmt: skip
+    if not names:
+        return f"it has {len(table.names)} columns without names"
+    return "its columns are " + ", ".join(names[:LISTED]) + (" ..." if len(names) > LISTED else "")

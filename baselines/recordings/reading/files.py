@@ -1,22 +1,42 @@
 """From a file to its table. The kind of a file is found by its content, whatever its name is."""
 
+import codecs
+import csv
 import gzip
 import io
 import os
+import re
 import zlib
+from collections import Counter
 from pathlib import Path
 
+import gpxpy
+import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.csv
+import pyarrow.parquet
 
-from baselines.recordings.reading.gpx import read_gpx
-from baselines.recordings.reading.table import Table, short_name
-from baselines.recordings.reading.text import MAX_ROWS, read_text
+from baselines.recordings.reading.cells import MISSING, Table, counted
+from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
 MAX_BYTES = 250_000_000  # of a file, and of what it holds
+MAX_ROWS = 2_500_000
+"""`hybridtrack track` then needs a few gigabytes of memory at most."""
+
+MAX_LINE = 50_000  # characters
+MAX_COLUMNS = 2_000
+HEAD_ROWS = 50
+"""The delimiter is found from so many rows."""
+
+LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet or GPX file"
+DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}
+"""Delimiters and their names in messages."""
+
+TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})
+"""Bytes that a text may have."""
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -25,67 +45,241 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     Raises:
         ArgumentError: it cannot be read, or is none of the kinds of files.
     """
-    name = short_name(str(path))
+    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
     content = _content(Path(path), name)
-    if content[:2] == b"\x1f\x8b":
-        content = _decompressed(content, name)
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
         return _read_parquet(content, name)
     if start[:1] == b"<":
-        return read_gpx(content, name)
+        return _read_gpx(content, name)
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
-    return read_text(content, name)
+    return _read_text(content, name)
 
 
 def _content(path: Path, name: str) -> bytes:
+    """Return the bytes of a file, decompressed."""
     try:
         if path.is_dir():
             raise reject("file", name, f"{ALLOWED}, not a folder")
         if not path.is_file():  # for example a named pipe, which would wait for its writer
             raise reject("file", name, f"an existing file: {ALLOWED}")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            allowed = (
-                f"a file of at most {MAX_BYTES / 1e6:.0f} MB, not {size / 1e6:.0f} MB: split the recording"
-            )
+        size, most = path.stat().st_size / 1e6, MAX_BYTES / 1e6
+        if size > most:
+            allowed = f"a file of at most {most:.0f} MB, not {size:.0f} MB: split the recording"
             raise reject("file", name, allowed)
-        return path.read_bytes()
+        content = path.read_bytes()
+    except ArgumentError:
+        raise
     except (OSError, ValueError) as error:
-        if isinstance(error, ArgumentError):
-            raise
         reason = getattr(error, "strerror", None) or str(error)
         raise reject("file", name, f"a file that can be read ({reason})") from None
-
-
-def _decompressed(content: bytes, name: str) -> bytes:
+    if content[:2] != b"\x1f\x8b":
+        return content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
-            inner = stream.read(MAX_BYTES + 1)
+            content = stream.read(MAX_BYTES + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
-    if len(inner) > MAX_BYTES:
-        raise reject("file", name, f"at most {MAX_BYTES / 1e6:.0f} MB when decompressed: split the recording")
-    return inner
+    if len(content) > MAX_BYTES:
+        raise reject("file", name, f"at most {most:.0f} MB when decompressed: split the recording")
+    return content
 
 
 def _read_parquet(content: bytes, name: str) -> Table:
     try:
-        file = pq.ParquetFile(pa.BufferReader(content))
-        rows, names = file.metadata.num_rows, tuple(file.schema_arrow.names)
+        file = pyarrow.parquet.ParquetFile(pa.BufferReader(content))
+        rows, names = file.metadata.num_rows, file.schema_arrow.names
         if rows > MAX_ROWS:
             raise ArgumentError(f"{name}: {rows:,} rows, more than {MAX_ROWS:,}: split the recording")
         frame = file.read(use_threads=False).to_pandas(ignore_metadata=True)
+    except ArgumentError:
+        raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        if isinstance(error, ArgumentError):
-            raise
         raise ArgumentError(f"{name}: the Parquet file is damaged ({error})") from None
     if not rows:
         raise reject("file", name, "a file with rows, not an empty table")
-    frame.columns = range(len(names))
-    if INDEX in names:  # pandas writes an index without a name as the last column
-        order = [names.index(INDEX), *(k for k, one in enumerate(names) if one != INDEX)]
-        frame, names = frame[order], ("", *(one for one in names if one != INDEX))
-        frame.columns = range(len(names))
-    return Table(name, frame, names)
+    # pandas writes an index without a name as the last column
+    order = sorted(range(len(names)), key=lambda k: names[k] != INDEX)
+    frame = frame.iloc[:, order].set_axis(range(len(names)), axis=1)
+    return Table(name, frame, tuple("" if names[k] == INDEX else names[k] for k in order))
+
+
+def _read_gpx(content: bytes, name: str) -> Table:
+    """Read the track points of a GPX file: time, lat, lon, and the track and the segment of each point."""
+    try:
+        tracks = gpxpy.parse(content.decode("utf-8-sig")).tracks
+    except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise ArgumentError(f"{name}: the file begins as XML but is not GPX ({reason})") from None
+    frame = pd.DataFrame(
+        [
+            (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
+            for number, track in enumerate(tracks, start=1)
+            for part, segment in enumerate(track.segments)
+            for point in segment.points
+        ],
+        columns=["time", "lat", "lon", "track_id", "segment"],
+    )
+    if frame.empty:
+        raise reject("file", name, "a GPX file with track points (trkpt)")
+    segments = pd.factorize(frame.pop("segment"))[0]
+    times = frame.pop("time").astype(object)
+    if times.notna().any():
+        frame.insert(0, "time", pd.to_datetime(times, utc=True))
+    names = tuple(frame.columns)
+    return Table(name, frame.set_axis(range(len(names)), axis=1), names, row_word="point", segments=segments)
+
+
+def _read_text(content: bytes, name: str) -> Table:
+    notes: list[str] = []
+    lines, first = _lines(_decoded(content, name, notes), name, notes)
+    delimiter = max(DELIMITERS, key=lambda one: _fit(lines[: HEAD_ROWS + 1], one))
+    if delimiter == " ":
+        lines = [" ".join(line.split()) for line in lines]
+    rows = [_cells(line, delimiter) for line in lines[: HEAD_ROWS + 1]]
+    known = any(map(role_of, rows[0]))
+    header = known or not any(re.search(r"^[+-]?[.,]?\d", cell) for cell in rows[0])
+    if header and len(rows) == 1:
+        raise reject(f"{name}, line {first}: header", lines[0], "rows of numbers after it")
+    names = _names(rows, lines[0]) if header else ("",) * len(rows[0])
+    if len(names) > MAX_COLUMNS:
+        raise ArgumentError(f"{name}: {len(names):,} columns: at most {MAX_COLUMNS:,} are allowed")
+    first += header
+    frame = _parsed(lines[header:], delimiter, len(names), name, first)
+    return Table(name, frame, names, header, "line", first, notes=notes)
+
+
+def _decoded(content: bytes, name: str, notes: list[str]) -> str:
+    """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
+    if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        try:
+            return content.decode("utf-16").replace("\r\n", "\n").replace("\r", "\n")
+        except UnicodeDecodeError:
+            raise ArgumentError(f"{name}: not a text file: the UTF-16 text is damaged") from None
+    content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    control, allowed, at = content.translate(None, TEXT_BYTES), "a text file (CSV or TSV)", 0
+    try:
+        if not control:
+            return content.decode("utf-8")
+        at = content.index(control[:1])
+    except UnicodeDecodeError as error:
+        text = content.decode("cp1252", errors="replace")
+        if "\ufffd" not in text:
+            notes.append("read as Windows-1252, as it is not UTF-8")
+            return text
+        allowed, at = "UTF-8", error.start
+    line = content.count(b"\n", 0, at) + 1
+    raise ArgumentError(f"{name}, line {line}: byte {content[at]:#04x} is not allowed: expected {allowed}")
+
+
+def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
+    """Return the lines from the header on, and the number of the first one."""
+    lines = text.split("\n")
+    if max(map(len, lines)) > MAX_LINE:
+        long = next(number for number, line in enumerate(lines, start=1) if len(line) > MAX_LINE)
+        raise ArgumentError(f"{name}, line {long}: a line of more than {MAX_LINE:,} characters")
+    empty = 0
+    while lines and not lines[-1].strip(' \t,;|"'):
+        empty += bool(lines.pop().strip())
+    if empty:
+        notes.append(f"{counted(empty, 'empty row')} at the end left out")
+    first = 0
+    while first < len(lines) and (not lines[first].strip() or _is_comment(lines[first : first + 2])):
+        first += 1
+    if first == len(lines):
+        raise reject("file", name, "rows of numbers, not an empty file")
+    if first:
+        notes.append(f"{counted(first, 'line')} before the header left out")
+    lines = lines[first:]
+    if lines[0].lstrip().startswith("#"):
+        lines[0] = lines[0].lstrip().removeprefix("#").strip()
+    if len(lines) > MAX_ROWS + 1:
+        raise ArgumentError(f"{name}: more than {MAX_ROWS:,} rows are not allowed: split the recording")
+    blank = next((number for number, line in enumerate(lines) if not line or line.isspace()), None)
+    if blank is not None:
+        raise ArgumentError(f"{name}, line {first + blank + 1}: a blank line is not allowed: remove it")
+    return lines, first + 1
+
+
+def _is_comment(lines: list[str]) -> bool:
+    """Whether the first of two lines is a comment. The last one before the rows may be the header, as
+    numpy.savetxt writes it.
+    """
+    line = lines[0].strip()
+    if not line.startswith("#"):
+        return re.fullmatch(r"sep=.", line) is not None
+    known = any(map(role_of, re.split(r"[\t;|, ]+", line.lstrip("# "))))
+    return not known or (len(lines) > 1 and lines[1].lstrip().startswith("#"))
+
+
+def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
+    """Return how well a delimiter fits: the number of known names in the header, the share of rows with
+    equally many cells, and whether the header has as many. Where none fits, it is the comma.
+    """
+    header, *rows = (_cells(line, delimiter) for line in lines)
+    [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
+    if usual < 2:
+        return -1, delimiter == ","
+    return (
+        sum(role_of(cell) is not None for cell in header),
+        times / max(len(rows), 1),
+        abs(usual - len(header)) <= 1,
+    )
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except (csv.Error, StopIteration):
+        return [line]
+
+
+def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
+    """Return the names of the columns.
+
+    Rows may have one more cell than the header: the name of the row, or an empty one at the end. The header
+    may have another delimiter, as of numpy.savetxt.
+    """
+    names = rows[0]
+    [(usual, _)] = Counter(map(len, rows[1:])).most_common(1)
+    if usual == len(names) + 1:
+        return (*names, "") if all(not row[-1] for row in rows[1:]) else ("", *names)
+    if usual > len(names):
+        names = re.split(r"[\s;|,]+", line)
+        return tuple(names) if len(names) == usual else ("",) * usual
+    return tuple(names)
+
+
+def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: int) -> pd.DataFrame:
+    """Parse rows with a number of columns; `first` is the number of the first line."""
+    wrong: list[pyarrow.csv.InvalidRow] = []
+
+    def refuse(row: pyarrow.csv.InvalidRow) -> str:
+        wrong.append(row)
+        return "error"
+
+    try:
+        table = pyarrow.csv.read_csv(
+            pa.py_buffer("\n".join(lines).encode()),
+            pyarrow.csv.ReadOptions(
+                column_names=[str(k) for k in range(columns)], use_threads=False, block_size=4_000_000
+            ),
+            pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
+            pyarrow.csv.ConvertOptions(
+                null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True
+            ),
+        )
+    except pa.ArrowException as error:
+        if not wrong:
+            raise ArgumentError(f"{name}: not CSV: {str(error).removeprefix('CSV parse error: ')}") from None
+        row, text = wrong[0], wrong[0].text.split("\n")[0][:60]
+        allowed = f"{row.expected_columns} cells between {DELIMITERS[delimiter]}, not {row.actual_columns}"
+        raise reject(f"{name}, line {row.number + first - 1}: row", text, allowed) from None
+    if table.num_rows != len(lines):
+        raise ArgumentError(f"{name}: not CSV: a quoted cell goes over several lines")
+    return table.to_pandas().set_axis(range(columns), axis=1)

@@ -1,5 +1,6 @@
 """What the names of columns mean."""
 
+import functools
 import re
 
 ROLES = {
@@ -17,7 +18,7 @@ ROLES = {
     "lon": ("lon", "lng", "long", "longitude", "location_long", "location_lon", "position_long",
             "position_lon", "gps_lon", "gps_long", "gps_longitude", "lons", "longitudes"),
 }  # fmt: skip
-"""Names of the columns of each role, in lower case and joined by underscores."""
+"""Names of the columns of times and positions, in lower case and joined by underscores."""
 
 OBJECTS = (
     "object", "object_id", "obj", "obj_id", "id", "track_id", "trackid", "target", "target_id",
@@ -28,6 +29,7 @@ OBJECTS = (
 )  # fmt: skip
 """Names of columns that tell objects apart."""
 
+ROLE_OF = {name: role for role, names in (ROLES | {"object": OBJECTS}).items() for name in names}
 INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
 """Names of an index: the number of the row, as spreadsheets and pandas write it."""
 
@@ -46,6 +48,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[\s_.:-]+", "_", name.strip().lower()).strip("_")
 
 
+@functools.lru_cache(maxsize=256)
 def split_unit(name: str) -> tuple[str, str | None]:
     """Return the plain name of a column and its unit, None if it has none.
 
@@ -58,32 +61,11 @@ def split_unit(name: str) -> tuple[str, str | None]:
         return plain_name(found[1]), unit or None
     plain = plain_name(name)
     base, _, unit = plain.rpartition("_")
-    if base and (unit in SECONDS or unit in LENGTHS) and _role(plain) is None:
+    if base and (unit in SECONDS or unit in LENGTHS) and ROLE_OF.get(plain) not in ROLES:
         return base, unit
-    if plain in ("millis", "milliseconds"):
-        return plain, "ms"
-    return plain, None
+    return plain, "ms" if plain in ("millis", "milliseconds") else None
 
 
 def role_of(name: str) -> str | None:
-    """Return the role of a column by its name, None if it has none."""
-    return _role(split_unit(name)[0])
-
-
-def is_object_name(name: str) -> bool:
-    """Whether a column of this name may tell objects apart."""
-    return split_unit(name)[0] in OBJECTS
-
-
-def is_index_name(name: str) -> bool:
-    """Whether a column of this name may be an index."""
-    return plain_name(name) in INDEX
-
-
-def is_known_name(name: str) -> bool:
-    """Whether a cell of the first row is the name of a column."""
-    return role_of(name) is not None or (bool(name.strip()) and is_object_name(name))
-
-
-def _role(plain: str) -> str | None:
-    return next((role for role, names in ROLES.items() if plain in names), None)
+    """Return the role of a column by its name: one of `ROLES`, `object`, or None if it has none."""
+    return ROLE_OF.get(split_unit(name)[0])

@@ -1,16 +1,17 @@
-"""From cells to positions on a plane."""
+"""From cells to positions on a plane, and what they must not look like: degrees, and several objects."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.recordings.reading.cells import Table, parse_numbers
 from baselines.recordings.reading.columns import Columns
 from baselines.recordings.reading.names import DEGREES, split_unit
-from baselines.recordings.reading.numbers import MAX_VALUE, coordinates
-from baselines.recordings.reading.projection import Projection, centred_projection
-from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
+
+MAX_VALUE = 1e12
+"""Largest absolute value of a coordinate; its powers do not overflow."""
 
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0  # [deg]
 SLOW = 0.01
@@ -19,9 +20,22 @@ SLOW = 0.01
 OFFSET = 2.0
 """Degrees are this far from 0, compared with their extent, and at least one degree."""
 
+MIN_ROWS = 8
+WINDOW = 4
+"""Rows among which the previous row of the same object is looked for."""
 
-@dataclass(frozen=True, eq=False)
-class Places:
+FAR = 10.0
+"""A row is far from the previous one if another of the rows before it is so many times nearer."""
+
+FAR_SHARE = 0.25
+JUMP = 50.0
+"""A jump is so many times faster than any other step."""
+
+END_SHARE = 0.2
+"""A jump this close to an end of the recording is an error of measurement rather than another object."""
+
+
+class Places(NamedTuple):
     """Positions of all rows of a file.
 
     Attributes:
@@ -33,37 +47,6 @@ class Places:
     values: NDArray[np.float64]
     unit: str | None
     degrees: bool
-
-    @property
-    def measured(self) -> NDArray[np.bool_]:
-        """(n,) True for rows with both coordinates."""
-        return np.asarray(~np.isnan(self.values).any(axis=1))
-
-    def plane(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], Projection | None]:
-        """Return positions of rows on a plane, (k, 2), and the projection if they were degrees."""
-        if not self.degrees or not self.measured[rows].any():
-            return self.values[rows], None
-        longitudes, latitudes = self.values[rows].T
-        projection = centred_projection(latitudes, longitudes)
-        return projection.forward(latitudes, longitudes), projection
-
-    def check_unit(self, table: Table, seconds: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
-        """Check that x and y without a unit do not look like degrees.
-
-        Args:
-            table: the table.
-            seconds: (k,) increasing times [s] of measurements, or numbers of rows.
-            rows: (k,) their rows.
-
-        Raises:
-            ArgumentError: they do.
-        """
-        if self.unit is None and look_like_degrees(seconds, self.values[rows]):
-            (west, south), (east, north) = self.values[rows].min(axis=0), self.values[rows].max(axis=0)
-            raise ArgumentError(
-                f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g} look "
-                "like degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
-            )
 
 
 def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
@@ -78,43 +61,95 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
         ArgumentError: a cell is not a number, a latitude or longitude is out of range, x and y have
             different units, or a unit is given for latitudes and longitudes.
     """
-    axes = [found.roles[role] for role in (("lon", "lat") if found.degrees else ("x", "y"))]
-    named = {split_unit(table.names[column])[1] for column in axes}
     degrees = found.degrees
-    if degrees:
-        if unit not in (None, "m", *DEGREES):
-            raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
-    elif unit is None:
+    axes = [found.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
+    named = {split_unit(table.names[column])[1] for column in axes}
+    if degrees and unit not in (None, "m", *DEGREES):
+        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
+    if not degrees and unit is None:
         if len(named) > 1:
-            labels = " and ".join(repr(table.label(column)) for column in axes)
-            raise ArgumentError(f"{table.file}: {labels} have different units: expected one, or --unit")
+            raise ArgumentError(
+                f"{table.file}: {table.labels(axes)} have different units: expected one, or --unit"
+            )
         unit = named.pop()
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
     limits = (MAX_LONGITUDE, MAX_LATITUDE) if degrees else (MAX_VALUE, MAX_VALUE)
-    cells = [coordinates(table, column, limit) for column, limit in zip(axes, limits, strict=True)]
-    if any(one.comma for one in cells):
+    numbers = [parse_numbers(table.frame[column]) for column in axes]
+    for column, one, limit in zip(axes, numbers, limits, strict=True):
+        wrong = np.union1d(one.wrong, np.flatnonzero(np.abs(one.values) > limit))
+        if wrong.size:
+            cell = table.frame[column].iloc[wrong[0]]
+            shown = cell if isinstance(cell, (str, float, int, bool)) else str(cell)
+            allowed = f"a finite number of magnitude at most {limit:g}, or an empty cell"
+            raise reject(table.place(int(wrong[0]), column), shown, allowed)
+    if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
-    values = np.column_stack([one.values for one in cells])
-    return Places(values, "m" if degrees else unit, degrees)
+    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
 
 
-def look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
-    """Whether x and y without a unit may be degrees: in their range, slow, and far from 0 for their extent.
+def check_positions(
+    table: Table, places: Places, seconds: NDArray[np.float64], rows: NDArray[np.int64], marked: bool
+) -> None:
+    """Check that measurements look like those of one object, and not like degrees if they have no unit.
 
     Args:
-        seconds: (n,) increasing times [s], or numbers of rows.
-        positions: (n, 2) x and y, no NaN.
+        table: the table.
+        places: positions of its rows.
+        seconds: (k,) increasing times [s] of the measurements of an object, or numbers of rows.
+        rows: (k,) their rows, at least two.
+        marked: whether the caller or a column says which rows are of the object.
+
+    Raises:
+        ArgumentError: they do not.
     """
-    largest, extent = np.abs(positions).max(axis=0, initial=0.0), np.ptp(positions, axis=0)
-    if (
-        len(positions) < 2
-        or largest.max() > MAX_LONGITUDE / 2.0
-        or largest.min() > MAX_LATITUDE
-        or not extent.any()
-    ):
+    positions = places.values[rows]
+    reason = None if marked else _unmarked_objects(seconds, positions)
+    if reason is not None:
+        raise ArgumentError(
+            f"{table.file}: more than one object? ({reason}): name the column of the objects by --object, or "
+            "--object none for a single one"
+        )
+    if places.unit is None and _look_like_degrees(seconds, positions):
+        (west, south), (east, north) = positions.min(axis=0), positions.max(axis=0)
+        raise ArgumentError(
+            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g} look like "
+            "degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
+        )
+
+
+def _look_like_degrees(seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> bool:
+    """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
+    largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0)
+    if largest.max() > MAX_LONGITUDE / 2.0 or largest.min() > MAX_LATITUDE or not extent.any():
         return False
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(seconds)
     offset = np.abs(np.median(positions, axis=0)).max()
     return bool(np.median(speeds) < SLOW and offset > max(OFFSET * extent.max(), 1.0))
+
+
+def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]) -> str | None:
+    """Return why the rows seem to be of more than one object, None if they seem to be of one.
+
+    Either the rows alternate: many are far from the row before, but near to one of the three rows before
+    that. Or one object follows the other: a single step is far longer than all others.
+    """
+    count = len(positions)
+    if count < MIN_ROWS:
+        return None
+    before = np.full((WINDOW, count), np.inf)
+    for lag in range(1, WINDOW + 1):
+        before[lag - 1, lag:] = np.hypot(*(positions[lag:] - positions[:-lag]).T)
+    nearest = before.min(axis=0)[WINDOW:]
+    far = before[0, WINDOW:] > FAR * nearest
+    if np.median(nearest) > 0.0 and far.mean() >= FAR_SHARE:
+        return "rows alternate between places that are far apart"
+    speeds = before[0, 1:] / np.diff(times)
+    at = int(np.argmax(speeds))
+    others = np.delete(speeds, at).max()
+    if speeds[at] > JUMP * others > 0.0 and END_SHARE <= (at + 1) / count <= 1.0 - END_SHARE:
+        return (
+            f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any other step"
+        )
+    return None

@@ -1,7 +1,7 @@
 """Reading a file of recorded positions: CSV, TSV, Parquet or GPX, also compressed by gzip."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,21 +10,26 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from baselines.recordings.projection import centred_projection
+from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.numbers import parse_numbers
-from baselines.recordings.reading.objects import unmarked_objects
-from baselines.recordings.reading.positions import read_positions
-from baselines.recordings.reading.summary import summarise
-from baselines.recordings.reading.table import Table, counted
-from baselines.recordings.reading.times import Times, parse_times
+from baselines.recordings.reading.positions import check_positions, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
 from hybrid_env.checks import ArgumentError, check_positive, reject
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 TAU_TOLERANCE = 1e-3
 """Largest relative difference between a given tick and the one of the times."""
 
 MAX_NAME = 60  # characters of an object's name
+LISTED = 6
+"""So many columns that are not used are listed in the summary."""
+
+JITTER = 1e-3
+"""Steps that differ by more than this share of the tick are listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,37 +82,45 @@ def read_recordings(
     groups = _groups(table, found.object, Path(path))
     times = _times(table, found, time_unit, tau, len(groups) == 1)
     places = read_positions(table, found, unit)
-    recordings, few = [], 0
+    known = np.asarray(~np.isnan(places.values).any(axis=1))
+    recordings = []
     for name, rows in groups:
-        measured = rows[places.measured[rows]]
-        if len(measured) < 2 and len(groups) > 1:
-            few += 1
-            continue
+        measured = rows[known[rows]]
+        if len(measured) < 2 and len(groups) == 1:
+            measurements = counted(len(measured), "measured position")
+            raise ArgumentError(f"{table.file}: {measurements}: expected at least two")
         if len(measured) < 2:
-            found_positions = counted(len(measured), "measured position")
-            raise ArgumentError(f"{table.file}: {found_positions}: expected at least two")
-        _check_order(table, found, times.seconds, rows, name if found.object is not None else None)
-        if object_column is None and len(groups) == 1:
-            _check_one_object(table, times.seconds[measured], places.values[measured])
-        places.check_unit(table, times.seconds[measured], measured)
-        positions, projection = places.plane(rows)
+            continue
+        _check_order(table, found, times.seconds, rows, name)
+        marked = object_column is not None or len(groups) > 1
+        check_positions(table, places, times.seconds[measured], measured, marked)
+        positions, projection = places.values[rows], None
+        if places.degrees:
+            longitudes, latitudes = positions.T
+            projection = centred_projection(latitudes, longitudes)
+            positions = projection.forward(latitudes, longitudes)
+        breaks: Any = ()  # a segment of a GPX track: reception was lost or the logger switched off
+        if table.segments is not None:
+            breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
         recordings.append(
             make_recording(
-                times.seconds[rows], positions, name=name, gap=gap, breaks=_breaks(table, rows),
+                times.seconds[rows], positions, name=name, gap=gap, breaks=breaks,
                 unit=places.unit or UNKNOWN_UNIT, time_unit=times.unit, epoch=times.epoch,
                 projection=projection,
             )
         )  # fmt: skip
     if not recordings:
         raise ArgumentError(f"{table.file}: no object has two measured positions")
-    if few:
-        table.notes.append(f"{counted(few, 'object')} with fewer than two measurements left out")
-    if tau is not None and "time" in found.roles:
-        _check_tau(tau, recordings[0])
-    return RecordingFile(tuple(recordings), summarise(table, found, times, recordings))
+    if len(recordings) < len(groups):
+        few = counted(len(groups) - len(recordings), "object")
+        table.notes.append(f"{few} with fewer than two measurements left out")
+    tick = recordings[0].tick
+    if tau is not None and "time" in found.roles and abs(tau - tick) > TAU_TOLERANCE * tick:
+        raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
+    return RecordingFile(tuple(recordings), _summary(table, found, times, recordings))
 
 
-def _groups(table: Table, column: int | None, path: Path) -> list[tuple[str, NDArray[np.int64]]]:
+def _groups(table: Table, column: int | None, path: Path) -> list[tuple[str, IntArray]]:
     """Names of the objects and their rows."""
     if column is None:
         stem = path.name.removesuffix(".gz")
@@ -116,13 +129,13 @@ def _groups(table: Table, column: int | None, path: Path) -> list[tuple[str, NDA
     empty = np.flatnonzero(cells.isna())
     if empty.size:
         raise ArgumentError(
-            f"{table.place(int(empty[0]))}: {table.label(column)}: the cell is empty: expected an object in "
-            "every row, or --object none"
+            f"{table.place(int(empty[0]), column)}: the cell is empty: expected an object in every row, or "
+            "--object none"
         )
     codes, values = pd.factorize(cells)
     order = np.argsort(codes, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-    return [(_text(value), part) for value, part in zip(values, parts, strict=True)]
+    groups = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
+    return [(_text(value), group) for value, group in zip(values, groups, strict=True)]
 
 
 def _text(value: Any) -> str:
@@ -141,50 +154,66 @@ def _times(table: Table, found: Columns, unit: str | None, tau: float | None, on
     ticks = np.arange(len(table.frame), dtype=np.float64)
     if found.index is not None and one:
         numbers = parse_numbers(table.frame[found.index]).values
-        whole = not np.isnan(numbers).any() and (numbers % 1 == 0).all()
-        if not whole and not found.chosen:
+        if np.isfinite(numbers).all() and (numbers % 1 == 0).all():
+            ticks = numbers - numbers[0]
+        elif not found.chosen:
             raise ArgumentError(
                 f"{table.file}: {table.label(found.index)} is no number of the row: name the columns by "
                 f"--columns, for example time={found.index + 1} x=... y=..."
             )
-        if whole:
-            ticks = numbers - numbers[0]
     return Times(tick_times(ticks, 1.0 if tau is None else tau), None, "", "ticks" if tau is None else "s")
 
 
-def _check_order(
-    table: Table, found: Columns, seconds: NDArray[np.float64], rows: NDArray[np.int64], name: str | None
-) -> None:
+def _check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArray, name: str) -> None:
+    """Check that the times of an object increase."""
     wrong = np.flatnonzero(~(np.diff(seconds[rows]) > 0.0))
     if not wrong.size:
         return
-    before, row = (int(rows[wrong[0] + k]) for k in (0, 1))
+    before, row = rows[wrong[0]], rows[wrong[0] + 1]
     column = found.roles.get("time", found.index)
     assert column is not None  # numbers of rows increase
     cells = table.frame[column]
-    advice = f"of object {name}" if name is not None else "(several objects? name their column by --object)"
-    raise reject(
-        f"{table.place(row)}: {table.label(column)}", str(cells.iloc[row]),
-        f"a time after {cells.iloc[before]} {advice}",
+    advice = "(several objects? name their column by --object)" if found.object is None else (
+        f"of object {name}"
     )  # fmt: skip
+    raise reject(
+        table.place(int(row), column), str(cells.iloc[row]), f"a time after {cells.iloc[before]} {advice}"
+    )
 
 
-def _check_one_object(table: Table, seconds: NDArray[np.float64], positions: NDArray[np.float64]) -> None:
-    reason = unmarked_objects(seconds, positions)
-    if reason is not None:
-        raise ArgumentError(
-            f"{table.file}: more than one object? ({reason}): name the column of the objects by --object, or "
-            "--object none for a single one"
-        )
-
-
-def _breaks(table: Table, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Rows at which a segment of a GPX track begins: reception was lost or the logger switched off."""
-    if table.segments is None:
-        return np.empty(0, np.int64)
-    return np.flatnonzero(np.diff(table.segments[rows])) + 1
-
-
-def _check_tau(tau: float, recording: Recording) -> None:
-    if abs(tau - recording.tick) > TAU_TOLERANCE * recording.tick:
-        raise reject("tau", tau, f"no value, or the median step of the times, {recording.tick:.6g}")
+def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Recording]) -> str:
+    """Return file, rows, objects, tick, unit and extent, and what was left out or assumed."""
+    one, unit = recordings[0], recordings[0].unit
+    objects = counted(len(recordings), "object")
+    if found.object is not None and len(recordings) > 1:
+        objects += f" by '{table.label(found.object)}'"
+    tick = np.median([one.tick for one in recordings])
+    steps = np.concatenate([np.diff(one.times) for one in recordings])
+    ticks = f"tick {tick:.6g} s" if one.time_unit == "s" else "no times: a row is a tick (--tau)"
+    if np.abs(steps - tick).max() > JITTER * tick:
+        ticks += f" (steps {steps.min():.4g} to {steps.max():.4g})"
+    positions = np.concatenate([one.positions for one in recordings])
+    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
+    extent = f"x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to {high[1]:.6g} {unit}"
+    sentences = [f"{table.file}: {counted(len(table.frame), 'row')}", objects, ticks, extent]
+    if one.projection is not None:
+        centre = f" around {one.projection.latitude:.6g}, {one.projection.longitude:.6g}"
+        sentences.append("degrees projected to metres" + (centre if len(recordings) == 1 else ""))
+    if times.kind:
+        sentences.append(f"times are {times.kind}" + (f" from {times.epoch}" if times.epoch else ""))
+    missing = int(np.isnan(positions[:, 0]).sum())
+    if missing:
+        sentences.append(f"{counted(missing, 'row')} without a position")
+    pieces = sum(len(one.pieces) for one in recordings)
+    if pieces > len(recordings):
+        sentences.append(f"{counted(pieces, 'piece')} between gaps")
+    if not table.headed and not found.chosen:
+        sentences.append(f"no header: columns taken as {', '.join(found.roles)}")
+    sentences += table.notes
+    if found.index is not None:
+        sentences.append("index column " + ("not used" if "time" in found.roles else "taken as ticks"))
+    if found.left_out:
+        more = len(found.left_out) - LISTED
+        names = ", ".join(found.left_out[:LISTED]) + (f" and {more} more" if more > 0 else "")
+        sentences.append(f"columns not used: {names}")
+    return "; ".join(sentences)

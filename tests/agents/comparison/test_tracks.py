@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from agents.comparison.tracks import record_episode, record_track
+
+from agents.comparison.tracks import record_track
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.evaluate import evaluate
 from agents.evaluation.statement_curve import ROWS, sweep_statements
-
 from agents.figures.decider_colours import decider_style
 from agents.figures.timelines import UNDECIDED, runs
 from agents.figures.tracks import track_figure
@@ -15,25 +15,26 @@ from hybrid_env.quickest_options import QuickestOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
 RADII = (5.0,)
-STATED = QuickestOptions(ticks=150, durations="uniform 20-40")
+STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
+STATED = {"ticks": 150, "durations": "uniform 20-40"}
 
 
 @pytest.fixture(scope="module")
 def declared():
     rules = {"ATE (SPRT)": SPRTDecider(1e-3), "ppo": FixedTimeDecider(2)}
-    return [record_episode(name, rule, ENV, 3, scheme="L40r5 S30 R60r5 S40") for name, rule in rules.items()]
+    return [record_track(name, rule, ENV, 3, scheme="L40r5 S30 R60r5 S40") for name, rule in rules.items()]
 
 
 @pytest.fixture(scope="module")
 def stated():
     rules = {"IMM threshold": ThresholdDecider(0.6), "CUSUM": CusumDecider(2.0)}
-    return [record_track(name, rule, STATED, 12) for name, rule in rules.items()]
+    return [record_track(name, rule, STATED_ENV, 12, **STATED) for name, rule in rules.items()]
 
 
 def test_a_recorded_episode_agrees_with_the_evaluation():
     decider = SPRTDecider(1e-3)
     decisions = evaluate(decider, episodes=4, seed=10)
-    record = record_episode("ATE", decider, ENV, 12)
+    record = record_track("ATE", decider, ENV, 12)
     lengths = decisions.length[2]
     np.testing.assert_array_equal(record.right[record.marks], decisions.correct[2])
     np.testing.assert_array_equal(np.diff([*record.switches, len(record.truth)]), lengths)
@@ -47,12 +48,12 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
 
 def test_a_recorded_track_agrees_with_the_evaluation(stated):
     family = DeciderFamily("x", "p", (0.6,), 0.6, ThresholdDecider)
-    metrics = sweep_statements(family, STATED, 4, 10).metrics[0]
+    metrics = sweep_statements(family, QuickestOptions(**STATED), 4, 10).metrics[0]
     first, second = stated
     np.testing.assert_array_equal(first.right, first.modes == first.true_modes)
     assert first.right.mean() == pytest.approx(metrics.rows[2, ROWS.index("right")])
     assert first.summary.startswith(f"{100 * first.right.mean():.1f} % of the ticks right, mean delay ")
-    assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 2.0 * STATED.speed * STATED.tau
+    assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 0.4  # 2 m/s for .1 s, twice
     assert 0.5 < (first.measurements - first.truth).std() / np.sqrt(0.1) < 1.5
     np.testing.assert_array_equal(first.truth, second.truth)
 

@@ -1,16 +1,24 @@
 """The evidence of each decider, compared with the decisions that it makes."""
 
+import itertools
+
+import gymnasium as gym
 import numpy as np
 import pytest
-from agents.evaluation.deciders import load_decider
+import torch
 from gymnasium import spaces
 
+from agents.evaluation.deciders import load_decider
+from agents.evaluation.statement_deciders import RULES
 from agents.learned.policy import PolicyDecider, make_policy
-from agents.playing.episodes import DECISIONS
-from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
+from agents.learned.statement_policy import StatementPolicyDecider
+from agents.playing.episodes import DECISIONS, Episodes
+from baselines import BeamDecider
+from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
+STATED = "hybrid_env:HybridTrackQuickest-v0"
 
 
 def make_env(correctness="exact"):
@@ -102,20 +110,18 @@ def test_a_fixed_time_has_the_posterior_without_a_threshold():
         np.testing.assert_array_equal(values.argmax(axis=1), likeliest)
 
 
-@pytest.mark.parametrize("by_type", [True, False])
-def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(by_type):
-    env = make_env("type" if by_type else "exact")
+@pytest.mark.parametrize("correctness", ["type", "exact"])
+def test_the_posterior_of_a_network_is_by_type_if_only_the_type_is_rewarded(correctness):
+    env = make_env(correctness)
     decider = load_decider("shipped:0.03", env.options)
-    panel = decider.panel()
-    assert panel.curves == ("type" if by_type else "hypothesis")
-    assert panel.legend == "1 - alpha at alpha = 0.03"
+    assert decider.panel().curves == ("type" if correctness == "type" else "hypothesis")
+    assert decider.panel().legend == "1 - alpha at alpha = 0.03"
     for _, _, values in ticks_of(env, decider, 10):
-        own = values[:, [0, 1, 4]] if by_type else values
-        if by_type:  # the best type has 1 - expected loss, which is at most its posterior
-            assert (own.sum(axis=1) <= 1.0 + 1e-9).all()
-        else:
-            np.testing.assert_allclose(own.sum(axis=1), 1.0)
-        assert not by_type or (values[:, 1:4] == values[:, 1:2]).all()
+        if correctness == "exact":
+            np.testing.assert_allclose(values.sum(axis=1), 1.0)
+        else:  # the best type has 1 - expected loss, which is at most its posterior
+            assert (values[:, [0, 1, 4]].sum(axis=1) <= 1.0 + 1e-9).all()
+            assert (values[:, 1:4] == values[:, 1:2]).all()
 
 
 @pytest.mark.parametrize("alpha", ["0.5", "0.02", "1e-6", "1e-12"])
@@ -123,3 +129,46 @@ def test_the_threshold_is_inside_the_panel(alpha):
     panel = load_decider(f"msprt:{alpha}", WorldOptions()).panel()
     low, high = panel.limits
     assert 0.0 < low < panel.thresholds[0].levels[0] < high < 1.0
+
+
+def stating():
+    return gym.make(STATED, render_mode="rgb_array").unwrapped
+
+
+def test_the_evidence_of_a_policy_is_its_probabilities():
+    torch.manual_seed(0)
+    env = stating()
+    rows, _ = env.reset(seed=0)
+    settings = {"net_arch": [8], "ortho_init": False}
+    policy = make_policy(env.observation_space, env.action_space, settings, layout=QuickestLayout)
+    decider = StatementPolicyDecider(policy)
+    found = decider.evidence(rows[None], None, np.ones(1, np.bool_))
+    logits = decider.logits(rows[None])[0]
+    np.testing.assert_allclose(found, np.exp(logits) / np.exp(logits).sum())
+    assert decider.panel().label == "probability (policy)"
+
+
+@pytest.mark.parametrize("name", [name for name in RULES if not name.startswith("beam")])
+def test_other_rules_have_the_probabilities_of_the_bank(name):
+    other = stating()
+    episodes = Episodes(STATED, {}, name)
+    history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
+    other.reset(seed=0)
+    for _ in range(19):
+        other.step(0)
+    np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
+    assert len(episodes.panel.thresholds) == (name == "threshold")
+
+
+def test_the_evidence_of_a_beam_does_not_change_its_state():
+    env = stating()
+    env.reset(seed=0)
+    decider = BeamDecider(env.options)
+    _, state = decider.predict(decider.observe(env.world))
+    env.step(0)
+    before = state.log_probability.copy()
+    rows, start = decider.observe(env.world), np.zeros(1, np.bool_)
+    found = decider.evidence(rows, state, start)
+    np.testing.assert_array_equal(state.log_probability, before)
+    np.testing.assert_array_equal(found, np.exp(decider.predict(rows, state, start)[1].log_probability))
+    assert decider.panel().thresholds[0].levels == [0.6]

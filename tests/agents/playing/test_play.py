@@ -1,4 +1,4 @@
-"""The command `hybridtrack play`: animations, pictures, recordings and the window."""
+"""The command `hybridtrack play`: animations, pictures, tables, recordings and the window."""
 
 import csv
 
@@ -7,21 +7,25 @@ import numpy as np
 import pytest
 from agents.evaluation.deciders import load_decider
 from PIL import Image, ImageSequence
+from rich.console import Console
 
 import agents.playing.command
 import agents.playing.episodes
 import hybrid_env  # noqa: F401
 from agents.playing.animation import PALETTE_SIZE, palette_colours
 from agents.playing.command import Play
-from agents.playing.episodes import DECISIONS
+from agents.playing.episodes import Episodes, task_of
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering.history import ACTIVE
 from hybrid_env.rendering.renderer import Renderer
 from hybrid_env.rendering.window import FRAME_SIZE
 
 SCHEME = "S8 L8r5"
 STEPS = 10  # fixed:5 waits for four ticks of each segment and declares at the fifth
+DECLARED, STATED = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackQuickest-v0"
+OPTIONS = {DECLARED: {"scheme": SCHEME}, STATED: {"ticks": 40, "durations": "uniform 10-15"}}
 
 
 class Decider:
@@ -41,8 +45,33 @@ def fail():
     raise RuntimeError("decider failed")
 
 
-def play(**arguments):
-    Play(**{"scheme": SCHEME, "decider": "fixed:5", "seed": 3} | arguments).run()
+def play(env=None, **arguments):
+    if env != STATED:
+        arguments = {"scheme": SCHEME, "decider": "fixed:5"} | arguments
+    Play(**{"env": env, "seed": 3} | OPTIONS.get(env, {}) | arguments).run()
+
+
+def environment(env_id, **options):
+    return gym.make(env_id, render_mode="rgb_array", **OPTIONS[env_id], **options).unwrapped
+
+
+def played(env_id, name):
+    """The environment after the episode of a decider, its panel, and the statements and true modes."""
+    env = environment(env_id)
+    task = task_of(env_id)
+    decider = task.load(name, env.options)
+    evidence = getattr(decider, "evidence", task.evidence)
+    observe = getattr(decider, "observe", lambda world: world.observations)
+    _, info = env.reset(seed=3)
+    state, start, terminated, modes = None, np.ones(1, np.bool_), False, []
+    while not terminated:
+        rows = observe(env.world).copy()
+        env.history.set_evidence(evidence(rows, state, start)[0])
+        actions, state = decider.predict(rows, state, start)
+        modes.append((int(actions[0]), info["true_mode"]))
+        _, _, terminated, _, info = env.step(actions[0])
+        start = np.zeros(1, np.bool_)
+    return env, decider.panel() if hasattr(decider, "panel") else task.panel, *np.array(modes).T
 
 
 def use(monkeypatch, decider):
@@ -50,20 +79,17 @@ def use(monkeypatch, decider):
     monkeypatch.setattr(agents.playing.episodes, "DECISIONS", task)
 
 
-def test_a_gif_has_one_frame_for_the_reset_and_each_step_at_ten_per_second(tmp_path):
-    play(out=tmp_path / "episode.gif")
+def test_a_gif_has_one_frame_for_each_reset_and_step_at_ten_per_second(tmp_path):
+    play(out=tmp_path / "episode.gif", episodes=2)
     with Image.open(tmp_path / "episode.gif") as animation:
-        assert animation.n_frames == 1 + STEPS
+        assert animation.n_frames == 2 * (1 + STEPS)
         assert animation.size == FRAME_SIZE
         assert animation.info["loop"] == 0
         assert {frame.info["duration"] for frame in ImageSequence.Iterator(animation)} == {100}
     assert [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
-
-
-def test_a_gif_contains_all_episodes(tmp_path):
-    play(out=tmp_path / "two.gif", episodes=2)
-    with Image.open(tmp_path / "two.gif") as animation:
-        assert animation.n_frames == 2 * (1 + STEPS)
+    play(out=tmp_path / "statements.gif", env=STATED)
+    with Image.open(tmp_path / "statements.gif") as animation:
+        assert animation.n_frames == 40 + 1
 
 
 def test_the_last_frame_of_the_gif_is_the_png_up_to_the_palette(tmp_path):
@@ -76,41 +102,22 @@ def test_the_last_frame_of_the_gif_is_the_png_up_to_the_palette(tmp_path):
     assert (np.abs(difference).max(-1) > 64).mean() < 1e-3
 
 
-@pytest.mark.parametrize("name", ["ate:1e-6", "msprt", "fixed:5", "shipped"])
-def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_path, name):
-    play(out=tmp_path / "episode.png", decider=name)
-    env = gym.make("HybridTrack-v0", render_mode="rgb_array", scheme=SCHEME).unwrapped
-    decider = load_decider(name, env.options)
-    panel = decider.panel() if name != "fixed:5" else DECISIONS.panel
-    observation, _ = env.reset(seed=3)
-    state, start, terminated = None, np.ones(1, np.bool_), False
-    while not terminated:
-        evidence = DECISIONS.evidence if name == "fixed:5" else decider.evidence
-        env.history.set_evidence(evidence(observation[None], state, start)[0])
-        actions, state = decider.predict(observation[None], state, start)
-        observation, _, terminated, _, _ = env.step(actions[0])
-        start = np.zeros(1, np.bool_)
+@pytest.mark.parametrize(
+    ("env_id", "name"),
+    [
+        *((DECLARED, name) for name in ("ate:1e-6", "msprt", "fixed:5", "shipped")),
+        *((STATED, name) for name in ("threshold:0.7", "beam", "cusum")),
+    ],
+)
+def test_a_png_shows_the_finished_episode_with_the_evidence_of_the_decider(tmp_path, env_id, name):
+    play(out=tmp_path / "episode.png", env=env_id, decider=name)
+    env, panel, stated, true = played(env_id, name)
+    if env_id == STATED:
+        np.testing.assert_array_equal(env.history.trace[:, ACTIVE], stated)
+        np.testing.assert_array_equal(env.history.true_modes, true)
     frame = Renderer(env.options, False, panel).draw(env.history)
     with Image.open(tmp_path / "episode.png") as picture:
         np.testing.assert_array_equal(np.asarray(picture), frame)
-
-
-def test_the_recording_contains_every_measurement_with_its_time(tmp_path):
-    play(out=tmp_path / "episode.png", record=tmp_path / "episode.csv")
-    with (tmp_path / "episode.csv").open(newline="") as file:
-        rows = list(csv.reader(file))
-    assert rows[0] == ["t", "x", "y"]
-    assert [row[0] for row in rows[1:4]] == ["0.1", "0.2", "0.3"]
-    env = gym.make("HybridTrack-v0", scheme=SCHEME)
-    _, info = env.reset(seed=3)
-    measured, terminated = [], False
-    while not terminated:  # truth and noise do not depend on the decisions
-        measured.append(info["measurement"])
-        _, _, terminated, _, info = env.step(0)
-    [recording] = read_recordings(tmp_path / "episode.csv").recordings
-    np.testing.assert_array_equal(recording.positions, measured)
-    np.testing.assert_allclose(recording.times, 0.1 * np.arange(1, 17))
-    assert recording.tick == pytest.approx(0.1)
 
 
 def test_options_are_passed_to_the_environment(tmp_path):
@@ -119,6 +126,25 @@ def test_options_are_passed_to_the_environment(tmp_path):
     assert recording.tick == pytest.approx(0.5)
     steps = np.linalg.norm(np.diff(recording.positions[:8], axis=0), axis=1)
     np.testing.assert_allclose(steps, 1.0, atol=0.2)  # 2 m/s for 0.5 s
+
+
+@pytest.mark.parametrize(("env_id", "tau"), [(DECLARED, 0.1), (STATED, 0.2)])
+def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id, tau):
+    play(env=env_id, out=tmp_path / "episode.png", record=tmp_path / "episode.csv", tau=tau)
+    with (tmp_path / "episode.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["t", "x", "y"]
+    assert [row[0] for row in rows[1:4]] == [f"{tau * tick:g}" for tick in (1, 2, 3)]
+    env = environment(env_id, tau=tau)
+    _, info = env.reset(seed=3)
+    measured, terminated = [], False
+    while not terminated:  # truth and noise do not depend on the decisions
+        measured.append(info["measurement"])
+        _, _, terminated, _, info = env.step(0)
+    [recording] = read_recordings(tmp_path / "episode.csv").recordings
+    np.testing.assert_array_equal(recording.positions, measured)
+    np.testing.assert_allclose(recording.times, tau * np.arange(1, len(measured) + 1))
+    assert recording.tick == pytest.approx(tau)
 
 
 def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
@@ -130,6 +156,24 @@ def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
     assert "L r=5 m" in output
 
 
+def test_the_table_of_statements_has_a_row_for_each_segment():
+    episodes = Episodes(STATED, OPTIONS[STATED], "threshold")
+    assert len(list(episodes.play(3, lambda: None))) == 40
+    _, _, stated, true = played(STATED, "threshold")
+    bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
+    console = Console(width=200, record=True)
+    with console.capture() as captured:
+        console.print(episodes.table("An episode"))
+    lines = [line.split("│")[1:-1] for line in captured.get().splitlines() if line.startswith("│")]
+    assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
+    right = (stated == true).mean()
+    assert f"right {right:.1%}, reward " in captured.get()
+    for line, first, end in zip(lines, bounds[:-1], bounds[1:], strict=True):
+        inside = stated[first:end] == true[first:end]
+        assert line[3].strip() == (str(inside.argmax()) if inside.any() else "never")
+        assert line[4].strip() == f"{inside.mean():.0%}"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -138,6 +182,7 @@ def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
             r"^out='.*episode.mp4' is not allowed: expected a file name that ends in .gif or",
         ),
         ({"out": "episode"}, r"^out='.*episode' is not allowed"),
+        ({"out": "folder.gif"}, r"^out=.* expected a file, not a folder$"),
         ({"out": "missing/episode.gif"}, r"^out=.* expected a file in an existing folder$"),
         ({"out": "a.png", "record": "a.txt"}, r"^record='.*a.txt' is not allowed: expected .* ends in .csv$"),
         ({"out": "a.png", "record": "missing/a.csv"}, r"^record=.* expected a file in an existing folder$"),
@@ -150,22 +195,23 @@ def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
         ({"out": "a.gif", "env": "CartPole-v1", "scheme": None}, r"^env='CartPole-v1' is not allowed"),
         ({"out": "a.gif", "env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
         ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
+        ({"out": "a.gif", "env": DECLARED, "ticks": 40}, r"^ticks=40 is not allowed"),
+        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'threshold', "),
+        ({"out": "a.gif", "env": STATED, "decider": "threshold:2"}, r"^threshold=2.0 is not allowed"),
+        ({"out": "a.gif", "env": STATED, "scheme": "S5"}, r"^scheme='S5' is not allowed"),
     ],
 )
 def test_the_error_for_an_invalid_argument_is_one_line_and_no_file_is_written(tmp_path, arguments, message):
+    folder = tmp_path / "folder.gif"
+    folder.mkdir()
     for name in ("out", "record"):
         if name in arguments:
             arguments = arguments | {name: tmp_path / arguments[name]}
     with pytest.raises(ArgumentError, match=message) as error:
         play(**arguments)
     assert "\n" not in str(error.value)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_is_not_an_output_file(tmp_path):
-    (tmp_path / "folder.gif").mkdir()
-    with pytest.raises(ArgumentError, match="expected a file, not a folder"):
-        play(out=tmp_path / "folder.gif")
+    assert list(tmp_path.iterdir()) == [folder]
+    assert list(folder.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["episode.gif", "episode.png"])
@@ -194,6 +240,13 @@ def test_the_error_for_a_missing_display_names_the_alternative(monkeypatch):
         play()
 
 
+def test_an_episode_in_the_window_is_recorded(tmp_path, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr(agents.playing.command, "FINAL_FRAMES", 1)
+    play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
+    assert len(read_recordings(tmp_path / "episode.csv").recordings[0].positions) == 3
+
+
 def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
@@ -204,13 +257,6 @@ def test_closing_the_window_ends_the_command(tmp_path, monkeypatch, capsys):
     assert decider.calls == 2
     assert list(tmp_path.iterdir()) == []
     assert not pygame.display.get_init()
-
-
-def test_an_episode_in_the_window_is_recorded(tmp_path, monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(agents.playing.command, "FINAL_FRAMES", 1)
-    play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
-    assert len(read_recordings(tmp_path / "episode.csv").recordings[0].positions) == 3
 
 
 @pytest.mark.parametrize("count", [1, 3, 10, 60, 200])

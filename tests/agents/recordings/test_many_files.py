@@ -2,12 +2,14 @@
 
 import gzip
 import os
+import pickle
 
 import numpy as np
 import pytest
 
 from agents.cli import main
 from agents.interface.output_files import write_table
+from agents.recordings.command import Track
 from agents.recordings.file_arguments import FileArguments, object_folders
 from agents.recordings.many_files import Report, work_on_files
 from hybrid_env.checks import ArgumentError, reject
@@ -55,6 +57,7 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(name, tmp_path, ca
         assert "--unit" in line
 
 
+@pytest.mark.study
 def test_parallel_results_are_those_of_the_serial_run_byte_for_byte(tmp_path, capsys):
     good = [tmp_path / f"f{k}.csv" for k in range(4)]
     for seed, path in enumerate(good):
@@ -112,21 +115,32 @@ def test_output_folders(tmp_path):
         FileArguments(files=(files[0], tmp_path / "a.gpx")).folders()
 
 
-def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
-    done = []
+def test_a_file_is_tracked_as_in_another_process(tmp_path):
+    path = tmp_path / "walk.csv"
+    write(path)
+    work = Track(files=(), picture=False).track_file
+    reports = [
+        one(path, tmp_path / name)
+        for name, one in (("here", work), ("sent", pickle.loads(pickle.dumps(work))))
+    ]
+    assert reports[0].lines == reports[1].lines
+    assert "60 rows; 1 object; tick 0.1 s" in reports[0].lines[0]
+    assert contents(tmp_path / "here") == contents(tmp_path / "sent")
 
-    def work(path, folder):
-        done.append(path.name)
-        if path.name == "b":
-            raise reject("file", path.name, "another one")
-        if path.name == "c":
-            raise OSError(28, "No space left on device")
-        return Report((f"{path.name} in {folder.name}",))
 
+def work(path, folder):
+    if path.name == "b":
+        raise reject("file", path.name, "another one")
+    if path.name == "c":
+        raise OSError(28, "No space left on device")
+    return Report((f"{path.name} in {folder.name}",))
+
+
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.study)])
+def test_every_file_is_worked_on_whatever_happens_to_the_others(jobs, tmp_path, capsys):
     paths = [tmp_path / name for name in "abcd"]
     with pytest.raises(ArgumentError, match="2 of 4 files are not tracked; the others are"):
-        work_on_files(work, paths, paths, jobs=1)
-    assert done == list("abcd")
+        work_on_files(work, paths, paths, jobs=jobs)
     captured = capsys.readouterr()
     assert captured.out.splitlines() == ["a in a", "d in d"]
     assert "b" in captured.err

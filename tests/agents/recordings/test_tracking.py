@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from recorded_tracks import LENGTHS, OBJECTS, TRUE_MODES
 
-from agents.evaluation.deciders import load_decider, world_changes
-from agents.evaluation.statement_deciders import statement_decider
+from agents.evaluation.registry import load_decider, needed_options
 from agents.recordings.command import Track, report_lines
 from agents.recordings.tracking import TrackingArguments, track_recording
 from baselines.recordings.decisions import ModelUnits, decide_recording
@@ -39,8 +38,8 @@ def right_from_true_start(one, measurements, name):
     """Share of right pieces of a decider that knows start, noise and switches."""
     model = true_model(one)
     options = ModelUnits.of(model).options(model) | {"scheme": "random 6x50-100"}
-    options |= world_changes(name, WorldOptions(**options))
-    tracker = OnlineTracker(WorldOptions(**options), load_decider(name, WorldOptions(**options)))
+    world = WorldOptions(**options, **needed_options(name, WorldOptions.switches))
+    tracker = OnlineTracker(world, load_decider(name, world))
     right = []
     for run in measurements:
         grid = tick_grid(make_recording(one.times(len(run)), run))
@@ -85,17 +84,16 @@ def agreement(one, decider, tracks, seed, start="random", **given):
     env = HybridTrackQuickestVectorEnv(
         tracks, autoreset_mode="Disabled", tick_info=False, start=start, **units.options(model)
     )
-    rows, _ = env.reset(seed=seed)
-    rule = statement_decider(decider, env.options)[2]
-    observe = getattr(rule, "observe", None)
+    env.reset(seed=seed)
+    rule = load_decider(decider, env.options)
     ticks, state, first = env.options.ticks, None, np.ones(tracks, np.bool_)
     measured, true, stated = np.empty((ticks, tracks, 2)), [], []
     for k in range(ticks):
         measured[k] = env.world.field("measurement")
         true.append(env.world.field("true_mode").copy())
-        actions, state = rule.predict(rows if observe is None else observe(env.world), state, first, True)
+        actions, state = rule.predict(rule.observe(env.world), state, first, True)
         stated.append(actions)
-        rows, *_ = env.step(actions)
+        env.step(actions)
         first = np.zeros(tracks, np.bool_)
     true, right = np.array(true), []
     for k in range(tracks):

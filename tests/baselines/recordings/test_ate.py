@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.evaluation.evaluate import evaluate
+from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider, first_estimate, track_ate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
@@ -41,7 +41,7 @@ BANK = {"radii": tuple(range(1, 11))}
 @pytest.mark.parametrize(
     ("count", "alpha", "options"),
     [
-        (1000, 1e-3, {}),
+        (400, 1e-3, {}),
         (200, 1e-3, {"radii": (2.0, 4.0, 8.0)}),
         (200, 1e-3, {"measurement_variance": (0.1, 0.4)}),
         (200, 1e-10, BANK),  # ratios far outside the clipping range of the observation

@@ -17,20 +17,20 @@ def test_uniform_rows_are_their_ticks():
     times = 5.0 + 0.1 * np.arange(50)
     points = np.random.default_rng(0).normal(size=(50, 2))
     grid = tick_grid(make_recording(times, points))
-    [stretch] = grid.stretches
+    [piece] = grid.pieces
     assert grid.tau == pytest.approx(0.1)
-    np.testing.assert_array_equal(stretch.ticks, np.arange(50))
-    np.testing.assert_array_equal(stretch.measurements, points)
-    assert (stretch.late == 0.0).all()
+    np.testing.assert_array_equal(piece.ticks, np.arange(50))
+    np.testing.assert_array_equal(piece.measurements, points)
+    assert (piece.late == 0.0).all()
     assert grid.moved == 0.0
 
 
 def test_left_out_rows_are_ticks_without_a_measurement():
     rows = np.array([0, 1, 2, 5, 6, 9, 10, 11, 12])
     grid = tick_grid(make_recording(0.5 * rows, circle(0.5 * rows)))
-    [stretch] = grid.stretches
-    np.testing.assert_array_equal(stretch.ticks, rows)
-    missing = np.isnan(stretch.measurements[:, 0])
+    [piece] = grid.pieces
+    np.testing.assert_array_equal(piece.ticks, rows)
+    missing = np.isnan(piece.measurements[:, 0])
     np.testing.assert_array_equal(np.flatnonzero(missing), [3, 4, 7, 8])
 
 
@@ -38,21 +38,21 @@ def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along
     rng = np.random.default_rng(1)
     times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)
     grid = tick_grid(make_recording(times, circle(times)))
-    [stretch] = grid.stretches
-    np.testing.assert_array_equal(stretch.ticks, np.arange(400))
+    [piece] = grid.pieces
+    np.testing.assert_array_equal(piece.ticks, np.arange(400))
     assert grid.tau == pytest.approx(1.0, abs=1e-3)
-    at_ticks = circle(times - stretch.late)
-    errors = np.hypot(*(stretch.measurements - at_ticks).T)
+    at_ticks = circle(times - piece.late)
+    errors = np.hypot(*(piece.measurements - at_ticks).T)
     # the arc leaves the line by speed^2 late^2 / (2 radius), and five points bend its slope a little
     assert errors[3:-3].max() < 20.0**2 * 0.33**2 / (2.0 * 200.0) + 0.6
-    assert errors.mean() < 0.1 * 20.0 * np.abs(stretch.late).mean()
+    assert errors.mean() < 0.1 * 20.0 * np.abs(piece.late).mean()
 
 
 def test_a_tick_that_is_not_the_median_step_does_not_drift():
     times = np.round(0.1003 * np.arange(20_000), 3)  # the median step is 0.1
     grid = tick_grid(make_recording(times, circle(times)))
     assert grid.tau == pytest.approx(0.1003, rel=1e-6)
-    np.testing.assert_array_equal(grid.stretches[0].ticks, np.arange(20_000))
+    np.testing.assert_array_equal(grid.pieces[0].ticks, np.arange(20_000))
 
 
 def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
@@ -61,9 +61,9 @@ def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
     grid = tick_grid(make_recording(times, circle(times)))
     assert grid.tau < 0.3
     assert grid.shared <= 0.06 * 500
-    [stretch] = grid.stretches
-    assert np.abs(stretch.late).max() <= grid.tau
-    measured = (~np.isnan(stretch.measurements[:, 0])).sum()
+    [piece] = grid.pieces
+    assert np.abs(piece.late).max() <= grid.tau
+    measured = (~np.isnan(piece.measurements[:, 0])).sum()
     assert measured == 500 - grid.shared
 
 
@@ -90,4 +90,4 @@ def test_outliers_are_left_out_and_turns_are_not():
     points[wrong] += 60.0
     grid, count = without_outliers(tick_grid(make_recording(times, points)))
     assert count == len(wrong)
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(grid.stretches[0].measurements[:, 0])), wrong)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(grid.pieces[0].measurements[:, 0])), wrong)

@@ -1,6 +1,8 @@
 """Frames of an episode, and the history that they show."""
 
 import copy
+import subprocess
+import sys
 import time
 
 import gymnasium as gym
@@ -44,30 +46,19 @@ def play(env, seed, wait_probability=0.9):
     return infos
 
 
-def test_a_frame_is_an_rgb_array():
-    env = make()
-    env.reset(seed=0)
-    frame = env.render()
-    assert frame.shape == (HEIGHT, WIDTH, 3)
-    assert frame.dtype == np.uint8
-    assert env.metadata["render_fps"] == RENDER_FPS == 10
-
-
-def test_every_frame_is_a_new_array():
+def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     env = make()
     env.reset(seed=0)
     first, second = env.render(), env.render()
+    assert first.shape == (HEIGHT, WIDTH, 3)
+    assert first.dtype == np.uint8
+    assert env.metadata["render_fps"] == RENDER_FPS == 10
     assert np.array_equal(first, second)
     second[:] = 0
     assert np.array_equal(first, env.render())
-
-
-def test_a_step_changes_the_frame():
-    env = make()
-    env.reset(seed=0)
-    before = env.render()
+    assert np.array_equal(first, copy.deepcopy(env.renderer).draw(copy.deepcopy(env.history)))
     env.step(0)
-    assert not np.array_equal(before, env.render())
+    assert not np.array_equal(first, env.render())
 
 
 def test_a_frame_does_not_depend_on_earlier_frames():
@@ -83,7 +74,7 @@ def test_a_frame_does_not_depend_on_earlier_frames():
     assert np.array_equal(often.render(), once.render())
 
 
-def test_the_history_contains_every_tick_once():
+def test_the_history_contains_every_tick_once_until_the_reset():
     env, waiting = make(), make(render_mode=None)
     infos = play(env, seed=3)
     # path and noise do not depend on the decisions, so an agent that only waits sees all ticks
@@ -99,13 +90,11 @@ def test_the_history_contains_every_tick_once():
     np.testing.assert_array_equal(trace[:, :4], truths)
     np.testing.assert_array_equal(trace[:, 4:6], measurements)
     np.testing.assert_array_equal(env.history.switches, np.cumsum([0, *lengths])[:-1])
-
-
-def test_reset_clears_the_history():
-    env = make()
-    play(env, seed=3)
+    true_modes = [decision.true_mode for decision in env.history.decisions]
+    np.testing.assert_array_equal(env.history.true_modes, np.repeat(true_modes, lengths))
+    assert env.history.finished
     env.reset()
-    assert len(env.history.trace) == 1
+    assert len(env.history.trace) == len(env.history.true_modes) == 1
     assert env.history.decisions == []
     assert not env.history.finished
 
@@ -197,13 +186,6 @@ def test_decisions_are_marked_at_their_moment_in_both_panels():
         np.testing.assert_array_equal(markers.get_offsets()[:, 0], [moment])
 
 
-def test_a_copied_renderer_draws_the_same_frame():
-    env = make()
-    env.reset(seed=0)
-    frame = env.render()
-    assert np.array_equal(copy.deepcopy(env.renderer).draw(copy.deepcopy(env.history)), frame)
-
-
 def test_rendering_without_a_render_mode_warns():
     env = make(render_mode=None)
     env.reset(seed=0)
@@ -219,3 +201,8 @@ def test_a_frame_is_drawn_faster_than_the_frame_rate():
     for _ in range(5):
         env.render()
     assert (time.perf_counter() - begin) / 5 < 0.1
+
+
+def test_matplotlib_is_imported_with_the_first_frame_only():
+    code = "import sys, hybrid_env; sys.exit('matplotlib' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

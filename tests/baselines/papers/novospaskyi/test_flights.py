@@ -6,23 +6,32 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
-from baselines.papers.novospaskyi import quadrotor, stored_flights, vehicle
-from baselines.papers.novospaskyi.flights import flight_path, generate_flights
-from baselines.papers.novospaskyi.paths import SHORTEST, SPACE, SPACING, Path, bezier, random_path
-from baselines.papers.novospaskyi.point_mass import fly_point_masses
+from baselines.papers.novospaskyi import flights as model
+from baselines.papers.novospaskyi import quadrotor
+from baselines.papers.novospaskyi.flights import (
+    SHORTEST,
+    SPACE,
+    SPACING,
+    Route,
+    bezier,
+    flight_route,
+    fly_point_masses,
+    point_mass_flights,
+    random_route,
+)
 from hybrid_env.checks import ArgumentError
 
 
 @pytest.fixture(scope="module")
 def flights():
-    return list(generate_flights(12, 0, fly_point_masses, 16))
+    return point_mass_flights(12, 0, 16)
 
 
 def hairpin():
     """A path that turns back within a few metres at full speed."""
     out = np.array([[100.0 * k, 0.0, 200.0] for k in range(6)])
     back = np.array([[500.0 - 100.0 * k, 5.0 + 300.0 * k, 200.0] for k in range(1, 3)])
-    return Path(out[:4], np.concatenate([out, back]))
+    return Route(out[:4], np.concatenate([out, back]))
 
 
 def test_a_curve_is_the_polynomial_in_bernstein_form():
@@ -33,7 +42,7 @@ def test_a_curve_is_the_polynomial_in_bernstein_form():
 
 
 def test_waypoints_are_evenly_spaced_on_a_long_curve_in_the_air_space():
-    path = random_path(np.random.default_rng(1))
+    path = random_route(np.random.default_rng(1))
     low, high = np.array(SPACE).T
     assert (path.waypoints >= low).all()
     assert (path.waypoints <= high).all()
@@ -49,16 +58,16 @@ def test_flights_have_the_speed_of_the_thesis_and_respect_the_limits(flights):
     speeds = [np.linalg.norm(flight.velocities, axis=1).mean() for flight in flights]
     assert np.mean(speeds) == pytest.approx(50.0, abs=1.0)
     for flight in flights:
-        change = np.diff(flight.velocities, axis=0) / vehicle.RECORD_STEP
-        thrust = change + np.array([0.0, 0.0, vehicle.GRAVITY]) - vehicle.drag(flight.velocities[:-1])
-        assert np.linalg.norm(thrust, axis=1).max() < 1.01 * vehicle.LARGEST_FORCE
+        change = np.diff(flight.velocities, axis=0) / model.RECORD_STEP
+        thrust = change + np.array([0.0, 0.0, model.GRAVITY]) - model.drag(flight.velocities[:-1])
+        assert np.linalg.norm(thrust, axis=1).max() < 1.01 * model.LARGEST_FORCE
         assert flight.positions[:, 2].min() > 0.0
 
 
 def test_positions_and_velocities_of_a_flight_fit_together(flights):
     flight = flights[0]
     middle = (flight.velocities[1:] + flight.velocities[:-1]) / 2.0
-    steps = np.diff(flight.positions, axis=0) / vehicle.RECORD_STEP
+    steps = np.diff(flight.positions, axis=0) / model.RECORD_STEP
     np.testing.assert_allclose(steps, middle, atol=0.05)  # drag within a step
     positions, velocities = flight.states_at(flight.times[3:5])
     np.testing.assert_allclose(positions, flight.positions[3:5])
@@ -66,13 +75,13 @@ def test_positions_and_velocities_of_a_flight_fit_together(flights):
 
 
 def test_flights_do_not_depend_on_how_many_are_flown_at_once(flights):
-    again = list(generate_flights(3, 0, fly_point_masses, 2))
+    again = point_mass_flights(3, 0, 2)
     for one, other in zip(flights, again, strict=False):
         np.testing.assert_array_equal(one.positions, other.positions)
 
 
 def test_a_path_that_cannot_be_flown_is_discarded():
-    straight = Path(np.zeros((4, 3)), np.array([[100.0 * k, 0.0, 200.0] for k in range(6)]))
+    straight = Route(np.zeros((4, 3)), np.array([[100.0 * k, 0.0, 200.0] for k in range(6)]))
     flown = fly_point_masses([straight, hairpin()])
     assert flown[0] is not None
     assert flown[1] is None
@@ -81,14 +90,13 @@ def test_a_path_that_cannot_be_flown_is_discarded():
 def test_physics_without_pybullet_is_one_line_that_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(ArgumentError, match=r"hybrid-track\[physics\]") as caught:
-        quadrotor.fly_quadrotor(flight_path(0, 0))
+        quadrotor.fly_quadrotor(flight_route(0, 0))
     assert "\n" not in str(caught.value)
 
 
 def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say():
-    engine = pytest.importorskip("pybullet")
-    client = engine.connect(engine.DIRECT)
-    body = quadrotor.Quadrotor(engine, client, np.array([0.0, 0.0, 100.0]), np.zeros(3))
+    pytest.importorskip("pybullet")
+    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.zeros(3))
     for _ in range(quadrotor.RATE):
         body.step()
     np.testing.assert_allclose(body.position, [0.0, 0.0, 100.0], atol=1e-3)
@@ -105,42 +113,45 @@ def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say():
     body.step()
     expected = 4 * 0.1 * quadrotor.TORQUE_SHARE / quadrotor.INERTIA[2] / quadrotor.RATE
     assert body.rates[2] - before == pytest.approx(expected, rel=0.05)
-    engine.disconnect(client)
 
 
 def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
-    engine = pytest.importorskip("pybullet")
-    client = engine.connect(engine.DIRECT)
-    body = quadrotor.Quadrotor(engine, client, np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
+    pytest.importorskip("pybullet")
+    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
     assert body.rotation[2, 2] < 0.99  # leans against the drag
-    up = np.array([0.0, 0.0, vehicle.GRAVITY])
+    up = np.array([0.0, 0.0, model.GRAVITY])
     desired = quadrotor.desired_attitude(up)
     for _ in range(quadrotor.RATE):
         body.forces = quadrotor.rotor_commands(body.rotation, body.rates, desired, up)
         body.step()
     np.testing.assert_allclose(body.rotation, np.eye(3), atol=1e-3)
-    engine.disconnect(client)
 
 
-def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path):
+def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path, monkeypatch):
     pytest.importorskip("pybullet")
     attempt = 2
-    stored_flights.fly_and_store(tmp_path, 0, attempt)
-    file = stored_flights.flight_file(tmp_path, 0, attempt)
-    known, flight = stored_flights.load_flight(file, 0, attempt)
-    assert known
+    flight = quadrotor.stored_flight(tmp_path, 0, attempt)
     assert flight is not None
-    (mass,) = fly_point_masses([flight_path(0, attempt)])
+    (mass,) = fly_point_masses([flight_route(0, attempt)])
     assert mass is not None
     shortest = min(len(flight.positions), len(mass.positions))
     apart = np.linalg.norm(flight.positions[:shortest] - mass.positions[:shortest], axis=1)
     assert apart.max() < 30.0  # half a second of flight: both pass the same waypoints at nearly the same time
+    (file,) = tmp_path.iterdir()
     written = file.stat().st_mtime_ns
-    stored_flights.fly_and_store(tmp_path, 0, attempt)
+    again = quadrotor.stored_flight(tmp_path, 0, attempt)
+    np.testing.assert_array_equal(again.positions, flight.positions)
     assert file.stat().st_mtime_ns == written
-    assert stored_flights.load_flight(file, 1, attempt) == (False, None)  # a file of another path
+    flown = []
+    monkeypatch.setattr(quadrotor, "fly_quadrotor", lambda path: flown.append(path))  # and fails
+    file.rename(tmp_path / f"quadrotor-1-{attempt}.npz")  # a file of another path
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert len(flown) == 1  # also a failure is stored
+    (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:200])
-    assert stored_flights.load_flight(file, 0, attempt) == (False, None)
+    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
+    assert len(flown) == 2
 
 
 def test_a_quadrotor_that_misses_its_waypoints_has_no_flight():

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from baselines.papers.novospaskyi import radars
-from baselines.papers.novospaskyi.flights import generate_flights
-from baselines.papers.novospaskyi.metrics import flight_errors, paired_ratio
-from baselines.papers.novospaskyi.point_mass import fly_point_masses
-from baselines.papers.novospaskyi.radars import draw_noise, measure, scan_flight
+from baselines.papers.novospaskyi.flights import point_mass_flights
+from baselines.papers.novospaskyi.radars import draw_noise, flight_errors, measure, scan_flight
+from baselines.papers.reproduction import paired_ratio
 
 
 @pytest.fixture(scope="module")
 def flights():
-    return list(generate_flights(8, 3, fly_point_masses, 8))
+    return point_mass_flights(8, 3, 8)
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from optuna.distributions import FloatDistribution, IntDistribution
 
-from baselines.papers.novospaskyi.anomaly import memory, steady_gains
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
 from baselines.papers.novospaskyi.filters import CONTENDERS
 from baselines.papers.novospaskyi.g_h import GHFilter
+from baselines.papers.novospaskyi.published import memory, steady_gains
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
 
@@ -83,12 +85,18 @@ def test_the_first_trial_of_every_filter_is_in_its_space(name):
 @pytest.mark.parametrize(
     ("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)]
 )
-def test_steady_gains_are_those_of_kalata(variance, process, step):
-    """Kalata 1984, "The tracking index", for white noise acceleration that is constant in a step."""
-    index = math.sqrt(process / variance) * step**2
-    root = (4.0 + index - math.sqrt(8.0 * index + index**2)) / 4.0
-    g = 1.0 - root**2
-    h = 2.0 * (2.0 - g) - 4.0 * math.sqrt(1.0 - g)
+def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process, step):
+    model = MotionModel("CV", axes=1, noise=process, discretization="discrete")
+    kalman = KalmanFilter(model, variance, start_deviations=(1.0,))
+    kalman.begin(1)
+    kalman.update([[0.0]])
+    for _ in range(2000):
+        kalman.predict(step)
+        kalman.update([[0.0]])
+    kalman.predict(step)
+    before = kalman.state.copy()
+    kalman.update(before[:, :1] + 1.0)
+    g, h = (kalman.state - before)[0] * (1.0, step)
     assert steady_gains(variance, process, step) == pytest.approx((g, h), rel=1e-6)
 
 

@@ -5,29 +5,17 @@ import pandas as pd
 import pytest
 
 from baselines.recordings.reading.names import ROLES, role_of, split_unit
-from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
 ROWS = 30
 T = np.arange(ROWS, dtype=np.float64)
 FRAME = pd.DataFrame({"t": T, "x": 1.5 * T, "y": np.sqrt(T)})
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read(frame, name="walk.csv", **options):
-        if isinstance(frame, str):
-            (tmp_path / name).write_text(frame)
-        else:
-            frame.to_csv(tmp_path / name, index=False)
-        return read_recordings(tmp_path / name, **options)
-
-    return read
-
-
-def one(file):
-    [recording] = file.recordings
-    return recording
+TWO = pd.concat([FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)], ignore_index=True)
+TWO_NAMED = TWO.rename(columns={"who": "icao24"}).assign(callsign=["u", "v", "w"] * 20)
+OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
+FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
+MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
+SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
 
 
 @pytest.mark.parametrize(
@@ -52,59 +40,59 @@ def test_a_name_has_one_role():
 
 @pytest.mark.parametrize("names", [("Time", "Easting", "Northing"), ("timestamp", "pos_x", "pos_y")])
 def test_columns_are_found_by_name_in_any_order(read, names):
-    frame = FRAME.set_axis(names, axis=1)[[names[2], names[0], names[1]]].assign(speed=1.0)
-    file = read(frame)
-    np.testing.assert_array_equal(one(file).positions, FRAME[["x", "y"]])
-    np.testing.assert_array_equal(one(file).times, T)
+    file = read(FRAME.set_axis(names, axis=1)[[names[2], names[0], names[1]]].assign(speed=1.0))
+    np.testing.assert_array_equal(file.recordings[0].positions, FRAME[["x", "y"]])
+    np.testing.assert_array_equal(file.recordings[0].times, T)
     assert "columns not used: speed" in file.summary
 
 
-def test_columns_of_the_caller(read):
-    frame = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
-    with pytest.raises(ArgumentError, match=r"its columns are Zeit, Ost, Nord\): name them by --columns"):
-        read(frame)
-    for columns in ({"t": "zeit", "x": "Ost", "y": "NORD"}, {"time": "1", "x": "2", "y": "3"}):
-        np.testing.assert_array_equal(one(read(frame, columns=columns)).times, T)
-    recording = one(read(FRAME.assign(u=T, v=T), columns={"x": "v", "y": "u"}))
-    np.testing.assert_array_equal(recording.positions, np.column_stack([T, T]))
+@pytest.mark.parametrize(
+    ("frame", "columns", "expected"),
+    [
+        (OTHER, {"t": "zeit", "x": "Ost", "y": "NORD"}, FRAME[["x", "y"]]),
+        (OTHER, {"time": "1", "x": "2", "y": "3"}, FRAME[["x", "y"]]),
+        (FRAME.assign(u=T, v=T), {"x": "v", "y": "u"}, np.column_stack([T, T])),
+    ],
+)
+def test_columns_of_the_caller(read_one, frame, columns, expected):
+    recording = read_one(frame, columns=columns)
     np.testing.assert_array_equal(recording.times, T)
+    np.testing.assert_array_equal(recording.positions, expected)
+    read_one(SAME_NAME, columns={"x": "3", "y": "4"})
 
 
 @pytest.mark.parametrize(
-    ("columns", "message"),
+    ("frame", "options", "message"),
     [
-        ({"x": "Ost", "y": "y"}, "columns='Ost'.*walk.csv, by name or number: its columns are t, x, y"),
-        ({"x": "0", "y": "4"}, "columns='0'"),
-        ({"x": "x"}, "columns={'x': 'x'}.*x and y, or lat and lon"),
-        ({"z": "x"}, "columns='z'.*time, x, y, lat, lon"),
+        (OTHER, {}, r"its columns are Zeit, Ost, Nord\): name them by --columns"),
+        (FRAME, {"columns": {"x": "Ost", "y": "y"}}, "columns='Ost'.*walk.csv, by name or number.* t, x"),
+        (FRAME, {"columns": {"x": "0", "y": "4"}}, "columns='0'"),
+        (FRAME, {"columns": {"x": "x"}}, "columns={'x': 'x'}.*x and y, or lat and lon"),
+        (FRAME, {"columns": {"z": "x"}}, "columns='z'.*time, x, y, lat, lon"),
+        (FRAME.assign(timestamp=1e9), {}, "both 't' and 'timestamp' may be time: choose by --columns"),
+        (FRAME.assign(lat=T / 1e5, lon=T / 1e5), {}, "x, y and lat, lon: choose by --col.*lat=lat lon=lon"),
+        (SAME_NAME, {"columns": {"x": "x", "y": "y"}}, r"columns='x'.*several columns have this name"),
+        (MIXED, {}, r"'x_ft' and 'y_m' have different units.*--unit"),
+        (TWO, {}, r"line 32: t='0.0'.*after 29.0.*--object"),
+        (TWO, {"object_column": "whom"}, r"object='whom'.*its columns are t, x, y, who"),
+        ("t,x,y,who\n0,1,2,a\n1,2,3,\n", {"object_column": "who"},
+         r"line 3: who: the cell is empty: expected an object.*--object"),
+        ("t,x,y,who\n0,1,2,a\n1,2,3,a\n1,2,3,a\n", {"object_column": "who"},
+         "line 4: t='1'.*after 1 of object a"),
+        (TWO_NAMED, {}, "'icao24' and 'callsign' tell objects apart.*--object"),
+        (TWO.groupby("who").head(1), {"object_column": "who"}, "no object has two measured positions"),
     ],
-)
-def test_wrong_columns_of_the_caller(read, columns, message):
+)  # fmt: skip
+def test_what_is_not_clear_is_refused_with_the_option(read, frame, options, message):
     with pytest.raises(ArgumentError, match=message):
-        read(FRAME, columns=columns)
+        read(frame, **options)
 
 
-def test_two_columns_for_one_role_are_refused(read):
-    with pytest.raises(ArgumentError, match="both 't' and 'timestamp' may be time: choose by --columns"):
-        read(FRAME.assign(timestamp=1e9))
-    with pytest.raises(ArgumentError, match=r"x, y and lat, lon: choose by --columns.*lat=lat lon=lon"):
-        read(FRAME.assign(lat=T / 1e5, lon=T / 1e5))
-    with pytest.raises(ArgumentError, match=r"columns='x'.*several columns have this name"):
-        read("t,x,X,y\n0,1,1,1\n1,2,2,2\n", columns={"x": "x", "y": "y"})
-    read("t,x,X,y\n0,1,1,1\n1,2,2,2\n", columns={"x": "3", "y": "4"})
-
-
-def test_units(read):
-    assert one(read(FRAME)).unit == "units"
-    assert one(read(FRAME, unit="furlong")).unit == "furlong"
-    assert one(read(FRAME.rename(columns={"x": "x_ft", "y": "y_ft"}))).unit == "ft"
-    mixed = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
-    with pytest.raises(ArgumentError, match=r"'x_ft' and 'y_m' have different units.*--unit"):
-        read(mixed)
-    assert one(read(mixed, unit="m")).unit == "m"
-
-
-TWO = pd.concat([FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)], ignore_index=True)
+def test_units(read_one):
+    assert read_one(FRAME).unit == "units"
+    assert read_one(FRAME, unit="furlong").unit == "furlong"
+    assert read_one(FEET).unit == "ft"
+    assert read_one(MIXED, unit="m").unit == "m"
 
 
 @pytest.mark.parametrize("name", ["id", "Object", "MMSI", "individual-local-identifier"])
@@ -118,58 +106,43 @@ def test_objects_are_found_by_the_name_of_their_column(read, name, order):
     np.testing.assert_array_equal(found["b"].times, T)
 
 
-def test_objects_of_the_caller(read):
-    with pytest.raises(ArgumentError, match=r"line 32: t='0.0'.*after 29.0.*--object"):
-        read(TWO)
-    assert [one.name for one in read(TWO, object_column="who").recordings] == ["b", "a"]
-    numbers = TWO.assign(who=(TWO.who == "a") + 7.0)
-    assert [one.name for one in read(numbers, object_column="4").recordings] == ["7", "8"]
-    with pytest.raises(ArgumentError, match=r"object='whom'.*its columns are t, x, y, who"):
-        read(TWO, object_column="whom")
-    with pytest.raises(ArgumentError, match=r"line 3: who: the cell is empty: expected an object.*--object"):
-        read("t,x,y,who\n0,1,2,a\n1,2,3,\n", object_column="who")
-    with pytest.raises(ArgumentError, match=r"line 4: t='1'.*after 1 of object a"):
-        read("t,x,y,who\n0,1,2,a\n1,2,3,a\n1,2,3,a\n", object_column="who")
-
-
-def test_one_object(read):
-    assert one(read(FRAME.assign(id="car"))).name == "car"
-    assert one(read(FRAME.assign(id=7))).name == "7"
-    assert one(read(FRAME.assign(id=range(ROWS)))).name == "walk"  # a number of the row
-    assert one(read(FRAME.assign(id=["a", "b"] * 15), object_column="none")).name == "walk"
-
-
-def test_two_columns_that_tell_objects_apart_differently(read):
-    frame = TWO.rename(columns={"who": "icao24"}).assign(callsign=["u", "v", "w"] * 20)
-    with pytest.raises(ArgumentError, match=r"'icao24' and 'callsign' tell objects apart.*--object"):
-        read(frame)
-    assert len(read(frame, object_column="icao24").recordings) == 2
+@pytest.mark.parametrize(
+    ("frame", "column", "names"),
+    [
+        (TWO, "who", ["b", "a"]),
+        (TWO.assign(who=(TWO.who == "a") + 7.0), "4", ["7", "8"]),
+        (TWO_NAMED, "icao24", ["b", "a"]),
+        (FRAME.assign(id="car"), None, ["car"]),
+        (FRAME.assign(id=7), None, ["7"]),
+        (FRAME.assign(id=range(ROWS)), None, ["walk"]),  # a number of the row
+        (FRAME.assign(id=["a", "b"] * 15), "none", ["walk"]),
+    ],
+)
+def test_names_of_objects(read, frame, column, names):
+    assert [one.name for one in read(frame, object_column=column).recordings] == names
 
 
 def test_an_object_with_a_single_row_is_left_out_with_a_word(read):
     file = read(pd.concat([TWO, FRAME.head(1).assign(who="c")]), object_column="who")
     assert "2 objects by 'who'" in file.summary
     assert "1 object with fewer than two measurements left out" in file.summary
-    with pytest.raises(ArgumentError, match="no object has two measured positions"):
-        read(TWO.groupby("who").head(1), object_column="who")
 
 
-def test_unmarked_objects_without_a_word_in_the_times(read):
+def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
     advice = "--object, or --object none"
     far = TWO.assign(x=TWO.x + 1000.0 * (TWO.who == "a"))
     with pytest.raises(ArgumentError, match=rf"a jump of 1006.5.*{advice}"):
         read(far[["x", "y"]])  # one after the other
     interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[["t", "x", "y"]]
-    noise = np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
-    interleaved[["x", "y"]] += noise
+    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
     with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
         read(interleaved)
-    assert len(one(read(interleaved, object_column="none")).times) == 2 * ROWS
+    assert len(read_one(interleaved, object_column="none").times) == 2 * ROWS
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("step", [0.0, 0.1, 3.0])
-def test_one_object_is_not_taken_for_two(read, step, scale):
+def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
     heading = np.cumsum(generator.normal(0.0, 0.3, rows))
@@ -179,6 +152,6 @@ def test_one_object_is_not_taken_for_two(read, step, scale):
     track[150:] += 2.0 * step  # lost rows
     positions = scale * (track + 1000.0)
     frame = pd.DataFrame({"t": np.arange(rows), "x": positions[:, 0], "y": positions[:, 1]})
-    assert len(one(read(frame, unit="km")).times) == rows
+    assert len(read_one(frame, unit="km").times) == rows
     coarse = frame.assign(x=10.0 * scale * np.round(track[:, 0] / 10.0), y=0.0)  # mostly equal positions
-    assert len(one(read(coarse, unit="km")).times) == rows
+    assert len(read_one(coarse, unit="km").times) == rows

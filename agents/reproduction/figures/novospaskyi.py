@@ -7,15 +7,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from agents.figures.curve_labels import label_curves
-from agents.reproduction.canvas import GREY, new_figure
+from agents.reproduction.canvas import DARK_GREY, GREY, TRUTH, label_lines, new_figure, style_map
 from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
 from baselines.papers.novospaskyi.tables import NOISE_NAMES, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
-TRUTH = "#1a1a1a"
 RADAR = "#AA3377"
 PUBLISHED_CV = as_published("KF CV")
 COLOURS = {
@@ -55,16 +53,15 @@ def _flight(result: Reproduction, example: Example) -> Figure:
 
 
 def _draw_map(axes: Any, example: Example) -> None:
-    (path,) = axes.plot(*example.flight.positions[:, :2].T / 1000.0, color=TRUTH, linewidth=1.5)
+    axes.plot(*example.flight.positions[:, :2].T / 1000.0, color=TRUTH, linewidth=1.5, label="flight")
     measured = example.tracks["gaussian"].measurements[0, :, :2].T / 1000.0
-    (points,) = axes.plot(*measured, ".", color=GREY, markersize=4)
-    (radars,) = axes.plot(*example.scan.radars[:, :2].T / 1000.0, "^", color=RADAR, markersize=9)
-    for radar in example.scan.radars:
-        axes.add_patch(Circle(radar[:2] / 1000.0, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
-    axes.set(title="Flight from above, Gaussian noise", xlabel="x [km]", ylabel="y [km]")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.grid(alpha=0.25)
-    label_curves(axes, [(path, "flight"), (points, "measurements"), (radars, "radars")])
+    axes.plot(*measured, ".", color=GREY, markersize=4, label="measurements")
+    radars = example.scan.radars[:, :2] / 1000.0
+    axes.plot(*radars.T, "^", color=RADAR, markersize=9, label="radars")
+    for radar in radars:
+        axes.add_patch(Circle(radar, RANGE / 1000.0, color=RADAR, alpha=0.08, linewidth=0))
+    style_map(axes, "Flight from above, Gaussian noise", "km")
+    label_lines(axes)
 
 
 def _strongest_turn(example: Example) -> int:
@@ -79,14 +76,13 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
     window = slice(first, first + WINDOW)
     times = example.scan.times[window]
     states = example.flight.states_at(np.linspace(times[0], times[-1], 200))[0]
-    curves = [(axes.plot(*states[:, :2].T, color=TRUTH, linewidth=3.0)[0], "flight")]
+    axes.plot(*states[:, :2].T, color=TRUTH, linewidth=3.0, label="flight")
     for name, colour in SHOWN[noise].items():
         positions = example.estimates[noise][name][0][window]
-        (curve,) = axes.plot(*positions[:, :2].T, ".-", color=colour, linewidth=1.3, markersize=5)
-        curves.append((curve, name))
+        axes.plot(*positions[:, :2].T, ".-", color=colour, linewidth=1.3, markersize=5, label=name)
     measured = example.tracks[noise].measurements[0, window, :2]
     low, high = states[:, :2].min(0) - 70.0, states[:, :2].max(0) + 70.0
-    axes.plot(*measured.T, "x", color="#4d4d4d", markersize=5)
+    axes.plot(*measured.T, "x", color=DARK_GREY, markersize=5)
     outside = int(((measured < low) | (measured > high)).any(1).sum())
     hidden = f", {outside} outside" if outside else ""
     axes.set(
@@ -94,7 +90,7 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
         ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]),
     )  # fmt: skip
     axes.grid(alpha=0.25)
-    label_curves(axes, curves)
+    label_lines(axes)
 
 
 def _errors(result: Reproduction) -> Figure:
@@ -107,8 +103,8 @@ def _errors(result: Reproduction) -> Figure:
         for place, metric in enumerate(("position RMSE, m", "velocity RMSE, m/s")):
             _draw_bars(axes[2 * index + place], result, noise, metric)
     axes[1].legend(
-        handles=[Patch(facecolor="white", edgecolor="#4d4d4d", hatch="////", label="published"),
-                 Patch(facecolor="#4d4d4d", label="ours, as in the thesis"),
+        handles=[Patch(facecolor="white", edgecolor=DARK_GREY, hatch="////", label="published"),
+                 Patch(facecolor=DARK_GREY, label="ours, as in the thesis"),
                  Patch(facecolor="#88CCEE", label="ours, sound and robust")],
         loc="lower right", fontsize=8,
     )  # fmt: skip
@@ -127,7 +123,7 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     ours = rows[: len(thesis)]
     _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *FILTERS)])
     axes.barh(
-        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor="#4d4d4d",
+        ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
     )  # fmt: skip
     _bars(axes, rows[len(thesis) :], sound, ["#88CCEE"] * len(sound))
@@ -164,17 +160,16 @@ def _anomaly(result: Reproduction, example: Example) -> Figure:
     truths = tracks.positions[0], tracks.velocities[0]
     labels = ("error of the position on x [m]", "error of the velocity on x [m/s]")
     for part, index, label in zip(axes, (0, 1), labels, strict=True):
-        curves = []
-        for name, colour, width in (
-            (PUBLISHED_CV, RADAR, 0.9), ("KF CV", "#4477AA", 1.6),
-        ):  # fmt: skip
+        for name, text, colour, width in (
+            (PUBLISHED_CV, PUBLISHED_CV, RADAR, 0.9),
+            ("KF CV", "KF CV, true R", COLOURS["KF CV"], 1.6),
+        ):
             error = (example.estimates["gaussian"][name][index] - truths[index])[:, 0]
-            (curve,) = part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4)
-            curves.append((curve, name if name == PUBLISHED_CV else "KF CV, true R"))
+            part.plot(times, error, ".-", color=colour, linewidth=width, markersize=4, label=text)
         part.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         part.set(xlabel="time [s]", ylabel=label)
         part.grid(alpha=0.25)
-        label_curves(part, curves)
+        label_lines(part)
     axes[0].set_title("The position follows each measurement")
     axes[1].set_title("The velocity error changes sign at each measurement")
     return figure

@@ -1,15 +1,16 @@
-"""Timing of two functions side by side, and the measurement that results.
+"""Timing of two functions side by side, the measurement that results, and the table of measurements.
 
 The two are called in turn, A B A B, in one process. The figure is the median of the ratios of the pairs, so
 that a drift of the machine's speed affects both sides.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 REPETITIONS = 7
 SECONDS = 0.05  # of one measurement, about
@@ -47,33 +48,30 @@ class Measurement:
         return self.value <= self.goal if self.at_most else self.value >= self.goal
 
 
-def seconds_per_call(function: Callable[[], Any], least: float | None = None) -> float:
-    """Mean time of a call [s] over enough calls to take a least time [s], `SECONDS` by default."""
-    least = SECONDS if least is None else least
+def figure(group: str, name: str, figures: ArrayLike, unit: str, **options: Any) -> Measurement:
+    """The median of some figures with their range; options are further attributes of `Measurement`."""
+    low, middle, high = np.percentile(np.asarray(figures, np.float64), [0, 50, 100])
+    return Measurement(group, name, float(middle), float(low), float(high), unit, **options)
+
+
+def seconds_per_call(function: Callable[[], Any]) -> float:
+    """Mean time of a call [s] over enough calls to take `SECONDS`."""
     count = 1
     while True:
         started = time.perf_counter()
         for _ in range(count):
             function()
         elapsed = time.perf_counter() - started
-        if elapsed >= least:
+        if elapsed >= SECONDS:
             return elapsed / count
-        count = max(count + 1, int(count * min(1.2 * least / max(elapsed, 1e-9), 100.0)))
+        count = max(count + 1, int(count * min(1.2 * SECONDS / max(elapsed, 1e-9), 100.0)))
 
 
-def measure_in_turn(
-    ours: Callable[[], Any],
-    theirs: Callable[[], Any],
-    repetitions: int | None = None,
-    least: float | None = None,
-) -> tuple[list[float], list[float]]:
+def measure_in_turn(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[list[float], list[float]]:
     """Seconds per call of two functions, measured A B A B after one call of each."""
     ours()
     theirs()
-    pairs = [
-        (seconds_per_call(ours, least), seconds_per_call(theirs, least))
-        for _ in range(repetitions or REPETITIONS)
-    ]
+    pairs = [(seconds_per_call(ours), seconds_per_call(theirs)) for _ in range(REPETITIONS)]
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
@@ -86,9 +84,8 @@ def speed_ratio(
     work: float = 1.0,
 ) -> Measurement:
     """How many times as fast ours is: theirs over ours, times the work of our call in units of theirs."""
-    ratios = sorted(work * other / own for own, other in zip(ours, theirs, strict=True))
     detail = f"{_time(float(np.median(ours)))} against {_time(float(np.median(theirs)))}"
-    return Measurement(group, name, float(np.median(ratios)), ratios[0], ratios[-1], "x", goal, detail=detail)
+    return figure(group, name, work * np.divide(theirs, ours), "x", goal=goal, detail=detail)
 
 
 def _time(seconds: float) -> str:
@@ -96,3 +93,23 @@ def _time(seconds: float) -> str:
         if seconds * scale >= 1.0:
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
+
+
+def words(one: Measurement) -> tuple[str, str, str, str, str]:
+    """Value, range, goal, whether it is met, and absolute times, as texts."""
+    spread = "" if one.low == one.high else f"{one.low:.3g} to {one.high:.3g}"
+    goal = "" if one.goal is None else f"{'<=' if one.at_most else '>='} {one.goal:g}"
+    met = {True: "met", False: "not met", None: ""}[one.met]
+    return f"{one.value:,.3g} {one.unit}".strip(), spread, goal, met, one.detail
+
+
+def markdown(found: Sequence[Measurement], title: str) -> str:
+    """Measurements as a table in Markdown."""
+    lines = [
+        f"{title}.",
+        "",
+        "| measurement | median | range | goal | | times |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [f"| {one.group}: {one.name} | " + " | ".join(words(one)) + " |" for one in found]
+    return "\n".join(lines) + "\n"

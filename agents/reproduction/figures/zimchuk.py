@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.figures.curve_labels import label_curves
-from agents.reproduction.canvas import GREY, new_figure
+from agents.reproduction.canvas import GREY, label_lines, new_figure
 from baselines.papers import zimchuk
 from baselines.papers.reproduction import Cell, Reproduction
 
@@ -30,9 +29,9 @@ def draw(result: Reproduction) -> dict[str, Figure]:
         (14.0, 5.6),
         (1.4, 1.0),
     )
-    curves = _draw_errors(time_axes, result)
+    _draw_errors(time_axes, result)
     _draw_legs(leg_axes, result)
-    label_curves(time_axes, curves)
+    label_lines(time_axes)
     return {"zimchuk.png": figure}
 
 
@@ -47,16 +46,13 @@ def _error_axes(axes: Any, title: str) -> None:
     axes.grid(axis="y", alpha=0.25)
 
 
-def _draw_errors(axes: Any, result: Reproduction) -> list[tuple[Any, str]]:
+def _draw_errors(axes: Any, result: Reproduction) -> None:
     """RMSE over all runs at each time."""
     flights = result.examples["flights"]
-    curves = []
     for name, (colour, style, _) in STYLES.items():
         errors = result.examples[name] - flights.truth[:, None, None]
-        (curve,) = axes.plot(
-            flights.times, np.sqrt((errors**2).mean((1, 2))), style, color=colour, linewidth=1.5
-        )
-        curves.append((curve, _label(name)))
+        values = np.sqrt((errors**2).mean((1, 2)))
+        axes.plot(flights.times, values, style, color=colour, linewidth=1.5, label=_label(name))
     for first, last in zimchuk.LEGS.values():
         if first:
             axes.axvline(flights.times[first], color="0.75", linewidth=0.8, zorder=0)
@@ -64,7 +60,6 @@ def _draw_errors(axes: Any, result: Reproduction) -> list[tuple[Any, str]]:
             axes.axvspan(flights.times[first], flights.times[last - 1], color="0.95", zorder=-1)
     _error_axes(axes, f"Error over time, {result.runs} runs; manoeuvres shaded")
     axes.set(xlabel="time [s]", xlim=(0.0, flights.times[-1]))
-    return curves
 
 
 def _draw_legs(axes: Any, result: Reproduction) -> None:

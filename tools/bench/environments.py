@@ -8,9 +8,9 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 
-from agents.benchmark.timing import Measurement, measure_in_turn, speed_ratio
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
 from hybrid_env.registration import make_track_vector_env, make_vector_env
+from tools.bench.timing import Measurement, measure_in_turn, speed_ratio
 
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 BANKS: dict[str, tuple[float, ...]] = {"3 hypotheses": (5.0,), "21 hypotheses": BANK_RADII}
@@ -54,7 +54,7 @@ def vector_environment() -> Iterator[Measurement]:
     for declaring in (False, True):
         for bank, radii in BANKS.items():
             for tracks, goal in goals[bank].items():
-                runner = _Steps(_tracks(tracks, radii=radii), 1.0 / DECLARE_EVERY if declaring else 0.0)
+                runner = Steps(_tracks(tracks, radii=radii), 1.0 / DECLARE_EVERY if declaring else 0.0)
                 times = measure_in_turn(runner.step, _cartpole_step(tracks))
                 way = "1 declaration in 25, simulated ticks" if declaring else "waiting"
                 group = f"vector environment against CartPole's, {way}, tick_info=False"
@@ -111,25 +111,31 @@ def _cartpole_step(count: int, env: VectorEnv[Any, Any, Any] | None = None) -> C
     return lambda: env.step(actions)
 
 
-class _Steps:
-    """Steps in which some tracks declare, and the mean number of simulated ticks per track and step."""
+class Steps:
+    """Steps in which some tracks declare.
+
+    Args:
+        env: a vector environment that has been reset.
+        declaring: share of the tracks that declare hypothesis 0 in a step.
+
+    Attributes:
+        ticks_per_step: mean number of simulated ticks of a track in a step.
+    """
 
     def __init__(self, env: HybridTrackVectorEnv, declaring: float):
-        self.env = env
-        generator = np.random.default_rng(1)
-        chosen = generator.random((64, env.num_envs)) < declaring
-        self.rows = chosen.astype(np.int64)
-        self.turn = 0
-        ticks = 0.0
+        self.env, self.turn = env, 0
+        self.rows = (np.random.default_rng(1).random((64, env.num_envs)) < declaring).astype(np.int64)
+        extra = 0
         for _ in range(256):
             info = self.step()
-            # a declaration at its k-th tick runs the rest of the segment and the first tick of the next
             decided = info.get("_ticks")
-            extra = 0 if decided is None else int((info["decided_length"] - info["ticks"])[decided].sum())
-            ticks += env.num_envs + extra
-        self.ticks_per_step = ticks / 256 / env.num_envs
+            if decided is not None:
+                # a declaration at its k-th tick runs the rest of the segment and the first tick of the next
+                extra += int((info["decided_length"] - info["ticks"])[decided].sum())
+        self.ticks_per_step = 1.0 + extra / 256 / env.num_envs
 
     def step(self) -> dict[str, Any]:
+        """Take one step and return its info."""
         self.turn = (self.turn + 1) % len(self.rows)
         info: dict[str, Any] = self.env.step(self.rows[self.turn])[4]
         return info

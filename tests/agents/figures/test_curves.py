@@ -1,0 +1,95 @@
+"""Panels of curves: labels, colours, arrows, bands, and points without a value."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from agents.figures.canvas import save_figure
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.figures.decider_colours import STYLES
+
+TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])
+TIME = Axis("ticks", (0.0, 60.0))
+REWARD = Axis("reward", (0.0, 1.0), levels=(0.5,))
+
+
+def curve(name, values, **more):
+    return Curve(name, STYLES[name], TICKS, np.array(values), **more)
+
+
+CURVES = [
+    curve("ATE (SPRT)", [0.2, 0.6, 0.7, 0.75, 0.8], selected=[(15.0, 0.6)]),
+    curve("ppo", [0.3, 0.7, 0.8, 0.85, 1.2], bounds=np.array([[0.2] * 5, [0.9] * 5])),
+    curve("fixed time", [0.1, 0.3, 0.4, 0.45, 0.5], size=0.0, dashes="--"),
+]
+
+
+@pytest.fixture(scope="module")
+def figure():
+    panels = [Panel("left", TIME, REWARD, CURVES), Panel("right", TIME, REWARD, CURVES[:2])]
+    return curve_figure([panels], (11.5, 5.2), "title", "note")
+
+
+def texts_of(axes):
+    """Annotations beside the curves; the annotations of arrows are empty."""
+    return {text.get_text(): text for text in axes.texts if text.get_text()}
+
+
+def test_every_curve_is_labelled_without_overlap_and_without_a_legend(figure, tmp_path):
+    assert not figure.legends
+    for axes, curves in zip(figure.axes, (CURVES, CURVES[:2]), strict=True):
+        assert axes.get_legend() is None
+        assert set(texts_of(axes)) == {one.name for one in curves}
+        boxes = [text.get_window_extent() for text in texts_of(axes).values()]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+        for box, line in itertools.product(boxes, axes.lines):
+            points = line.get_transform().transform(line.get_xydata())
+            assert not ((points > box.min) & (points < box.max)).all(1).any()
+    save_figure(figure, tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_curves_have_the_colours_and_markers_of_their_deciders_and_selected_points_are_filled(figure):
+    axes = figure.axes[0]
+    for one in CURVES:
+        drawn = [line for line in axes.lines if line.get_color() == one.style.colour]
+        assert {line.get_marker() for line in drawn} <= {one.style.marker, "None"}
+        assert [line for line in drawn if line.get_linestyle() == one.dashes]
+        filled = [line.get_xydata().tolist() for line in drawn if line.get_markersize() == 8]
+        assert filled == [[list(point)] for point in one.selected]
+
+
+def test_an_arrow_marks_where_a_curve_leaves_the_axes(figure):
+    for axes, count in zip(figure.axes, (3, 2), strict=True):
+        assert sum(not text.get_text() for text in axes.texts) == count
+    inside = Panel("", Axis(limits=(0.0, 100.0)), Axis(limits=(0.0, 2.0)), CURVES)
+    [axes] = curve_figure([[inside]], (6.0, 4.0)).axes
+    assert all(text.get_text() for text in axes.texts)
+
+
+def test_points_without_a_value_have_hollow_markers_in_the_strip_and_the_last_ones_a_label():
+    known, unknown = curve("MSPRT", [0.1, 0.2, 0.3, 0.4, np.inf]), curve("gap rule", [np.inf] * 5)
+    panel = Panel("", TIME, Axis(limits=(0.0, 1.15)), [known, unknown], strip=(1.03, 1.09))
+    [axes] = curve_figure([[panel]], (6.0, 4.0)).axes
+    marks = [line for line in axes.lines if line.get_ydata()[0] == 1.09]
+    assert [(line.get_xdata()[0], line.get_color()) for line in marks] == [
+        (90.0, known.style.colour), *((tick, unknown.style.colour) for tick in TICKS),
+    ]  # fmt: skip
+    assert set(texts_of(axes)) == {"MSPRT", "gap rule"}
+
+
+def test_levels_that_are_not_reached_are_marked_at_the_edge():
+    styles = [STYLES["MSPRT"], STYLES["gap rule"]]
+    panel = Panel("", TIME, REWARD, CURVES[:1], unreached={0.9: ("90 % not reached", styles)})
+    [axes] = curve_figure([[panel]], (6.0, 4.0)).axes
+    marks = [line for line in axes.lines if len(line.get_xdata()) == 1 and line.get_xdata()[0] == 1.0]
+    assert [line.get_color() for line in marks] == [style.colour for style in styles]
+    assert "90 % not reached" in texts_of(axes)
+
+
+def test_only_the_outer_panels_of_a_shared_grid_have_labels_at_their_axes():
+    panel = Panel("", TIME, REWARD, CURVES[:1])
+    figure = curve_figure([[panel] * 2] * 2, (8.0, 6.0), sharex=True, sharey=True)
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "ticks", "ticks"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["reward", "", "reward", ""]

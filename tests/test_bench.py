@@ -1,0 +1,84 @@
+"""The benchmark measures both sides alike and counts ticks correctly. No time is asserted."""
+
+import json
+
+import numpy as np
+import pytest
+
+from baselines.papers.golubkov2018 import START
+from hybrid_env import KalmanBank
+from hybrid_env.registration import make_vector_env
+from tools.bench import timing
+from tools.bench.__main__ import main
+from tools.bench.environments import Steps
+from tools.bench.filters import FilterpyBank
+from tools.bench.programs import CASES
+from tools.bench.timing import Measurement, markdown, measure_in_turn, speed_ratio
+
+RADII = (3.0, 5.0, 9.0)
+
+
+@pytest.fixture
+def short(monkeypatch):
+    monkeypatch.setattr(timing, "REPETITIONS", 1)
+    monkeypatch.setattr(timing, "SECONDS", 1e-4)
+
+
+def test_the_bank_and_its_peer_compute_the_same_likelihoods():
+    ours, theirs = KalmanBank(RADII), FilterpyBank(RADII)
+    ours.anchor(START)
+    generator = np.random.default_rng(5)
+    for k in range(30):
+        z = np.array([0.0, 0.2 * (k + 1)]) + generator.normal(0, 0.3, 2)
+        ours.step(z)
+        theirs.step(z)
+    np.testing.assert_allclose(ours.log_likelihood, theirs.log_likelihood, rtol=1e-10)
+
+
+def test_the_two_sides_are_measured_in_turn(monkeypatch):
+    monkeypatch.setattr(timing, "REPETITIONS", 2)
+    monkeypatch.setattr(timing, "SECONDS", 1e-4)
+    calls = []
+    ours, theirs = measure_in_turn(lambda: calls.append("A"), lambda: calls.append("B"))
+    order = "".join(side for k, side in enumerate(calls) if k == 0 or calls[k - 1] != side)
+    assert order == "ABABAB"  # once each before, then two pairs
+    assert min(ours + theirs) > 0
+
+
+def test_a_ratio_is_the_median_over_pairs_with_its_range():
+    one = speed_ratio("g", "n", [1.0, 2.0, 1.0], [3.0, 4.0, 5.0], goal=2.5, work=1.0)
+    assert (one.value, one.low, one.high) == (3.0, 2.0, 5.0)
+    assert one.met is True
+    assert speed_ratio("g", "n", [1.0], [3.0], goal=6.5, work=2.0).met is False
+    assert Measurement("g", "n", 7.0, 7.0, 7.0, "%", 8.0, at_most=True).met is True
+    assert Measurement("g", "n", 7.0, 7.0, 7.0, "").met is None
+
+
+def test_simulated_ticks_include_fast_forwarded_ones():
+    env = make_vector_env("hybrid_env:HybridTrack-v0", 400, tick_info=False)
+    env.reset(seed=0)
+    assert Steps(env, 0.0).ticks_per_step == 1.0
+    # a declaration in 25 at tick k of a segment of 75 runs 75 - k ticks more, k about 19 on average:
+    # (1 + 56 / 25) a step, give or take a tenth for the segments' lengths and the start
+    env.reset(seed=0)
+    assert Steps(env, 0.04).ticks_per_step == pytest.approx(3.2, rel=0.15)
+
+
+def test_groups_are_printed_and_written(short, capsys, tmp_path):
+    main(["single", "quickest", "online", "bank", "--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "21 hypotheses" in printed
+    found = json.loads((tmp_path / "bench.json").read_text())["measurements"]
+    assert [one["name"].split(", ")[1] for one in found[2:5]] == ["1 track", "64 tracks", "1,024 tracks"]
+    assert [one["name"] for one in found[5:9]] == list(CASES)
+    assert len(found) == 11
+    assert all(one["value"] > 0 and one["name"] in printed for one in found)
+    table = (tmp_path / "bench.md").read_text()
+    assert table.count("\n| ") == 12
+    assert table == markdown([Measurement(**one) for one in found], table.splitlines()[0].rstrip("."))
+
+
+def test_unknown_groups_are_refused(capsys, tmp_path):
+    with pytest.raises(SystemExit, match="2"):
+        main(["everything", "--out", str(tmp_path)])
+    assert "unknown group everything" in capsys.readouterr().err
