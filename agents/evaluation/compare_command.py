@@ -60,9 +60,7 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
         """
         if self.flights is not None:
             self._refuse(FlightArguments, False, "no value with --flights")
-            from agents.evaluation.flights_study import run_flight_comparison
-
-            run_flight_comparison(self.flight_task(), self.deciders or (), self.out)
+            self.compare_flights(self.deciders or (), self.out)
         else:
             self._refuse(FlightArguments, True, "no value without --flights")
             self._compare()

@@ -3,16 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 
 from agents.evaluation.flights import NATIVE, FlightTask
-from agents.interface.output_files import output_folder, write_json
-from agents.interface.progress import progress_display
 from baselines.recordings.flights.batch import stack_flights
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import (
@@ -26,7 +22,6 @@ from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import twins
 from baselines.recordings.flights.tiers import TIERS, TOGETHER
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import reject
 
 IntArray = NDArray[np.int64]
 
@@ -212,45 +207,3 @@ def label_sensitivity(
         agreement = float(score_flights(name, flights, labels, stated).curve(STATISTICS["agreement"])[0])
         results.append(Sensitivity(name, same / both, scored / time, turns, agreement))
     return results
-
-
-def run_flight_comparison(task: FlightTask, deciders: tuple[str, ...], out: Path) -> None:
-    """Compare, print the tables and write flights.json and a picture of each flight.
-
-    Args:
-        task: settings.
-        deciders: names with optional thresholds; without any the default ones.
-        out: output folder.
-
-    Raises:
-        ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
-    """
-    from agents.evaluation.figures import flight_figure
-    from agents.evaluation.flights_report import flight_tables, flights_json
-    from agents.figures.canvas import save_figure
-
-    task.check()
-    if len(set(deciders)) < len(deciders):
-        raise reject("deciders", deciders, "different names")
-    names = {name: task.label(name) for name in deciders or task.compared}
-    console = Console(emoji=False)
-    with progress_display(console) as progress:
-        bar = progress.add_task("Flights", total=steps(task, len(names)) + 1, note="")
-
-        def note(text: str) -> None:
-            progress.update(bar, note=text, advance=1)
-
-        result = compare_on_flights(task, names, note)
-        folder = output_folder("out", out)
-        note("pictures")
-        agreements = list(result.scores.values())[-1].some
-        for k, flight in enumerate(result.flights):
-            stated = {label: result.stated[name][k] for name, label in reversed(names.items())}
-            agreement = float(agreements([k]).curve(STATISTICS["agreement"])[0])
-            title = f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
-            path = folder / f"{flight.identity.replace(':', '-')}.png"
-            save_figure(flight_figure(flight, result.labels[k], stated, title), path)
-    write_json(folder / "flights.json", flights_json(result))
-    for table in flight_tables(result):
-        console.print(table)
-    console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)

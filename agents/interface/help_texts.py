@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import tyro
 from docstring_parser import parse_from_object
 
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN, rules
 
 NO_DEFAULT = (None, ())
-"""Values that only mean that a flag was not given; the help text then says what happens without it."""
+"""Defaults of flags that are not given; the help text then says what happens without the flag."""
 
 
 def shown_default(text: str, *aliases: str) -> Any:
@@ -40,13 +40,13 @@ def as_subcommand(name: str, kind: type, brief: bool) -> Any:
 def _prepare_flags(kind: type) -> None:
     """Join the lines of each flag's docstring, name the rules, and show no default where there is none.
 
-    "{announced}" and "{unknown}" in a docstring stand for the names of the rules of a task.
+    "{announced}", "{unknown}" and "{flights}" in a docstring stand for the names of the rules of a task.
     """
     texts: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         found = {one.arg_name: one.description for one in parse_from_object(base).params}
         texts |= {flag: " ".join(text.split()) for flag, text in found.items() if text}
-    for task in (ANNOUNCED, UNKNOWN):
+    for task in (ANNOUNCED, UNKNOWN, FLIGHTS):
         names = ", ".join(f"'{name}'" for name in rules(task))
         texts = {flag: text.replace(f"{{{task}}}", names) for flag, text in texts.items()}
     hints = typing.get_type_hints(kind, include_extras=True)

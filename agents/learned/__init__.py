@@ -5,14 +5,14 @@
 - `anchor_net`: the network that predicts the distribution of the anchor error.
 - `regret_net`: the network that predicts what a wrong radius costs in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
-- `policy`: an actor of Stable-Baselines3 as a decider.
-- `statement_policy`: an actor that states the present mode at every tick.
-- `statement_decider`: a recurrent network that states the present mode, as a decider.
-- `statement_net`, `statement_inputs`: the network, and its inputs without units.
-- `flight_decider`, `flight_inputs`: the agent for recorded flights, and its inputs.
+- `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.
+- `statement_net`: a recurrent network that states the present mode.
+- `statement_decider`, `statement_inputs`: this network as a decider in an environment, and its inputs.
+- `flight_decider`, `flight_inputs`: likewise on recorded flights.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.
+- `families`: the agent of a folder as a decider, for every task.
 - `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
 
 All of them map observation rows to actions through the interface of `baselines.rules.decider`.

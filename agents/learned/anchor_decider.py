@@ -1,4 +1,4 @@
-"""Filters that start from learned distributions of the anchor error, as a decider, and its file.
+"""Filters that start from learned distributions of the anchor error, as a decider.
 
 At every switch `anchor_net` predicts the distribution of the anchor error, and extended Kalman filters of
 every hypothesis start from its components. Where only the type of motion is rewarded, `regret_net` predicts
@@ -9,22 +9,21 @@ therefore apply to objects of any size and to banks of any size.
 """
 
 import copy
+import functools
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 
 from agents.learned.anchor_net import AnchorNet
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
-from agents.learned.policy_file import load_network, save_policy
 from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
-from baselines.rules.decider import Actions, Decider, Observations
-from baselines.rules.msprt import error_and_best, mode_types, posterior_of
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
+from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
 from hybrid_env.checks import reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -127,13 +126,22 @@ class AnchorDecider(Decider):
         ArgumentError: alpha is out of range.
     """
 
+    symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
     every_tick = True
+    network = AnchorNetworks
 
     def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
         if not 0.0 < alpha <= 1.0:
             raise reject("alpha", alpha, "a number above 0, at most 1")
         self.net, self.world, self.alpha = net, world, alpha
         self.by_type = world.correctness == "type"
+
+    @classmethod
+    def trained(cls, name: str, net: AnchorNetworks, options: WorldOptions) -> DeciderFamily:
+        """Return networks at any threshold, for the options of an environment."""
+        return DeciderFamily(
+            name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options)
+        )
 
     def posterior(
         self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None
@@ -190,23 +198,3 @@ class AnchorDecider(Decider):
     def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])
-
-
-def check_declares_hypotheses(world: WorldOptions) -> None:
-    """Refuse an environment in which only the most likely hypothesis of the bank can be declared."""
-    if world.actions != "all":
-        raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
-
-
-def save_anchor(folder: Path, net: AnchorNetworks, card: dict[str, Any]) -> None:
-    """Write weights and card. Each file is written atomically."""
-    save_policy(folder, net.state_dict(), card, Layout)
-
-
-def load_anchor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> AnchorNetworks:
-    """Return the network for the weights and card that `policy_file.load_policy` read from a folder.
-
-    Raises:
-        ArgumentError: weights and card do not match.
-    """
-    return load_network(folder, weights, card, AnchorNetworks)

@@ -6,51 +6,46 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.torch import save_file
 
-from agents.interface.input_files import read_json
-from agents.interface.output_files import atomic_file, write_json
-from agents.interface.world_arguments import CARD
 from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilities
-from agents.learned.network_settings import LARGEST_HIDDEN
-from agents.learned.policy_file import WEIGHTS, load_weights, read_tensors, unreadable_policy
+from agents.learned.policy_file import load_network, load_policy
+from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet
 from baselines.recordings.flights.labels import STRAIGHT
 from baselines.recordings.flights.tracks import FlightTracks
-from baselines.rules.decider import FLIGHTS, Actions, Decider
-from hybrid_env.checks import check_integer, check_number
+from baselines.rules.decider import FLIGHTS, Actions
 
 SHIPPED = Path(__file__).parent / "shipped_flights"
 BLOCK = 500  # positions that the network processes at once
 
 
-class FlightAgent(Decider):
-    """States the mode with the largest utility, where keeping the statement has a utility of its own.
-
-    Args:
-        net: trained network.
-        margin: added to the utility of keeping the statement.
-    """
+class FlightAgent(UtilityDecider):
+    """The network on recorded flights; see `UtilityDecider`. Before the first position motion is straight."""
 
     task = FLIGHTS
     observes = "tracks"
+    inputs = INPUTS
 
     def __init__(self, net: StatementNet, margin: float = 0.0):
-        self.net, self.margin = net, check_number("margin", margin)
+        super().__init__(net, margin)
         self._tracks: FlightTracks | None = None
         self._outputs = np.empty(0)
 
     def observe(self, tracks: FlightTracks) -> NDArray[np.float64]:
         """Return the utilities (B, 3) of the modes and that of keeping the statement, together (B, 4)."""
         if self._tracks is not tracks:
-            self._tracks, self._outputs = tracks, self._utilities(tracks)
+            inputs, logs = flight_inputs(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
+            self._tracks, self._outputs = tracks, self.utilities(inputs, logs)
         return self._outputs[tracks.tick]
 
     @torch.no_grad()
-    def _utilities(self, tracks: FlightTracks) -> NDArray[np.float64]:
-        """Return `observe` at every position, (T, B, 4); the network reads positions up to each only."""
-        inputs, logs = flight_inputs(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
+    def utilities(self, inputs: NDArray[np.float32], logs: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return `observe` at every position, (T, B, 4); the network reads positions up to each only.
+
+        Args:
+            inputs: (T, B, 2, 16), see `flight_inputs`.
+            logs: (T, B, 3), see `flight_inputs.log_probabilities`.
+        """
         found = np.empty((*logs.shape[:2], 4))
         memory = None
         for first in range(0, len(found), BLOCK):
@@ -64,19 +59,10 @@ class FlightAgent(Decider):
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Actions]:
         """See `Decider.predict`; the state is the last statement, straight motion at first."""
-        which = np.arange(len(observation))
         stated = np.full(len(observation), STRAIGHT) if state is None else state
-        utility = observation[:, :3].copy()
-        utility[which, stated] += observation[:, 3] + self.margin
-        stated = utility.argmax(-1)
-        return stated, stated
-
-
-def save_flight_agent(folder: Path, net: StatementNet, card: dict[str, Any]) -> None:
-    """Write the weights and their card."""
-    with atomic_file(folder / WEIGHTS) as part:
-        save_file({name: one.detach().contiguous() for name, one in net.state_dict().items()}, part)
-    write_json(folder / CARD, card)
+        started = np.ones(len(observation), np.bool_)
+        actions = self.largest(observation[:, :3].copy(), observation[:, 3], stated, started)
+        return actions, actions
 
 
 def load_flight_agent(folder: Path) -> StatementNet:
@@ -85,22 +71,13 @@ def load_flight_agent(folder: Path) -> StatementNet:
     Raises:
         ArgumentError: the files are missing or damaged.
     """
-    try:
-        card = read_json(folder / CARD)
-        hidden = check_integer("hidden", card["settings"]["hidden"], maximum=LARGEST_HIDDEN)
-        weights, _ = read_tensors(folder / WEIGHTS)
-        with torch.device("meta"):
-            net = StatementNet(hidden, INPUTS)
-        load_weights(net, weights)
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, SafetensorError) as error:
-        raise unreadable_policy(folder, error) from None
-    return net.eval()
+    return load_network(folder, *load_policy(folder), FlightAgent.network)
 
 
 def shipped_flight_decider(margin: float = 0.0) -> FlightAgent:
     """Return the agent whose weights are part of the package.
 
     Args:
-        margin: see `FlightAgent`; a larger one gives fewer false changes and longer delays.
+        margin: see `UtilityDecider`; a larger one gives fewer false changes and longer delays.
     """
     return FlightAgent(load_flight_agent(SHIPPED), margin)

@@ -7,16 +7,18 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.network_settings import check_policy_kwargs
-from agents.learned.policy_file import card_layout, load_weights, save_policy, unreadable_policy
-from baselines.rules.decider import Actions, Decider, Observations
+from agents.learned.policy_file import LAYOUTS, card_task, load_weights, save_policy, unreadable_policy
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
+from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
-from hybrid_env.rendering.evidence import EvidencePanel, Threshold
+from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
 
@@ -60,6 +62,8 @@ class ActorDecider(Decider):
         threshold: see the subclass.
     """
 
+    symbol = "log-odds"
+
     def __init__(self, policy: ActorCriticPolicy, threshold: float = 0.0):
         self.policy = policy
         self.threshold = threshold
@@ -69,10 +73,18 @@ class ActorDecider(Decider):
         """Return the same policy at another threshold."""
         return type(self)(self.policy, threshold)
 
+    def trained(self, name: str) -> DeciderFamily:
+        """Return the policy at any threshold."""
+        return DeciderFamily(
+            name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses
+        )
+
     @property
     def hypotheses(self) -> int:
         """Number M of hypotheses that the policy was trained for."""
-        raise NotImplementedError
+        shape = self.policy.observation_space.shape
+        assert shape is not None
+        return LAYOUTS[self.task].of_width(shape[0]).hypotheses
 
     @torch.no_grad()
     def logits(
@@ -136,12 +148,11 @@ class PolicyDecider(ActorDecider):
         threshold: on ln p(the declaration) - ln p(wait).
     """
 
-    @property
-    def hypotheses(self) -> int:
-        """Number M of hypotheses that the policy was trained for."""
-        shape = self.policy.observation_space.shape
-        assert shape is not None
-        return Layout.of_width(shape[0]).hypotheses
+    task = ANNOUNCED
+    thresholds = (
+        *(-10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5),
+        *(0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0),
+    )
 
     def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`."""
@@ -171,15 +182,52 @@ class PolicyDecider(ActorDecider):
         return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
 
 
-def save_actor(
-    folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], layout: type[Layout] = Layout
-) -> None:
-    """Write weights and card, with the layout of the observation. Each file is written atomically."""
+class StatementPolicyDecider(ActorDecider):
+    """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
+
+    At margin 0 it states the policy's most probable mode. A larger margin changes the statement later and
+    less often to a wrong mode. The first statement of an episode is the most probable mode.
+
+    Args:
+        policy: actor whose action i states mode i, for M modes; with or without an LSTM.
+        threshold: margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
+    """
+
+    task = UNKNOWN
+    thresholds = 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0
+
+    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+        """See `ActorDecider.choose`; action i states mode i."""
+        if not deterministic:
+            return self.sample(logits).argmax(1)
+        best = logits.argmax(1)
+        stated, started = read_statement(observation)
+        tracks = np.arange(len(logits))
+        odds = logits[tracks, best] - logits[tracks, stated]
+        return np.where((odds > self.threshold) | ~started, best, stated)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return probability_panel("policy")
+
+    def evidence(
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the probabilities of the modes by the policy, (N, M)."""
+        return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
+
+
+ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDecider, StatementPolicyDecider)}
+"""Deciders of an actor by task."""
+
+
+def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
+    """Write weights and card; see `save_policy`."""
     shape = policy.observation_space.shape
     assert shape is not None
     assert isinstance(policy.action_space, spaces.Discrete)
     card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
-    save_policy(folder, policy.state_dict(), card, layout)
+    save_policy(folder, policy.state_dict(), card, task)
 
 
 def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> ActorCriticPolicy:
@@ -200,7 +248,7 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
             entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
             tuple(entry.get("observe", ())),
             recurrent,
-            card_layout(card),
+            LAYOUTS[card_task(card)],
         )
         load_weights(policy, weights)
     except ImportError:
@@ -215,7 +263,7 @@ def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
     """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
     width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
     actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    layout = card_layout(card)
+    layout = LAYOUTS[card_task(card)]
     hypotheses = layout.of_width(width).hypotheses
     allowed = (hypotheses,) if layout is QuickestLayout else (2, hypotheses + 1)
     if actions not in allowed:

@@ -15,12 +15,18 @@ from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from agents.learned.network_settings import LARGEST_HIDDEN
+from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
-LAYOUTS: tuple[type[Layout], ...] = (Layout, QuickestLayout)
-ALGORITHMS = ("ppo", "recurrent_ppo", "anchor", "statements")
+LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
+ALGORITHMS = {
+    "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
+    "statements": (UNKNOWN,), "flights": (FLIGHTS,),
+}  # fmt: skip
+"""Tasks of the agents of every training algorithm."""
+
 LARGEST_FILE = 2**27  # bytes
 LARGEST_HEADER = 2**20  # bytes
 LARGEST_WEIGHT = 1e6  # decisions of larger weights could overflow
@@ -32,26 +38,31 @@ def package_versions() -> dict[str, str]:
     return {name: version(name) for name in names} | {"python": platform.python_version()}
 
 
-def save_policy(
-    folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], layout: type[Layout]
-) -> None:
-    """Write weights and card, with the layout of the observation. Each file is written atomically."""
+def save_policy(folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], task: str) -> None:
+    """Write weights and card, with the scales of the observation rows of the task, if it has rows.
+
+    Each file is written atomically.
+    """
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
-    write_json(folder / CARD, dict(card) | {"observation_scales": _scales(layout)})
+    scales = {"observation_scales": _scales(LAYOUTS[task])} if task in LAYOUTS else {}
+    write_json(folder / CARD, dict(card) | scales)
 
 
 def _scales(layout: type[Layout]) -> dict[str, float]:
     return layout.hypothesis_features | layout.track_features
 
 
-def card_layout(card: Mapping[str, Any]) -> type[Layout]:
-    """Return the layout of the observation that a policy was trained on, from a card of `load_policy`."""
-    return next(layout for layout in LAYOUTS if card["observation_scales"] == _scales(layout))
+def card_task(card: Mapping[str, Any]) -> str:
+    """Return the task that a policy was trained for, from a card of `load_policy`."""
+    tasks = ALGORITHMS[card["recipe"]["entry"]["algo"]]
+    if tasks == (FLIGHTS,):
+        return FLIGHTS
+    return next(task for task in tasks if card["observation_scales"] == _scales(LAYOUTS[task]))
 
 
 def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Read weights and card.
+    """Read weights and card of any agent.
 
     Raises:
         ArgumentError: the files are missing or damaged, or the policy was trained with other observation
@@ -59,13 +70,17 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """
     try:
         card = read_json(folder / CARD)
-        scales, algo = card["observation_scales"], card["recipe"]["entry"]["algo"]
+        if "settings" in card:  # the card of an agent for flights that was trained without a recipe
+            card["recipe"] = {"name": "flights", "entry": {"algo": "flights", **card["settings"]}}
+        algo = card["recipe"]["entry"]["algo"]
         if algo not in ALGORITHMS:
             raise reject("algo", algo, ", ".join(ALGORITHMS))
+        rows = [LAYOUTS[task] for task in ALGORITHMS[algo] if task in LAYOUTS]
+        is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
         weights, _ = read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
-    if not any(scales == _scales(layout) for layout in LAYOUTS):
+    if not is_known:
         raise reject(
             "run",
             str(folder),
@@ -119,7 +134,7 @@ def load_network(
     """Return a network for the weights and card that `load_policy` read from a folder.
 
     Args:
-        kind: its class, whose argument is the number of hidden units.
+        kind: creates it with a number of hidden units.
 
     Raises:
         ArgumentError: weights and card do not match.

@@ -1,22 +1,76 @@
-"""The statement network as a decider for unknown switch moments."""
+"""The statement network as a decider."""
 
+import functools
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.learned.policy_file import load_network
-from agents.learned.statement_inputs import count_ages, statement_inputs
+from agents.learned.statement_inputs import INPUTS, count_ages, statement_inputs
 from agents.learned.statement_net import StatementNet
-from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
+from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
+
+
+class UtilityDecider(Decider):
+    """States the mode with the largest utility, where keeping the statement has a utility of its own.
+
+    Base class; the subclasses give the inputs of the network.
+
+    Args:
+        net: trained network.
+        margin: added to the utility of keeping the statement. With a larger one the statement changes later,
+            and less often to a wrong mode.
+
+    Raises:
+        ArgumentError: the margin is not a finite number.
+    """
+
+    symbol = "log-odds"
+    thresholds = (
+        *(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0),
+        *(13.0, 16.0, 20.0),
+    )
+    inputs: ClassVar[int]
+    """Number of inputs of the network for each turn hypothesis."""
+
+    def __init__(self, net: StatementNet, margin: float = 0.0):
+        self.net, self.margin = net, check_number("margin", margin)
+
+    @classmethod
+    def network(cls, hidden: int) -> StatementNet:
+        """Return an untrained network with a number of hidden units."""
+        return StatementNet(hidden, cls.inputs)
+
+    @classmethod
+    def trained(cls, name: str, net: StatementNet, options: Any = None) -> DeciderFamily:
+        """Return a network at any margin, for the options of an environment if the decider takes them."""
+        make = functools.partial(cls, net) if options is None else functools.partial(cls, net, options)
+        return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, make)
+
+    def largest(
+        self,
+        utility: NDArray[np.float64],
+        stay: NDArray[np.float64],
+        stated: Actions,
+        started: NDArray[np.bool_],
+    ) -> Actions:
+        """Return the statements of N tracks, (N,).
+
+        Args:
+            utility: (N, M) of the modes; that of the stated one is changed.
+            stay: (N,) utility of keeping the statement.
+            stated: (N,) last statements.
+            started: (N,) whether there has been a statement.
+        """
+        utility[np.arange(len(utility)), stated] += np.where(started, stay + self.margin, 0.0)
+        return utility.argmax(-1)
 
 
 @dataclass
@@ -34,24 +88,24 @@ class StatementState:
     age: NDArray[np.int64]
 
 
-class StatementDecider(Decider):
-    """States the mode with the largest utility, where keeping the statement has a utility of its own.
+class StatementDecider(UtilityDecider):
+    """The network on rows of an environment with unknown switch moments.
 
     Args:
         net: trained network.
         world: options of the environment.
-        margin: added to the utility of keeping the statement. With a larger one the statement changes later,
-            and less often to a wrong mode.
+        margin: see `UtilityDecider`.
 
     Raises:
         ArgumentError: the margin is not a finite number.
     """
 
     task = UNKNOWN
+    inputs = INPUTS
 
     def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0):
-        self.net, self.world = net, world
-        self.margin = check_number("margin", margin)
+        super().__init__(net, margin)
+        self.world = world
         self.layout = QuickestLayout(world.hypotheses)
 
     @torch.no_grad()
@@ -89,16 +143,5 @@ class StatementDecider(Decider):
         inputs = torch.from_numpy(statement_inputs(self.world, rows, age)[None])
         outputs = self.net(inputs, torch.from_numpy(log_probability[None]).float(), state.memory)
         stated, started = read_statement(rows)
-        utility = outputs.utility[0].double().numpy()
-        kept = np.where(started, outputs.stay[0].double().numpy() + self.margin, 0.0)
-        utility[np.arange(tracks), stated] += kept
-        return utility.argmax(-1), StatementState(outputs.memory, best, age)
-
-
-def load_statements(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -> StatementNet:
-    """Return the network for the weights and card that `policy_file.load_policy` read from a folder.
-
-    Raises:
-        ArgumentError: weights and card do not match.
-    """
-    return load_network(folder, weights, card, StatementNet)
+        utility, stay = (part[0].double().numpy() for part in (outputs.utility, outputs.stay))
+        return self.largest(utility, stay, stated, started), StatementState(outputs.memory, best, age)

@@ -19,18 +19,18 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation.deciders import DeciderFamily, anchor_family
 from agents.evaluation.drawn_worlds import draw_world
-from agents.learned.anchor_decider import AnchorNetworks, check_declares_hypotheses, save_anchor
+from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks
+from agents.learned.policy_file import save_policy
 from agents.learned.regret_net import regret_inputs
 from agents.training import run_folder
-from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout
-from agents.training.own_network_run import OwnNetworkRun
-from agents.training.recipe import AnchorSettings, TrainingWorld
-from agents.training.run import TrainingProgress
-from agents.training.sample_buffer import SampleBuffer
-from agents.training.track_state import check_tracks
+from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout, SampleBuffer
+from agents.training.run import OwnNetworkRun, TrainingProgress
+from agents.training.settings import AnchorSettings, TrainingWorld
+from agents.training.state import check_tracks, restore_generator
 from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED, DeciderFamily
+from hybrid_env.checks import reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -59,7 +59,8 @@ class AnchorRun(OwnNetworkRun):
         self.world = make_vector_env(self.env_id, 1, **self.options).options
         self._fixed = [self._options_of(world) for world in self.settings.worlds]
         for world in (self.world, *(world for world, _ in self._fixed)):
-            check_declares_hypotheses(world)
+            if world.actions != "all":
+                raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
         self._generator = np.random.default_rng(seeds.TRAINING + self.seed)
         self._anchors = SampleBuffer(self.settings.buffer_size, self.net.anchor.inputs + 4)
         self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
@@ -115,9 +116,7 @@ class AnchorRun(OwnNetworkRun):
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Run.restore_values`."""
         for generator, state in zip(self._generators(), values["generators"], strict=True):
-            generator.bit_generator.state = state
-            if generator.bit_generator.state != state:  # NumPy rounds fractions
-                raise ValueError("the state of a generator is invalid")
+            restore_generator(generator, state)
         for buffer, count in zip((self._anchors, self._declarations), values["counts"], strict=True):
             buffer.restore_count(count)
         for stream in self._streams:
@@ -184,8 +183,8 @@ class AnchorRun(OwnNetworkRun):
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders for the environment of the run."""
-        return anchor_family(name, self.net, self.world)
+        return AnchorDecider.trained(name, self.net, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""
-        save_anchor(folder, self.net, card)
+        save_policy(folder, self.net.state_dict(), card, ANNOUNCED)

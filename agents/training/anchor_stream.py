@@ -1,4 +1,4 @@
-"""Parallel tracks on which the anchor agent decides, and the samples that they give."""
+"""Parallel tracks on which the anchor agent decides, the samples that they give, and their buffer."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,15 +12,48 @@ from torch import Tensor
 from agents.learned.anchor_decider import AnchorNetworks, errors_and_best
 from agents.learned.dimensionless import ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
-from agents.training.recipe import LARGEST_ALPHA, AnchorSettings
-from agents.training.track_state import track_arrays
+from agents.training.settings import LARGEST_ALPHA, AnchorSettings
+from agents.training.state import track_arrays
 from baselines.rules.anchor_prior import anchor_errors
+from hybrid_env.checks import check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 FloatArray = NDArray[np.float64]
 TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `regret_net.regret_inputs`."""
+
+
+class SampleBuffer:
+    """Ring buffer of samples.
+
+    Args:
+        size: number of samples that are kept.
+        width: numbers of a sample.
+
+    Attributes:
+        rows: (size, width) float32.
+        count: number of samples added so far.
+    """
+
+    def __init__(self, size: int, width: int):
+        self.rows = np.zeros((size, width), np.float32)
+        self.count = 0
+
+    def add(self, samples: NDArray[np.floating]) -> None:
+        """Add samples (n, width) in place of the oldest ones."""
+        samples = samples[-len(self.rows) :]
+        self.rows[(self.count + np.arange(len(samples))) % len(self.rows)] = samples
+        self.count += len(samples)
+
+    def draw(self, generator: np.random.Generator, size: int) -> NDArray[np.float32]:
+        """Return random samples (size, width), with replacement."""
+        filled = min(self.count, len(self.rows))
+        return self.rows[generator.integers(filled, size=size)]
+
+    def restore_count(self, count: object) -> None:
+        """Set the number of samples added so far."""
+        self.count = check_integer("count", count, minimum=0)
 
 
 @dataclass

@@ -15,8 +15,9 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an hour), three ablations
-    ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
+    'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an hour), 'flights' (for recorded flights,
+    without an environment, 20 minutes), three ablations ('ppo-zero-wait-bias', 'ppo-posteriors',
+    'ppo-innovations'), or a YAML file."""
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None
@@ -38,7 +39,7 @@ class Train(WorldArguments):
             check_integer("steps", self.steps)
         from agents.training.recipe import load_recipe
         from agents.training.run import TrainingProgress
-        from agents.training.runs import make_run, resume_run
+        from agents.training.runs import make_run, resume_run, run_name
 
         if self.resume is not None:
             folder = self.resume
@@ -47,8 +48,7 @@ class Train(WorldArguments):
             run = resume_run(folder, self.steps)
         else:
             recipe = load_recipe(self.recipe, self.env_id, self.set)
-            name = self.env_id.rpartition(":")[2]
-            folder = self.out or Path("runs") / f"{name}-{recipe.name}-seed{self.seed}"
+            folder = self.out or Path("runs") / f"{run_name(self.env_id, recipe)}-seed{self.seed}"
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
@@ -69,4 +69,4 @@ class Train(WorldArguments):
         draw_learning_curve(folder, folder / "learning.png", run.curve)
         steps = f"{run.num_timesteps:,} steps"
         console.print(f"Run {folder}: {steps}, learning.png", markup=False, highlight=False)
-        console.print(f"Next: hybridtrack evaluate {folder}", markup=False, highlight=False)
+        console.print(f"Next: {run.next_command} {folder}", markup=False, highlight=False)

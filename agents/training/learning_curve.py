@@ -1,59 +1,88 @@
 """The learning curve: periodic evaluation of an agent during training, on episodes reserved for it."""
 
 import functools
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from agents.evaluation.deciders import ATE, DeciderFamily
-from agents.evaluation.evaluate import evaluate
-from agents.evaluation.operating_curve import REWARD, sweep
+from agents.evaluation.task import sweep
+from agents.evaluation.tasks import task_of
 from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily, rules
 
 EPISODES = 200
-REWARD_KEY = "evaluation/reward"
+PREFIX = "evaluation/"
+REWARD_KEY = PREFIX + "reward"
 FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
 EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
 
 
-class LearningCurve(ABC):
+@dataclass(frozen=True)
+class Wording:
+    """What a learning curve shows of an agent, and of the classical rule beside it.
+
+    Attributes:
+        key: of the reward of the rule in the metrics, without prefix.
+        rule: name of the rule in figures.
+        sentence: name of the rule in a sentence.
+        unit: what a mean reward is the mean of.
+        measured: names of other metrics of the agent.
+        text: these metrics as text, a format string.
+    """
+
+    key: str
+    rule: str
+    sentence: str
+    unit: str
+    measured: tuple[str, ...]
+    text: str
+
+
+WORDINGS = {
+    ANNOUNCED: Wording(
+        "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
+        "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
+    ),
+    UNKNOWN: Wording(
+        "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
+        "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
+    ),
+}  # fmt: skip
+"""By task."""
+
+
+class LearningCurve:
     """Evaluates an agent at its default threshold, at geometrically spaced steps, next to a classical rule.
 
     The rule has its best threshold, chosen on the same episodes.
 
     Args:
-        env_id: registered id.
-        options: environment options that override those of the id.
+        wording: names and units.
+        sample: what is evaluated, in words.
+        measure: returns `reward` and the other metrics of the wording, without prefix, of an agent.
+        measure_rule: returns the mean reward of the rule.
     """
 
-    reference_key: ClassVar[str]
-    """Key of the reward of the classical rule in the metrics."""
-    reference_name: ClassVar[str]
-    """Name of the classical rule in figures."""
-    reference: ClassVar[str]
-    """The classical rule in a sentence."""
-    unit: ClassVar[str]
-    """What a mean reward is the mean of."""
-
-    def __init__(self, env_id: str, options: dict[str, Any]):
-        self.env_id, self.options = env_id, options
+    def __init__(
+        self,
+        wording: Wording,
+        sample: str,
+        measure: Callable[[DeciderFamily], Mapping[str, float]],
+        measure_rule: Callable[[], float],
+    ):
+        self.wording, self.sample = wording, sample
+        self._measure, self._measure_rule = measure, measure_rule
         self._next = float(FIRST_EVALUATION)
+
+    @property
+    def reference_key(self) -> str:
+        """Key of the reward of the classical rule in the metrics."""
+        return PREFIX + self.wording.key
 
     @functools.cached_property
     def reference_reward(self) -> float:
         """Mean reward of the classical rule at its best threshold, on the same episodes."""
-        return self._reference_reward()
-
-    @abstractmethod
-    def _reference_reward(self) -> float: ...
-
-    @abstractmethod
-    def _measure(self, family: DeciderFamily) -> dict[str, float]:
-        """Return metrics of the agent, with its mean reward under `REWARD_KEY`."""
-
-    @abstractmethod
-    def describe(self, point: dict[str, Any]) -> str:
-        """Return the metrics of a point of the curve, without the reward, as text."""
+        return self._measure_rule()
 
     def due(self, steps: int) -> bool:
         """Return whether an evaluation is due after a number of environment steps."""
@@ -76,7 +105,8 @@ class LearningCurve(ABC):
             Training time, metrics of the agent, and reward of the classical rule.
         """
         self.skip(steps)
-        return {"seconds": seconds} | self._measure(family) | {self.reference_key: self.reference_reward}
+        measured = {PREFIX + name: value for name, value in self._measure(family).items()}
+        return {"seconds": seconds} | measured | {self.reference_key: self.reference_reward}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
         """Return the lines printed after training, from the metrics of the run.
@@ -87,11 +117,12 @@ class LearningCurve(ABC):
         if not points:
             return []
         last = points[-1]
+        other = self.wording.text.format(**{name: last[PREFIX + name] for name in self.wording.measured})
         lines = [
-            f"Reward {last[REWARD_KEY]:.3f} per {self.unit}, {self.describe(last)}, "
-            f"after {last['seconds']:.0f} s of training ({EPISODES} episodes)"
+            f"Reward {last[REWARD_KEY]:.3f} per {self.wording.unit}, {other}, "
+            f"after {last['seconds']:.0f} s of training ({self.sample})"
         ]
-        best = f"Best reward of the {self.reference}"
+        best = f"Best reward of the {self.wording.sentence}"
         surpassed = next((row for row in points if row[REWARD_KEY] > row[self.reference_key]), None)
         if surpassed is None:
             return [*lines, f"{best} not surpassed: {last[self.reference_key]:.3f}"]
@@ -99,29 +130,27 @@ class LearningCurve(ABC):
         return [*lines, f"{best} surpassed: {last[self.reference_key]:.3f}, {when}"]
 
 
-class DecisionLearningCurve(LearningCurve):
-    """The learning curve of an agent that declares a mode of each segment, next to the SPRT."""
+def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
+    """Return the learning curve of an agent in an environment.
 
-    reference_key, reference_name, reference, unit = "evaluation/sprt", ATE.name, "SPRT", "segment"
+    Args:
+        env_id: registered id.
+        options: environment options that override those of the id.
+    """
+    task = task_of(env_id, options)
+    wording = WORDINGS[task.switches]
 
-    def _reference_reward(self) -> float:
-        means = sweep(ATE, self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options).means
-        return float(means[REWARD].max())
+    def measure(family: DeciderFamily) -> dict[str, float]:
+        scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE, thresholds=(family.default,))
+        names = ("reward", *wording.measured)
+        return {name: float(scores.curve(task.statistic(name))[0]) for name in names}
 
-    def _measure(self, family: DeciderFamily) -> dict[str, float]:
-        decisions = evaluate(
-            family.make(family.default), self.env_id, EPISODES, seeds.LEARNING_CURVE, **self.options
-        )
-        return {
-            REWARD_KEY: float(decisions.reward.mean()),
-            "evaluation/accuracy": float(decisions.correct.mean()),
-            "evaluation/ticks": float(decisions.ticks.mean()),
-        }
+    def measure_rule() -> float:
+        family = rules(task.switches)[task.reference].family(task.options)
+        scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE)
+        return float(scores.curve(task.statistic("reward")).max())
 
-    def describe(self, point: dict[str, Any]) -> str:
-        """Return accuracy and decision time as text."""
-        accuracy, ticks = point["evaluation/accuracy"], point["evaluation/ticks"]
-        return f"accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks"
+    return LearningCurve(wording, f"{EPISODES} episodes", measure, measure_rule)
 
 
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -25,7 +25,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
     FigureCanvasAgg(canvas)
     points = learning_points(read_metrics(folder))
     rewards = [row[REWARD_KEY] for row in points]
-    agent, reference = decider_style(folder.name), decider_style(curve.reference_name)
+    agent, reference = decider_style(folder.name), decider_style(curve.wording.rule)
     columns = {
         "training time, s": [row["seconds"] for row in points],
         "environment steps, millions": [row["step"] / 1e6 for row in points],
@@ -38,13 +38,13 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         if points:
             level = points[-1][curve.reference_key]
             lines.append(axes.axhline(level, color=reference.colour, linestyle="--"))
-            names.append(f"{curve.reference_name} at its best threshold")
+            names.append(f"{curve.wording.rule} at its best threshold")
         curves.append(list(zip(lines, names, strict=True)))
         axes.set_xlabel(label)
         axes.set_xlim(left=0)
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_ylabel(f"mean reward per {curve.unit}")
+    panels[0].set_ylabel(f"mean reward per {curve.wording.unit}")
     if points:
         for axes, named in zip(panels, curves, strict=True):
             label_curves(axes, named)

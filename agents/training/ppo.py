@@ -1,14 +1,11 @@
 """Training with PPO of Stable-Baselines3 or RecurrentPPO of sb3-contrib, as a resumable run.
 
-`ppo_runs` has its two kinds: agents that declare a mode, and agents that state one at every tick.
+The agent declares the mode of a segment, or states one at every tick where nobody announces the switches.
 """
 
 import math
-import threading
-from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,83 +13,22 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.logger import Logger
 from torch import Tensor, nn
 from torch.optim import Optimizer
-from torch.utils.tensorboard import SummaryWriter
 
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.policy import ActorDecider, save_actor
+from agents.learned.policy import ACTORS, ActorDecider, save_actor
 from agents.learned.policy_file import first_line
-from agents.training import run_folder
 from agents.training.checkpoint import check_scalars
-from agents.training.learning_rate import learning_rate_schedule
-from agents.training.random_state import check_random_state, random_state, set_random_state
-from agents.training.recipe import PPOSettings
+from agents.training.ppo_log import Events, MetricsWriter, plain_values, without_tracebacks_of_threads
 from agents.training.run import Run, TrainingProgress
-from agents.training.track_state import check_tracks
+from agents.training.settings import PPOSettings, learning_rate_schedule
+from agents.training.state import check_random_state, check_tracks, random_state, set_random_state
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED, DeciderFamily
 from hybrid_env.checks import ArgumentError, check_integer, reject
-
-
-def _plain(logged: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers and texts among logged values, as plain values."""
-    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in logged.items()}
-    return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
-
-
-class _MetricsWriter(KVWriter):
-    """Logger output that appends to the metrics file of the run folder."""
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-
-    def write(
-        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
-    ) -> None:
-        values = _plain(key_values)
-        values.pop("time/iterations", None)  # counted from the last start
-        run_folder.append_metrics(self.folder, step, values)
-
-    def close(self) -> None:
-        pass
-
-
-class _Events(TensorBoardOutputFormat):
-    """TensorBoard events; those that a killed run wrote after its last checkpoint are hidden."""
-
-    def __init__(self, folder: Path, steps: int):
-        self.folder = folder
-        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
-        self._is_closed = False
-
-    def write(
-        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
-    ) -> None:
-        try:
-            super().write(key_values, key_excluded, step)
-        except OSError as error:
-            allowed = f"a folder that can be written ({error.strerror})"
-            raise reject("run", str(self.folder), allowed) from None
-
-    def close(self) -> None:
-        with suppress(OSError):  # every `write` flushes, so nothing is lost here
-            super().close()
-
-
-@contextmanager
-def _without_tracebacks_of_threads() -> Iterator[None]:
-    """Context manager without the traceback that TensorBoard's thread prints if a file cannot be written.
-
-    The error is raised again by the next `write`.
-    """
-    hook = threading.excepthook
-    threading.excepthook = lambda error: None if issubclass(error.exc_type, OSError) else hook(error)
-    try:
-        yield
-    finally:
-        threading.excepthook = hook
 
 
 class _RunCallback(BaseCallback):
@@ -130,22 +66,24 @@ def _model_class(algo: str) -> Any:
 
 
 class PPORun(Run):
-    """Base class of PPO and RecurrentPPO runs; see `agents.training.runs.make_run` for the arguments.
+    """A run of PPO or RecurrentPPO; see `agents.training.runs.make_run` for the arguments.
 
     `steps` is rounded up to a multiple of the rollout size.
 
     Raises:
-        ArgumentError: an invalid environment or recipe, or a damaged checkpoint.
+        ArgumentError: an invalid environment or recipe, such as one whose initial policy waits where a mode
+            is stated at every tick, or a damaged checkpoint.
     """
 
     def build(self) -> None:
-        """Create model and environments."""
+        """Create model and environments; the initial policy waits if it can."""
         settings = self.recipe.settings
         assert isinstance(settings, PPOSettings)
         self.settings = settings
         kind = _model_class(self.recipe.algo)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
-        self.layout = type(env.env.world.layout)
+        self.world, self.layout = env.env.options, type(env.env.world.layout)
+        self.announced = self.world.switches == ANNOUNCED
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
             self.model = kind(
@@ -165,6 +103,12 @@ class PPORun(Run):
             raise reject(
                 "policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})"
             ) from None
+        if self.announced:
+            with torch.no_grad():
+                self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
+        elif settings.wait_bias:
+            allowed = "0 for an agent that states a mode at every tick, which cannot wait"
+            raise reject("wait_bias", settings.wait_bias, allowed)
         # as at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
         env.seed(self.track_seeds()[0])
         self.model._last_obs = env.reset()
@@ -201,11 +145,19 @@ class PPORun(Run):
         return [first + track for track in range(self.settings.n_envs)]
 
     @property
-    @abstractmethod
     def decider(self) -> ActorDecider:
         """The current policy as a decider."""
+        return ACTORS[self.world.switches](self.model.policy)
 
-    @abstractmethod
+    def family(self, name: str) -> DeciderFamily:
+        """Return the current policy as a family of deciders."""
+        return self.decider.trained(name)
+
+    def evaluate(self) -> None:
+        """See `Run.evaluate`; only if the actions are declarations of hypotheses, or statements."""
+        if not self.announced or self.world.actions == "all":
+            super().evaluate()
+
     def recent_means(self, reward: float, ticks: float) -> tuple[float, float]:
         """Log means of recent episodes, and return those of `TrainingProgress`.
 
@@ -213,6 +165,13 @@ class PPORun(Run):
             reward: mean reward of an episode.
             ticks: mean number of steps of an episode.
         """
+        if not self.announced:
+            self.model.logger.record("tick/reward", reward / ticks)
+            return reward / ticks, math.nan
+        means = reward / self.world.segments, ticks / self.world.segments
+        for name, mean in zip(("reward", "ticks"), means, strict=True):
+            self.model.logger.record(f"segment/{name}", mean)
+        return means
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
@@ -232,7 +191,7 @@ class PPORun(Run):
         model = self.model
         return {
             "random": random_state(), "updates": model._n_updates,
-            "logged": _plain(model.logger.name_to_value),
+            "logged": plain_values(model.logger.name_to_value),
             "episodes": [[episode["r"], episode["l"]] for episode in model.ep_info_buffer],
         }  # fmt: skip
 
@@ -248,13 +207,13 @@ class PPORun(Run):
 
     def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train for the remaining steps; see `Run.learn`."""
-        with _without_tracebacks_of_threads():
+        with without_tracebacks_of_threads():
             self._learn(on_progress)
 
     def _learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
         model, writers = self.model, []
         if self.folder is not None:
-            writers = [_MetricsWriter(self.folder), _Events(self.folder, self.num_timesteps)]
+            writers = [MetricsWriter(self.folder), Events(self.folder, self.num_timesteps)]
         model.set_logger(Logger(None if self.folder is None else str(self.folder), writers))
         for name, value in self._logged.items():  # by the last update before the checkpoint, not written yet
             excluded = "tensorboard" if name == "train/n_updates" else None  # as Stable-Baselines3 does
@@ -277,4 +236,4 @@ class PPORun(Run):
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""
-        save_actor(folder, self.model.policy, card, self.layout)
+        save_actor(folder, self.model.policy, card, self.world.switches)

@@ -13,12 +13,13 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from agents.evaluation.deciders import DeciderFamily
 from agents.interface.output_files import output_folder, write_json
 from agents.learned.policy_file import package_versions
 from agents.training import checkpoint, run_folder
-from agents.training.learning_curve import DecisionLearningCurve, LearningCurve
+from agents.training.learning_curve import LearningCurve, environment_curve
 from agents.training.recipe import Recipe
+from agents.training.settings import learning_rate_schedule
+from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, reject
 
 
@@ -63,8 +64,8 @@ class Run(ABC):
         last_evaluation: last point of the learning curve.
     """
 
-    curve_class: ClassVar[type[LearningCurve]] = DecisionLearningCurve
-    """Class of the learning curve."""
+    next_command: ClassVar[str] = "hybridtrack evaluate"
+    """Command that evaluates a run folder."""
 
     def __init__(
         self,
@@ -86,7 +87,7 @@ class Run(ABC):
                 run_folder.check_free(folder)
         self.seconds = 0.0
         self.last_evaluation: dict[str, float] = {}
-        self.curve = self.curve_class(env_id, options)
+        self.curve = self.make_curve()
         self._opened = False
         torch.set_num_threads(1)  # for small networks the overhead of threads exceeds the gain
         self.build()
@@ -96,6 +97,10 @@ class Run(ABC):
             output_folder("out", folder)
             with run_folder.lock(folder):
                 pass  # only to refuse it before anything is displayed; `train` holds the lock
+
+    def make_curve(self) -> LearningCurve:
+        """Return the learning curve of a new run."""
+        return environment_curve(self.env_id, self.options)
 
     @abstractmethod
     def build(self) -> None:
@@ -254,3 +259,51 @@ class Run(ABC):
         }  # fmt: skip
         write_json(folder / run_folder.CONFIG, config)
         self._opened = True
+
+
+class OwnNetworkRun(Run):
+    """A run that trains a network of this package with Adam; its `build` calls `start`."""
+
+    smallest_factor: ClassVar[float]
+    """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
+
+    def start(self, network: nn.Module, learning_rate: str | float) -> None:
+        """Create the optimizer of a new network, and count steps from zero."""
+        self._network, self._num_timesteps = network, 0
+        self._rate, self._decays = learning_rate_schedule(learning_rate)
+        self._optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
+        for parameter in network.parameters():  # a part without samples yet has no gradient
+            parameter.grad = torch.zeros_like(parameter)
+
+    def set_learning_rate(self) -> None:
+        """Set the learning rate of the next update."""
+        factor = max(self.smallest_factor, self.remaining()) if self._decays else 1.0
+        for group in self._optimizer.param_groups:
+            group["lr"] = self._rate * factor
+
+    def remaining(self) -> float:
+        """Return the share of the training that remains."""
+        return 1.0 - self.num_timesteps / self.steps
+
+    @property
+    def num_timesteps(self) -> int:
+        """Environment steps so far."""
+        return self._num_timesteps
+
+    @num_timesteps.setter
+    def num_timesteps(self, steps: int) -> None:
+        self._num_timesteps = steps
+        self.steps_changed()
+
+    def steps_changed(self) -> None:
+        """Called after `num_timesteps` has been set, also by a checkpoint."""
+
+    @property
+    def network(self) -> nn.Module:
+        """The network."""
+        return self._network
+
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """Its optimizer."""
+        return self._optimizer

@@ -6,13 +6,23 @@ from typing import Any
 from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
-from agents.training.ppo_runs import DecisionPPORun, StatementPPORun
+from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
-from agents.training.statements import StatementRun
+from agents.training.simulated_flights import FlightRun
+from agents.training.simulated_tracks import TrackRun
 from hybrid_env.checks import check_integer, reject
-from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.registration import environment_options
+
+RUNS: dict[str, type[Run]] = {
+    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "statements": TrackRun,
+    "flights": FlightRun,
+}  # fmt: skip
+"""Runs by algorithm."""
+
+
+def run_name(env_id: str, recipe: Recipe) -> str:
+    """Return the name of the folder of a run: environment and recipe; flights have no environment."""
+    return recipe.name if recipe.algo == "flights" else f"{env_id.rpartition(':')[2]}-{recipe.name}"
 
 
 def make_run(
@@ -42,17 +52,7 @@ def make_run(
     if seed >= 2**31:
         raise reject("seed", seed, "an integer below 2^31")
     steps = recipe.n_timesteps if steps is None else check_integer("steps", steps)
-    kind = _run_class(env_id, recipe)
-    return kind(env_id, options, recipe, seed, folder, steps, resume)
-
-
-def _run_class(env_id: str, recipe: Recipe) -> type[Run]:
-    if recipe.algo == "anchor":
-        return AnchorRun
-    if recipe.algo == "statements":
-        return StatementRun
-    states = environment_options(env_id) is QuickestOptions
-    return StatementPPORun if states else DecisionPPORun
+    return RUNS[recipe.algo](env_id, options, recipe, seed, folder, steps, resume)
 
 
 def resume_run(folder: Path, steps: int | None = None) -> Run:

@@ -55,7 +55,7 @@ class Tune(WorldArguments, ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.training.recipe import load_recipe
         from agents.training.run_folder import lock
-        from agents.training.runs import make_run
+        from agents.training.runs import make_run, run_name
         from agents.tuning.ranges import parse_ranges
         from agents.tuning.search import Search, best_rows, ended, open_study, run_trials, write_best
 
@@ -64,8 +64,8 @@ class Tune(WorldArguments, ParallelArguments):
         options = self.world_options()
         make_run(self.env_id, options, recipe, self.seed, steps=self.steps)  # refuses what cannot be trained
         search = Search(self.env_id, options, self.recipe, self.set, ranges, self.seed, self.steps)
-        name = f"tune-{self.env_id.rpartition(':')[2]}-{recipe.name}"
-        folder = output_folder("out", self.out or Path("runs") / name)
+        name = run_name(self.env_id, recipe)
+        folder = output_folder("out", self.out or Path("runs") / f"tune-{name}")
         console = Console(emoji=False)
         with lock(folder):
             study = open_study(search, folder)

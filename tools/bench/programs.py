@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agents.training.recipe import PPOSettings, load_recipe
+from agents.training.recipe import load_recipe
+from agents.training.settings import PPOSettings
 from baselines import CusumDecider, MSPRTDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from hybrid_env import QuickestOptions, WorldOptions
 from tools.bench import timing

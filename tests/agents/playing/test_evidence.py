@@ -11,7 +11,7 @@ from gymnasium import spaces
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.statement_deciders import RULES
 from agents.learned.policy import PolicyDecider, make_policy
-from agents.learned.statement_policy import StatementPolicyDecider
+from agents.learned.policy import StatementPolicyDecider
 from agents.playing.episodes import DECISIONS, Episodes
 from baselines import BeamDecider
 from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions

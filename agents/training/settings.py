@@ -1,0 +1,309 @@
+"""Hyper-parameters of the training algorithms, and their limits."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from agents.learned.network_settings import LARGEST_HIDDEN, check_policy_kwargs
+from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.durations import parse_durations
+from hybrid_env.limits import MAX_RADII, two_values
+from hybrid_env.options import WorldOptions
+
+POLICIES = {"ppo": "MlpPolicy", "recurrent_ppo": "MlpLstmPolicy"}
+LARGEST_ROLLOUT = 2**21  # samples of an update of PPO, which then take less than a gigabyte
+LARGEST_UNROLLING = 2**22  # ticks x hypotheses of an update of the anchor agent
+LARGEST_ROUND = 2**12  # tracks of a round of simulated tracks
+LARGEST_FLIGHTS = 2**20  # positions of a round of simulated flights
+MOST_WORLDS = 100
+MOST_DRAWN = 1000
+MOST_LAWS = 100
+LARGEST_COUNT = 100_000  # tracks, steps or passes
+LARGEST_WEIGHT = 100.0  # of a part of the loss, and of the initial bias
+LARGEST_FACTOR = 1000.0  # of the variances and radii of simulated tracks
+LARGEST_ALPHA = 0.3  # largest error probability at which a training track of the anchor agent declares
+
+
+def learning_rate_schedule(rate: str | float) -> tuple[float, bool]:
+    """Return the initial learning rate and whether it decays linearly.
+
+    Raises:
+        ArgumentError: not a number in (0, 1], with or without "lin_".
+    """
+    decays = isinstance(rate, str) and rate.startswith("lin_")
+    value = math.nan
+    if isinstance(rate, (str, int, float)):
+        with suppress(ValueError, OverflowError):
+            value = float(rate.removeprefix("lin_") if isinstance(rate, str) else rate)
+    if isinstance(rate, bool) or not 0.0 < value <= 1.0:
+        raise reject("learning_rate", rate, "a number above 0, at most 1, or lin_ and such a number")
+    return value, decays
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOSettings:
+    """Hyper-parameters of PPO and RecurrentPPO, named as in Stable-Baselines3.
+
+    The default gamma is 1: segments are fast-forwarded after a declaration, and delay is already penalised by
+    the delay cost.
+
+    Attributes:
+        n_envs: number of parallel tracks.
+        n_steps: steps of each track per rollout.
+        batch_size: mini-batch size; a divisor of n_envs x n_steps.
+        n_epochs: passes over a rollout per update.
+        learning_rate: constant, or "lin_" and the initial value for linear decay to zero.
+        gae_lambda: of generalized advantage estimation.
+        ent_coef: entropy coefficient of the loss.
+        policy: class of the policy, as in `POLICIES`.
+        policy_kwargs: keyword arguments of the policy.
+        gamma: discount factor.
+        wait_bias: initial logit bias of the waiting action. With 0 an untrained policy declares immediately
+            and does not learn to wait.
+        observe: names of the observed quantities, see `agents.learned.features`; all if empty.
+    """
+
+    n_envs: int
+    n_steps: int
+    batch_size: int
+    n_epochs: int
+    learning_rate: str | float
+    gae_lambda: float
+    ent_coef: float
+    policy: str
+    policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    gamma: float = 1.0
+    wait_bias: float = 5.0
+    observe: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("n_envs", "n_steps", "n_epochs"):
+            check_integer(name, getattr(self, name), maximum=LARGEST_COUNT)
+        check_integer("batch_size", self.batch_size, minimum=2)
+        learning_rate_schedule(self.learning_rate)
+        for name in ("gae_lambda", "gamma"):
+            if isinstance(getattr(self, name), bool) or getattr(self, name) != 1.0:
+                check_between(name, getattr(self, name), 0.0, 1.0)
+        check_positive("ent_coef", self.ent_coef, allow_zero=True)
+        for name in ("ent_coef", "wait_bias"):
+            if abs(check_number(name, getattr(self, name))) > LARGEST_WEIGHT:
+                raise reject(name, getattr(self, name), f"a magnitude of at most {LARGEST_WEIGHT:g}")
+        samples = self.n_envs * self.n_steps
+        if samples > LARGEST_ROLLOUT:
+            raise reject("n_steps", self.n_steps, f"n_envs x n_steps of at most {LARGEST_ROLLOUT:,}")
+        if samples % self.batch_size:
+            raise reject("batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}")
+        check_policy_kwargs(self.policy_kwargs, self.policy == POLICIES["recurrent_ppo"])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingWorld:
+    """One environment that the anchor agent is trained in, and its number of tracks.
+
+    Attributes:
+        n_envs: number of parallel tracks.
+        env: registered id; None uses the id of the run.
+        options: environment options that override those of the id and of the run.
+    """
+
+    n_envs: int
+    env: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
+        if self.env is not None and not isinstance(self.env, str):
+            raise reject("env", self.env, "a registered id")
+        if not isinstance(self.options, Mapping):
+            raise reject("options", self.options, "a mapping")
+        for name in self.options:
+            if name not in {one.name for one in dataclasses.fields(WorldOptions)}:
+                raise reject("option", name, "an option of the environment")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnWorlds:
+    """Random environments that the anchor agent is trained in, see `agents.evaluation.drawn_worlds`.
+
+    Attributes:
+        radii: number of radii of each bank.
+        worlds: number of environments at the same time.
+        n_envs: number of parallel tracks in each.
+    """
+
+    radii: int
+    worlds: int
+    n_envs: int
+
+    def __post_init__(self) -> None:
+        check_integer("radii", self.radii, maximum=MAX_RADII)
+        check_integer("worlds", self.worlds, maximum=MOST_DRAWN)
+        check_integer("n_envs", self.n_envs, maximum=LARGEST_COUNT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnchorSettings:
+    """Hyper-parameters of the anchor agent.
+
+    Attributes:
+        worlds: environments that it is trained in at the same time.
+        n_steps: ticks between updates.
+        hidden: units of each hidden layer.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        smallest_alpha: smallest error probability at which a track declares. The threshold of a track is
+            drawn log-uniformly between this value and 0.3 after each declaration.
+        last_tick: tick at which every track declares; later ticks contribute little to learning.
+        random_declarations: probability that a declaration is replaced by a random hypothesis. Anchors after
+            a wrong decision are rare under a good policy; without such training, decisions from them take
+            three times as long.
+        drawn_worlds: random environments besides `worlds`.
+        updates_per_world: updates after which the random environments are drawn anew.
+        buffer_size: number of the last anchors, and of the last declarations, that samples are drawn from.
+        batches: steps of the optimizer per update.
+        batch_size: samples of a step.
+    """
+
+    worlds: tuple[TrainingWorld, ...]
+    n_steps: int
+    hidden: int
+    learning_rate: str | float
+    smallest_alpha: float
+    last_tick: int
+    random_declarations: float
+    drawn_worlds: tuple[DrawnWorlds, ...] = ()
+    updates_per_world: int = 32
+    buffer_size: int = 50_000
+    batches: int = 8
+    batch_size: int = 1024
+
+    def __post_init__(self) -> None:
+        limits = {
+            "n_steps": 10_000, "hidden": LARGEST_HIDDEN, "last_tick": 10**6, "updates_per_world": 10**6,
+            "buffer_size": 10**6, "batches": 1000, "batch_size": 10**5,
+        }  # fmt: skip
+        for name, largest in limits.items():
+            check_integer(name, getattr(self, name), maximum=largest)
+        if not 1 <= len(self.worlds) <= MOST_WORLDS:
+            raise reject("worlds", self.worlds, f"one to {MOST_WORLDS} environments")
+        if len(self.drawn_worlds) > MOST_WORLDS:
+            raise reject("drawn_worlds", self.drawn_worlds, f"at most {MOST_WORLDS} entries")
+        tracks = 3 * sum(world.n_envs for world in self.worlds)
+        tracks += sum(drawn.worlds * drawn.n_envs * (2 * drawn.radii + 1) for drawn in self.drawn_worlds)
+        if self.n_steps * tracks > LARGEST_UNROLLING:
+            allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
+            raise reject("n_steps", self.n_steps, allowed)
+        learning_rate_schedule(self.learning_rate)
+        if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
+            raise reject("smallest_alpha", self.smallest_alpha, f"a number between 0 and {LARGEST_ALPHA}")
+        if not 0.0 <= check_number("random_declarations", self.random_declarations) < 1.0:
+            raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectedRewardSettings:
+    """Hyper-parameters of an agent that is trained on its expected reward; base class.
+
+    Attributes:
+        n_steps: ticks of an update. Gradients do not reach back beyond its first tick.
+        hidden: units of the recurrent layer.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        belief_weight: weight of the cross-entropy of the present mode, in addition to the reward.
+    """
+
+    n_steps: int
+    hidden: int
+    learning_rate: str | float
+    belief_weight: float
+
+    def __post_init__(self) -> None:
+        check_integer("n_steps", self.n_steps, maximum=10_000)
+        check_integer("hidden", self.hidden, maximum=LARGEST_HIDDEN)
+        learning_rate_schedule(self.learning_rate)
+        if not 0.0 <= check_number("belief_weight", self.belief_weight) <= LARGEST_WEIGHT:
+            raise reject("belief_weight", self.belief_weight, f"a number from 0 to {LARGEST_WEIGHT:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatementSettings(ExpectedRewardSettings):
+    """Hyper-parameters of the agent for unknown switch moments.
+
+    Every round simulates new tracks in environments with random measurement variances and radii.
+
+    Attributes:
+        durations: laws of the durations of segments, one environment of every round for each; a law may be
+            repeated.
+        n_envs: tracks of each environment.
+        variances: smallest and largest factor of the measurement variance of the environment.
+        radii: smallest and largest factor of its radii.
+        batch_size: tracks of an update.
+    """
+
+    durations: tuple[str, ...]
+    n_envs: int
+    variances: tuple[float, float]
+    radii: tuple[float, float]
+    batch_size: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.durations, (list, tuple)) or not 1 <= len(self.durations) <= MOST_LAWS:
+            raise reject("durations", self.durations, f"a list of 1 to {MOST_LAWS} laws")
+        object.__setattr__(self, "durations", tuple(str(parse_durations(law)) for law in self.durations))
+        for name in ("n_envs", "batch_size"):
+            check_integer(name, getattr(self, name), maximum=LARGEST_ROUND)
+        if self.n_envs * len(self.durations) > LARGEST_ROUND:
+            raise reject("n_envs", self.n_envs, f"n_envs x laws of at most {LARGEST_ROUND:,}")
+        for name in ("variances", "radii"):
+            object.__setattr__(self, name, _factors(name, getattr(self, name)))
+
+
+def _factors(name: str, value: Any) -> tuple[float, float]:
+    allowed = "two factors, the smaller one first"
+    low, high = (check_number(name, one, allowed) for one in two_values(name, value, allowed))
+    if not 1.0 / LARGEST_FACTOR <= low <= high <= LARGEST_FACTOR:
+        raise reject(name, value, f"{allowed}, each from {1 / LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}")
+    return low, high
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings(ExpectedRewardSettings):
+    """Hyper-parameters of the agent for recorded flights, which is trained on simulated ones.
+
+    Every round simulates new flights of all tiers, each with settings of its own.
+
+    Attributes:
+        flights: of the tiers A to D in a round. Short ones are left out, about half of those of D.
+        rows: positions of a flight, about.
+        passes: times that the flights of a round are used.
+        change_cost: cost of a change to a wrong mode where steps are average: as much as a wrong statement
+            for this time [s]. It is in proportion to the scored time of the position.
+    """
+
+    flights: tuple[int, int, int, int]
+    rows: int
+    passes: int
+    change_cost: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != 4:
+            raise reject("flights", self.flights, "four numbers of flights, of the tiers A to D")
+        for count in self.flights:
+            check_integer("flights", count, maximum=LARGEST_COUNT)
+        object.__setattr__(self, "flights", tuple(self.flights))
+        check_integer("rows", self.rows, minimum=100, maximum=LARGEST_COUNT)
+        check_integer("passes", self.passes, maximum=LARGEST_COUNT)
+        if sum(self.flights) * self.rows > LARGEST_FLIGHTS:
+            raise reject("flights", self.flights, f"rows x flights of at most {LARGEST_FLIGHTS:,}")
+        if check_positive("change_cost", self.change_cost, allow_zero=True) > LARGEST_FACTOR:
+            raise reject("change_cost", self.change_cost, f"a number from 0 to {LARGEST_FACTOR:g}")
+
+
+Settings = PPOSettings | AnchorSettings | StatementSettings | FlightSettings
+ALGORITHMS: dict[str, type[Settings]] = {
+    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings,
+    "statements": StatementSettings, "flights": FlightSettings,
+}  # fmt: skip

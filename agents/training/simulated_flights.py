@@ -1,0 +1,163 @@
+"""Training of the agent for recorded flights on simulated ones.
+
+The labels are those of the smoother, as for recorded flights, and positions that they do not score have no
+reward. Steps are counted as if all flights had the number of positions in the recipe.
+"""
+
+import functools
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents.interface.world_arguments import DEFAULT_ENV
+from agents.learned.flight_decider import FlightAgent
+from agents.learned.flight_inputs import flight_inputs, log_probabilities
+from agents.training.expected_reward import Batch
+from agents.training.learning_curve import LearningCurve, Wording
+from agents.training.settings import FlightSettings
+from agents.training.state import restore_generator
+from agents.training.statements import StatementRun
+from baselines.estimation.turn_imm import TurnModel, run_turn_imm
+from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.labels import label_flights
+from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
+from baselines.recordings.flights.tiers import TIERS
+from baselines.rules.decider import DeciderFamily
+from baselines.rules.threshold import ThresholdDecider
+from hybrid_env.checks import check_integer, reject
+
+FIRST_SEED = 10**6  # of the flights, plus the seed of the run
+CURVE_SEED = 10**5  # of the flights of the learning curve
+CURVE_FLIGHTS = 12, 16, 20, 8
+ROWS = {"A": 1.2, "B": 1.2, "C": 5.2, "D": 8.3}  # time between two positions [s], about
+PROBABILITIES = 0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95
+WORDING = Wording(
+    "threshold", "IMM threshold", "threshold rule", "position", ("right",), "right {right:.1%} of the time"
+)
+
+
+class FlightRun(StatementRun):
+    """A training run on simulated flights; see `StatementRun`.
+
+    Raises:
+        ArgumentError: an environment or options of one are given, or a damaged checkpoint.
+    """
+
+    decider_class = FlightAgent
+    next_command = "hybridtrack compare --flights --deciders imm"
+    smallest_factor: ClassVar[float] = 0.05
+
+    def prepare(self) -> None:
+        """See `StatementRun.prepare`."""
+        assert isinstance(self.recipe.settings, FlightSettings)
+        self.settings = self.recipe.settings
+        for name, given in (("env", self.env_id != DEFAULT_ENV and self.env_id), ("options", self.options)):
+            if given:
+                raise reject(name, given, "no environment and none of its options, for simulated flights")
+        self.round_steps = self.settings.passes * sum(self.settings.flights) * self.settings.rows
+        self._generator = np.random.default_rng(FIRST_SEED + self.seed)
+
+    def make_curve(self) -> LearningCurve:
+        """See `Run.make_curve`; the episodes are simulated flights."""
+        assert isinstance(self.recipe.settings, FlightSettings)
+        return flight_curve(self.recipe.settings)
+
+    def remaining(self) -> float:
+        """See `OwnNetworkRun.remaining`; of the updates, as if all flights were of full length."""
+        rounds = -(-self.steps // self.round_steps)
+        updates = rounds * self.settings.passes * -(-self.settings.rows // self.settings.n_steps)
+        return 1.0 - self.updates / updates
+
+    def batches(self) -> Iterator[Batch]:
+        """Simulate the flights of a round once for all passes."""
+        batch = simulate(self.settings, self.settings.flights, self._generator)
+        for _ in range(self.settings.passes):
+            yield batch
+
+    def values(self) -> dict[str, Any]:
+        """See `Run.values`."""
+        return {"updates": self.updates, "generator": self._generator.bit_generator.state}
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Run.restore_values`."""
+        super().restore_values(values)
+        self.updates = check_integer("updates", values["updates"], minimum=0)
+        restore_generator(self._generator, values["generator"])
+
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """See `Run.save_agent`; the card also tells how flights were simulated, and the filter."""
+        simulation = {"world": asdict(WIDE) | DRAWN, "filter": asdict(TurnModel())}
+        super().save_agent(folder, card | {"environment": self.recipe.algo} | simulation)
+
+
+def simulate(settings: FlightSettings, flights: tuple[int, ...], generator: np.random.Generator) -> Batch:
+    """Simulate flights of all tiers, each with settings of its own.
+
+    Weights of the reward are the times that are scored, and costs those of a wrong change, both in steps.
+
+    Args:
+        settings: of the training.
+        flights: number of flights of the tiers A to D.
+        generator: random numbers.
+    """
+    simulated = []
+    for (name, step), count in zip(ROWS.items(), flights, strict=True):
+        for _ in range(count):
+            world = draw_world(generator)
+            simulated += simulate_flights(TIERS[name], 1, step * settings.rows, generator, world)[0]
+    batch = stack_flights(simulated)
+    estimates, labels = run_turn_imm(batch), label_flights(simulated)
+    modes = np.zeros(batch.times.shape, np.int64)
+    weights, costs = np.zeros((2, *batch.times.shape), np.float32)
+    for column, (k, first, end) in enumerate(batch.pieces):
+        rows, step = slice(end - first), ROWS[simulated[k].tier.name]
+        modes[rows, column] = labels[k].modes[first:end]
+        weights[rows, column] = labels[k].weights[first:end] / step
+        costs[:, column] = settings.change_cost / step
+    # of all tiers together; D has some far shorter flights, which are left out
+    shortest = int(np.quantile(batch.present.sum(0), 0.1))
+    kept = batch.present[shortest - 1]
+    arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes, costs, weights
+    return Batch(*(torch.from_numpy(one[:shortest, kept]) for one in arrays))
+
+
+def flight_curve(settings: FlightSettings) -> LearningCurve:
+    """Return the learning curve on simulated flights, next to the threshold on the IMM."""
+
+    @functools.cache
+    def flights() -> Batch:
+        return simulate(settings, CURVE_FLIGHTS, np.random.default_rng(CURVE_SEED))
+
+    def measure(family: DeciderFamily) -> dict[str, float]:
+        batch, agent = flights(), family.make(family.default)
+        stated, state = [], None
+        for row in agent.utilities(batch.inputs.numpy(), batch.log_probability.numpy()):
+            actions, state = agent.predict(row, state)
+            stated.append(actions)
+        return mean_reward(batch, np.array(stated))
+
+    def measure_rule() -> float:
+        batch = flights()
+        logs = batch.log_probability.numpy().astype(np.float64)
+        return max(
+            mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES
+        )
+
+    return LearningCurve(WORDING, f"{sum(CURVE_FLIGHTS)} flights", measure, measure_rule)
+
+
+def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:
+    """Return the mean reward of a position and the share of right statements, from statements (T, N)."""
+    modes, costs, weights = (part.numpy() for part in (batch.true_modes, batch.change_cost, batch.weight))
+    right = stated == modes
+    wrong = np.diff(stated, axis=0, prepend=stated[:1]).astype(np.bool_) & ~right
+    total = weights.sum()
+    return {
+        "reward": float((weights * (right - costs * wrong)).sum() / total),
+        "right": float((weights * right).sum() / total),
+    }
