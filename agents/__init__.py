@@ -5,9 +5,9 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
 1. `interface`: what every command shares: flags of the options, progress display, output files.
 2. `figures`: what the figures of all studies share: panels of curves, timelines, colours, labels.
 3. `learned`: networks and policies as deciders, their files, and the shipped weights.
-4. `evaluation`: tasks, scores of deciders on fixed episodes, and the commands that show them: `evaluate`,
-   `compare`, `limits`, `play`.
+4. `evaluation`: tasks, deciders by name, and the sweep that gives their scores.
 5. `training`: recipes, runs and run folders, the Stable-Baselines3 VecEnv.
-6. one subpackage per further command: `reproduction`, `recordings`, `tuning`.
-7. `cli`: the console script, which knows every command.
+6. `studies`: `evaluate`, `compare`, `limits` and `play` as lists of tasks, deciders and options.
+7. one subpackage per further command: `reproduction`, `recordings`, `tuning`.
+8. `cli`: the console script, which knows every command.
 """

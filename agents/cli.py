@@ -14,13 +14,13 @@ from typing import Any
 import gymnasium as gym
 import tyro
 
-from agents.evaluation.compare_command import Compare
-from agents.evaluation.evaluate_command import Evaluate
-from agents.evaluation.limits_command import Limits
-from agents.evaluation.play_command import Play
 from agents.interface.help_texts import as_subcommand
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
+from agents.studies.compare_command import Compare
+from agents.studies.evaluate_command import Evaluate
+from agents.studies.limits_command import Limits
+from agents.studies.play_command import Play
 from agents.training.command import Train
 from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError

@@ -8,8 +8,8 @@ from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import DEFAULT_ALPHA, EvidencePanel, sprt_panel
 from hybrid_env.rendering.history import ACTIVE, History
-from hybrid_env.track_env import TrackEnv
-from hybrid_env.world import World
+from hybrid_env.worlds.track_env import TrackEnv
+from hybrid_env.worlds.world import World
 
 
 class HybridTrackEnv(TrackEnv):

@@ -1,4 +1,4 @@
-"""Allowed ranges of the options of a world.
+"""Allowed ranges of the options.
 
 Inside these ranges every observation is finite and inside the observation space; `make study` tests this with
 10^9 ticks of random options. The ranges of single options are so wide that neither the object (a walker, a

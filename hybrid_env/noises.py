@@ -6,10 +6,13 @@ standard deviation; "levy 1.5 1 44", a symmetric alpha-stable law of index 1.5 a
 variance R, or with the option `likelihood` Student's t.
 """
 
+import dataclasses
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
 
 from hybrid_env.checks import check_number, reject
 from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
@@ -17,11 +20,36 @@ from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, STUDENT_T
 LARGEST_ERROR = 1e6  # magnitude of a measurement error over sqrt(R)
 LARGEST_RATIO = 1e3  # of the standard deviations of outliers and other measurements
 LARGEST_FREEDOM = 1e6  # from here on Student's t equals the normal distribution in all digits that matter
-GRAMMAR = "'gaussian', 'outliers 0.02', 'levy 1.5 1 44', 'student_t 3', or a law of hybrid_env.noises"
 LIKELIHOODS = "'gaussian', 'student_t 4', or one of these laws of hybrid_env.noises"
 
 _NUMBER = r"[0-9]{0,20}\.?[0-9]{1,20}(?:[eE][-+]?[0-9]{1,3})?"
-_TEXT = re.compile(rf"(gaussian|outliers|levy|student_t)((?:\s+{_NUMBER}){{0,3}})\s*")
+_TEXT = re.compile(rf"([a-z_]+)((?:\s+{_NUMBER}){{0,3}})\s*")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """A law of the measurement noise: each subclass is a law, whose fields are the numbers of its text.
+
+    Attributes:
+        example: its text, which begins with its name.
+    """
+
+    example: ClassVar[str]
+
+    @property
+    def parameters(self) -> tuple[int, float, float, float]:
+        """Law of `core.noise`, shape, scale and clip for the kernel."""
+        raise NotImplementedError
+
+    def write_parameters(self, record: NDArray[Any]) -> None:
+        """Write the parameters into a (1,) record `core.state.PARAMETERS`."""
+        names = ("noise_law", "noise_shape", "noise_scale", "noise_clip")
+        for name, value in zip(names, self.parameters, strict=True):
+            record[name] = value
+
+    def __str__(self) -> str:
+        numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
+        return " ".join([self.example.partition(" ")[0], *numbers])
 
 
 def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> None:
@@ -34,20 +62,19 @@ def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> Non
 
 
 @dataclass(frozen=True)
-class GaussianNoise:
+class GaussianNoise(Noise):
     """Independent normal errors of variance R."""
+
+    example = "gaussian"
 
     @property
     def parameters(self) -> tuple[int, float, float, float]:
-        """Law, shape, scale and clip for the kernel."""
+        """See `Noise.parameters`."""
         return GAUSSIAN, 0.0, 1.0, math.inf
-
-    def __str__(self) -> str:
-        return "gaussian"
 
 
 @dataclass(frozen=True)
-class OutlierNoise:
+class OutlierNoise(Noise):
     """Normal errors; in a share of the measurements both coordinates have a larger standard deviation.
 
     Attributes:
@@ -58,6 +85,8 @@ class OutlierNoise:
         ArgumentError: an attribute has a value that is not allowed.
     """
 
+    example = "outliers 0.02"
+
     share: float
     ratio: float = 5.0
 
@@ -67,15 +96,12 @@ class OutlierNoise:
 
     @property
     def parameters(self) -> tuple[int, float, float, float]:
-        """Law, shape, scale and clip for the kernel."""
+        """See `Noise.parameters`."""
         return OUTLIERS, self.share, self.ratio, math.inf
-
-    def __str__(self) -> str:
-        return f"outliers {self.share:.15g} {self.ratio:.15g}"
 
 
 @dataclass(frozen=True)
-class LevyNoise:
+class LevyNoise(Noise):
     """Symmetric alpha-stable errors of each coordinate, independent and clipped.
 
     The characteristic function is `exp(-|scale t|^index)`: normal with variance 2 scale^2 at index 2, Cauchy
@@ -91,6 +117,8 @@ class LevyNoise:
         ArgumentError: an attribute has a value that is not allowed.
     """
 
+    example = "levy 1.5 1 44"
+
     index: float
     scale: float = 1.0
     clip: float = LARGEST_ERROR
@@ -102,15 +130,12 @@ class LevyNoise:
 
     @property
     def parameters(self) -> tuple[int, float, float, float]:
-        """Law, shape, scale and clip for the kernel."""
+        """See `Noise.parameters`."""
         return LEVY, self.index, self.scale, self.clip
-
-    def __str__(self) -> str:
-        return f"levy {self.index:.15g} {self.scale:.15g} {self.clip:.15g}"
 
 
 @dataclass(frozen=True)
-class StudentNoise:
+class StudentNoise(Noise):
     """Errors with the bivariate Student t distribution of scale matrix R, clipped at `LARGEST_ERROR`.
 
     Large errors of both coordinates occur together. A coordinate has the variance R freedom / (freedom - 2).
@@ -122,6 +147,8 @@ class StudentNoise:
         ArgumentError: the attribute has a value that is not allowed.
     """
 
+    example = "student_t 3"
+
     freedom: float
 
     def __post_init__(self) -> None:
@@ -129,21 +156,12 @@ class StudentNoise:
 
     @property
     def parameters(self) -> tuple[int, float, float, float]:
-        """Law, shape, scale and clip for the kernel."""
+        """See `Noise.parameters`."""
         return STUDENT_T, self.freedom, 1.0, LARGEST_ERROR
 
-    def __str__(self) -> str:
-        return f"student_t {self.freedom:.15g}"
 
-
-Noise: TypeAlias = GaussianNoise | OutlierNoise | LevyNoise | StudentNoise
-
-_LAWS: dict[str, tuple[type[Any], int, int]] = {  # class, fewest and most numbers
-    "gaussian": (GaussianNoise, 0, 0),
-    "outliers": (OutlierNoise, 1, 2),
-    "levy": (LevyNoise, 1, 3),
-    "student_t": (StudentNoise, 1, 1),
-}
+_LAWS: dict[str, type[Noise]] = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}
+GRAMMAR = ", ".join(repr(law.example) for law in _LAWS.values()) + ", or a law of hybrid_env.noises"
 
 
 def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Noise:
@@ -156,18 +174,18 @@ def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Nois
     Raises:
         ArgumentError: any other value.
     """
-    if isinstance(value, (GaussianNoise, OutlierNoise, LevyNoise, StudentNoise)):
+    if isinstance(value, Noise):
         return value
     found = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
-    if found:
-        law, fewest, most = _LAWS[found[1]]
+    if found and found[1] in _LAWS:
+        law = _LAWS[found[1]]
         numbers = [float(number) for number in found[2].split()]
-        if fewest <= len(numbers) <= most:
+        fields = dataclasses.fields(law)
+        if sum(field.default is dataclasses.MISSING for field in fields) <= len(numbers) <= len(fields):
             try:
-                parsed: Noise = law(*numbers)
+                return law(*numbers)
             except ValueError as error:
                 raise reject(name, value, f"{grammar} ({error})") from None
-            return parsed
     raise reject(name, value, grammar)
 
 

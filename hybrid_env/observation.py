@@ -1,7 +1,6 @@
 """The layouts of observations, by name.
 
-`core.observation_row` and `core.quickest_row` write the observations. A layout locates each quantity by name
-and removes its scale.
+`core.observation_row` writes the observations. A layout locates each quantity by name and removes its scale.
 """
 
 import functools
@@ -15,10 +14,11 @@ from hybrid_env.core.observation_row import (
     HYPOTHESIS_FEATURES,
     LOG_FLOOR,
     LOG_SCALE,
+    QUICKEST_HYPOTHESIS_FEATURES,
+    QUICKEST_TRACK_FEATURES,
     TICK_SCALE,
     TRACK_FEATURES,
 )
-from hybrid_env.core.quickest_row import QUICKEST_HYPOTHESIS_FEATURES, QUICKEST_TRACK_FEATURES
 
 __all__ = [
     "HYPOTHESIS_FEATURES",

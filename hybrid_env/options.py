@@ -1,18 +1,28 @@
-"""The options of a world, checked on creation."""
+"""The options of an environment, checked on creation."""
 
+import dataclasses
+import difflib
 import functools
+import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import check_choice, check_flag, reject
-from hybrid_env.core.kernels import BANKS
-from hybrid_env.core.records import PARAMETERS, SEGMENT_COLUMNS
-from hybrid_env.limits import check_ratios, check_within
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
+from hybrid_env.core.records import SEGMENT_COLUMNS
+from hybrid_env.core.state import BANKS, PARAMETERS
+from hybrid_env.limits import (
+    check_initial_error,
+    check_ratios,
+    check_variances,
+    check_within,
+    distinct_radii,
+)
+from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
+from hybrid_env.sensors import Sensor, check_sensors, parse_sensors, sensor_table
 
 CHOICES = {
     "bank": tuple(BANKS),
@@ -25,6 +35,143 @@ CHOICES = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """The options of the model that every environment has; each environment has a subclass.
+
+    Values are converted to plain numbers, strings and tuples, so that arrays and lists that are given may
+    change later. Allowed are radii from 1e-12 to 1e12, speed and tau from 1e-9 to 1e9, standard deviations
+    from 1e-9 to 1e9, and 1,000 radii; the object may turn by 100 rad per tick and move by 10^9 standard
+    deviations of a measurement (`hybrid_env.limits`).
+
+    Attributes:
+        radii: n turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
+        speed: initial speed of the object [m/s].
+        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
+            uniformly.
+        tau: length of a tick [s].
+        process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
+        measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
+        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian",
+            "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
+        missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
+            The filters then only predict; in the observation all innovations are zero, and
+            `info["measurement"]` is NaN.
+        sensors: position sensors (`hybrid_env.Sensor`) that replace the one of variance R; their
+            measurements of a tick are fused, and a tick in which none measures is like a missed one. R stays
+            the unit of the observation and of `initial_error`, and is the same for both axes.
+        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
+            one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
+        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
+            normal error; 0 starts at the true state.
+
+    Raises:
+        ArgumentError: an option has a value that is not allowed.
+    """
+
+    radii: tuple[float, ...] = (5.0,)
+    speed: float = 2.0
+    heading: float | None = None
+    tau: float = 0.1
+    process_variance: float = 0.001
+    measurement_variance: float | tuple[float, float] = 0.1
+    noise: str | Noise = "gaussian"
+    missed: float = 0.0
+    sensors: tuple[Sensor, ...] = ()
+    likelihood: str | GaussianNoise | StudentNoise = "gaussian"
+    initial_error: float | tuple[float, float] = (0.3, 0.02)
+
+    def __post_init__(self) -> None:
+        fix = functools.partial(object.__setattr__, self)
+        fix("radii", distinct_radii("radii", self.radii))
+        for name in ("speed", "tau", "process_variance"):
+            fix(name, check_within(name, getattr(self, name)))
+        if self.heading is not None:
+            fix("heading", check_within("heading", self.heading))
+        fix("measurement_variance", check_variances(self.measurement_variance))
+        fix("noise", parse_noise(self.noise))
+        fix("missed", check_positive("missed", self.missed, allow_zero=True))
+        if self.missed >= 1.0:
+            raise reject("missed", self.missed, "a number >= 0 and < 1")
+        fix("sensors", parse_sensors(self.sensors))
+        fix("likelihood", parse_likelihood(self.likelihood))
+        check_sensors(self.sensors, self.variances.tolist())
+        fix("initial_error", check_initial_error(self.initial_error))
+
+    @classmethod
+    def of(cls, **options: Any) -> Self:
+        """Create options from keywords. An unknown name raises a `TypeError` in the words of Python."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        for name in options:
+            if name not in names:
+                close = difflib.get_close_matches(name[:40], names, 1)
+                hint = f"did you mean {close[0]!r}? " if close else ""
+                expected = f"expected one of {', '.join(names)}"
+                # libraries that try keywords, such as TorchRL, read these words of Python
+                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}{expected}")
+        return cls(**options)
+
+    @property
+    def hypotheses(self) -> int:
+        """M, the number of hypotheses."""
+        return 2 * len(self.radii) + 1
+
+    @property
+    def action_count(self) -> int:
+        """Number of actions."""
+        raise NotImplementedError
+
+    @property
+    def bank_class(self) -> type:
+        """Class of the bank."""
+        raise NotImplementedError
+
+    @property
+    def robust(self) -> bool:
+        """Whether the bank has a robust likelihood."""
+        return isinstance(self.likelihood, StudentNoise)
+
+    @property
+    def variances(self) -> NDArray[np.float64]:
+        """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
+        return axis_variances(self.measurement_variance)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of the options that the kernel reads; see `core.state.Arrays`."""
+        return {
+            "radii": np.array(self.radii), "sensors": sensor_table(self.sensors, float(self.variances[0])),
+            "table": self.table, "durations": np.zeros((2, 0)),
+        }  # fmt: skip
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
+        raise NotImplementedError
+
+    def parameters(self) -> NDArray[Any]:
+        """Return (1,) record `core.state.PARAMETERS` with the options; the addresses are 0."""
+        assert isinstance(self.initial_error, tuple)
+        assert not isinstance(self.noise, str)
+        record = np.zeros(1, PARAMETERS)
+        for name in ("tau", "process_variance", "speed", "missed", "action_count"):
+            record[name] = getattr(self, name)
+        record["heading"] = math.nan if self.heading is None else self.heading
+        record["initial_position"], record["initial_velocity"] = self.initial_error
+        record["process_deviation"] = math.sqrt(self.process_variance)
+        record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
+        record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
+        record["log_noise"] = np.log(self.variances).mean()
+        record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
+        record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
+        record["modes"], record["axes"] = self.hypotheses, self.variances.size
+        record["table_rows"] = len(self.table)
+        self.noise.write_parameters(record)
+        record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
+        record["sensor_count"] = len(self.sensors)
+        record["irregular"] = self.missed > 0.0 or bool(self.sensors)
+        return record
+
+
+@dataclass(frozen=True, kw_only=True)
 class WorldOptions(ModelOptions):
     """The options of `HybridTrackEnv`, which are keywords of `gym.make`: these and those of `ModelOptions`.
 
@@ -32,7 +179,7 @@ class WorldOptions(ModelOptions):
         scheme: segments of an episode: "random" (6 segments of 50 to 100 ticks, all modes equally likely),
             "random 4x20-60", "L50r3 R75r5 S50", a key of `SCHEMES`, or a scheme object.
         bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
-            the state of every turn, see `core.anchor_aware_bank`; "oracle" is the published bank anchored at
+            the state of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at
             the true state, an upper bound for evaluation that is not available in practice.
         reset_covariance: True starts every segment with P := I, as published; False carries over the
             covariance of the estimate. None means True for the published bank that follows the declared
@@ -40,7 +187,7 @@ class WorldOptions(ModelOptions):
         follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of
             the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
             the next anchor are the mean of the posterior over all hypotheses, with its covariance
-            (`core.merging`), so that a wrong decision costs its reward and nothing else.
+            (`core.banks.mixture`), so that a wrong decision costs its reward and nothing else.
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
@@ -94,6 +241,11 @@ class WorldOptions(ModelOptions):
         )  # fmt: skip
 
     @property
+    def bank_class(self) -> type:
+        """Class of the bank."""
+        return BANKS[self.bank]
+
+    @property
     def action_count(self) -> int:
         """Number of actions."""
         return 2 if self.actions == "best" else self.hypotheses + 1
@@ -124,18 +276,17 @@ class WorldOptions(ModelOptions):
         return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
 
     def parameters(self) -> NDArray[Any]:
-        """Return (1,) record `PARAMETERS` for the kernel."""
+        """See `ModelOptions.parameters`."""
         assert not isinstance(self.scheme, str)
-        record = self.model_parameters(PARAMETERS)
+        record = super().parameters()
         record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"] = self.bank == "oracle"
         record["exact"] = self.correctness == "exact"
-        record["action_count"] = self.action_count
         record["declare_best"] = self.actions == "best"
+        record["merged"] = self.follow == "bank"
         record["keep_undecided"] = self.undecided == "keep"
-        record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
         record["axes"] = self.axes
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 from hybrid_env.rendering.history import History
-from hybrid_env.track_env import TrackEnv
+from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.worlds.track_env import TrackEnv
 
 
 class HybridTrackQuickestEnv(TrackEnv):

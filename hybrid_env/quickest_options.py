@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_choice, check_number, reject
-from hybrid_env.core.quickest_records import QUICKEST_PARAMETERS
+from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.durations import (
     Durations,
     duration_probabilities,
@@ -16,7 +16,7 @@ from hybrid_env.durations import (
     remaining_probabilities,
 )
 from hybrid_env.limits import check_ratios, check_ticks, check_within
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
 STARTS = ("known", "random")
@@ -70,6 +70,16 @@ class QuickestOptions(ModelOptions):
         )  # fmt: skip
 
     @property
+    def bank_class(self) -> type:
+        """Class of the bank."""
+        return ImmBank
+
+    @property
+    def action_count(self) -> int:
+        """Number of actions: one for each mode."""
+        return self.hypotheses
+
+    @property
     def law(self) -> Durations:
         """Law of the duration of a segment."""
         assert not isinstance(self.durations, str)
@@ -110,9 +120,13 @@ class QuickestOptions(ModelOptions):
         first = remaining_probabilities if self.start == "random" else duration_probabilities
         return np.stack([first(self.law, self.ticks), duration_probabilities(self.law, self.ticks)])
 
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """See `ModelOptions.arrays`."""
+        return super().arrays() | {"durations": self.cumulative_durations}
+
     def parameters(self) -> NDArray[Any]:
-        """Return (1,) record `QUICKEST_PARAMETERS` for the kernel."""
-        record = self.model_parameters(QUICKEST_PARAMETERS)
+        """See `ModelOptions.parameters`."""
+        record = super().parameters()
         record["ticks"], record["change_cost"] = self.ticks, self.change_cost
         record["start_known"] = self.start == "known"
         matrix = self.transition_matrix

@@ -6,9 +6,9 @@ import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator, register, registry
 
 from hybrid_env.checks import reject
-from hybrid_env.model_options import ModelOptions
-from hybrid_env.track_vector_env import TrackVectorEnv
+from hybrid_env.options import ModelOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
+from hybrid_env.worlds.track_vector_env import TrackVectorEnv
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},
@@ -30,7 +30,7 @@ _OTHER_ENTRY_POINTS = {
     ),
     "HybridTrackQuickest-v0": (
         "hybrid_env.quickest_env:HybridTrackQuickestEnv",
-        "hybrid_env.quickest_vector_env:HybridTrackQuickestVectorEnv",
+        "hybrid_env.vector_env:HybridTrackQuickestVectorEnv",
     ),
 }
 

@@ -73,7 +73,7 @@ def parse_sensors(value: Any) -> tuple[Sensor, ...]:
 
 
 def check_sensors(sensors: Sequence[Sensor], variances: Sequence[float]) -> None:
-    """Check the sensors of a world against its measurement variances of the axes [m^2].
+    """Check the sensors against the measurement variances of the axes [m^2].
 
     Raises:
         ArgumentError: R differs between the axes, or a variance is too different from R.
@@ -95,7 +95,7 @@ def sensor_table(sensors: Sequence[Sensor], variance: float) -> NDArray[Any]:
 
     Args:
         sensors: k sensors.
-        variance: R of the world [m^2].
+        variance: R [m^2].
     """
     table = np.zeros(len(sensors), SENSOR)
     for row, sensor in zip(table, sensors, strict=True):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.noise import NOISE_ROWS
 from hybrid_env.core.records import BLOCK, LANES, SENSOR
+from hybrid_env.core.state import PARAMETERS
 from hybrid_env.core.true_object import begin_motion, move
 from hybrid_env.limits import check_variances, check_within
 from hybrid_env.noises import Noise, parse_noise
@@ -35,31 +36,18 @@ class Simulation:
     signed_radii: NDArray[np.float64]
 
 
-class _Noise(NamedTuple):
-    """The noise settings read by `core.true_object.move`: standard deviations, and law."""
-
-    process_deviation: float
-    deviation_x: float
-    deviation_y: float
-    noise_law: int
-    noise_shape: float
-    noise_scale: float
-    noise_clip: float
-    missed: float
-
-
 @compiled
 def _simulate(
     blocks: NDArray[Any],
     lengths: NDArray[np.int64],
     table: NDArray[np.float64],
     tau: float,
-    noise: _Noise,
+    parameters: NDArray[Any],
     sensors: NDArray[Any],
     truth: NDArray[np.float64],
     measurements: NDArray[np.float64],
 ) -> None:
-    draws = np.empty((NOISE_ROWS, LANES))
+    draws, setting = np.empty((NOISE_ROWS, LANES)), parameters[0]
     for b in range(blocks.size):
         block = blocks[b]
         k = 0
@@ -67,7 +55,7 @@ def _simulate(
             for lane in range(LANES):
                 begin_motion(block, lane, table[segment], tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, noise)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, setting)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -118,11 +106,12 @@ def simulate(
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(axis_variances(check_variances(measurement_variance)))
-    process_deviation = math.sqrt(check_within("process_variance", process_variance))
-    law = parse_noise(noise).parameters
-    settings = _Noise(process_deviation, float(deviations[0]), float(deviations[-1]), *law, 0.0)
+    parameters = np.zeros(1, PARAMETERS)
+    parameters["process_deviation"] = math.sqrt(check_within("process_variance", process_variance))
+    parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
+    parse_noise(noise).write_parameters(parameters)
     no_sensors = np.zeros(0, SENSOR)
-    arguments = blocks, lengths, table, check_within("tau", tau), settings, no_sensors, truth, measurements
+    arguments = blocks, lengths, table, check_within("tau", tau), parameters, no_sensors, truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
     signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])

@@ -1,4 +1,4 @@
-"""The vector environment: N tracks in one kernel call."""
+"""The vector environments: N tracks in one kernel call."""
 
 from typing import Any
 
@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
-from hybrid_env.track_vector_env import TrackVectorEnv
-from hybrid_env.world import World
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.worlds.track_vector_env import TrackVectorEnv
+from hybrid_env.worlds.world import World
 
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 
@@ -52,3 +54,28 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         elif self._same_step and not decided.any():
             return {}  # the decisions are in `final_info`
         return values | dict.fromkeys(_DECISION_MASKS, decided)
+
+
+class HybridTrackQuickestVectorEnv(TrackVectorEnv):
+    """A vector environment of N `HybridTrackQuickestEnv` tracks, stepped in one kernel call.
+
+    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
+    Spaces, rewards and info keys are those of `HybridTrackQuickestEnv`, batched. As in Gymnasium, a mask
+    `_key` marks the tracks for which an info key is valid.
+
+    Args:
+        num_envs: N, number of tracks.
+        autoreset_mode: as in `HybridTrackVectorEnv`.
+        tick_info: False omits the description of the current tick from the info of `step`, which is faster
+            for training.
+        threads: number of threads that step the tracks in parallel. Results do not depend on it.
+        options: see `QuickestOptions`.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+
+    options_class, tracks_class = QuickestOptions, QuickestWorld
+
+    options: QuickestOptions
+    world: QuickestWorld

@@ -3,14 +3,14 @@
 import copy
 
 import numpy as np
-from numba import njit
 
 from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.records import LANES
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.seeding import random_states
+from hybrid_env.worlds.quickest_world import QuickestWorld
 
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 COMMON = {
@@ -39,7 +39,7 @@ COMMON = {
 
 MOST_ROWS = 101  # ticks of a step: a segment of 100 and the first tick of the next
 
-_draw = njit(draw_first_estimate)
+_draw = compiled(draw_first_estimate)
 
 
 def first_estimate(options, seed):
@@ -47,7 +47,7 @@ def first_estimate(options, seed):
     world = QuickestWorld(options, 1)
     world.seed(0, random_states([seed])[0])
     block = world.blocks[0]
-    _draw(block, block["covariance"], np.zeros((5, LANES)), 0, options.parameters()[0])
+    _draw(block, np.zeros((5, LANES)), 0, options.parameters()[0])
     return block["estimate"][:, 0].copy(), block["covariance"][:, 0][SQUARE]
 
 
@@ -81,7 +81,7 @@ def same_as_announced(decider, seed, **options):
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
     tracker = OnlineTracker(env.options, copy.deepcopy(decider))
-    tracker.begin(info["anchor"][0], world.field("kept_covariance")[0][SQUARE])
+    tracker.begin(info["anchor"][0], world.field("covariance")[0][SQUARE])
     tracker.switch(int(world.field("length")[0]))
     state, start = None, np.ones(1, np.bool_)
     decided, time = [], 5.0
@@ -115,4 +115,4 @@ def same_as_announced(decider, seed, **options):
         tracker.switch(int(world.field("length")[0]))
         if not info["forced"][0]:
             np.testing.assert_array_equal(now.estimate, info["anchor"][0])
-            np.testing.assert_array_equal(now.covariance, world.field("kept_covariance")[0][SQUARE])
+            np.testing.assert_array_equal(now.covariance, world.field("covariance")[0][SQUARE])

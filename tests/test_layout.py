@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
 AGENTS = ("interface", "figures", "learned", "evaluation", "training")
-STUDIES = ("reproduction", "recordings", "tuning")
+STUDIES = ("studies", "reproduction", "recordings", "tuning")
 SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 
@@ -59,3 +59,11 @@ def test_only_the_public_interface_of_numba_is_used():
                     f"{path} imports {name}"
                 )
                 assert name.partition(".")[0] != "llvmlite", f"{path} imports {name}"
+
+
+@pytest.mark.parametrize(
+    ("name", "file"), [("instance_class", "banks/operations.py"), ("nb[ic]", "cached_files.py")]
+)
+def test_what_leans_on_names_inside_numba_stands_in_one_file(name, file):
+    using = [path for path in SOURCES if name in path.read_text(encoding="utf-8")]
+    assert using == [ROOT / "hybrid_env/core" / file]

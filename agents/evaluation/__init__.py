@@ -1,14 +1,10 @@
-"""Evaluation of deciders on fixed episodes.
+"""What is decided, and how that is scored.
 
-- `deciders`: finds a decider by name and lists the thresholds to sweep.
-- `evaluate`: runs a decider on the episodes of given seeds.
-- `operating_curve`: sweeps the threshold of a decider.
-- `statement_deciders`, `statement_curve`, `statement_table`, `evaluate_statements`: the same for unknown
-  switch moments, where deciders state the mode at every tick.
-- `cells`: estimates with their intervals in tables.
-- `shifted_worlds`: evaluates deciders under distribution shift; `drawn_worlds`: random worlds.
-- `seeds`: keeps the episodes of different purposes disjoint.
-- `command`: `hybridtrack evaluate`.
+- `task`: the base class of tasks, and the sweep over thresholds; `tasks` finds the task of an environment.
+- `announced`, `unknown`, `flights`: announced switches, unknown switches, recorded flights.
+- `registry`: deciders by name.
+- `shifted_worlds`, `drawn_worlds`: options of other environments; `calibration`: of the bank's posterior.
+- `cells`: estimates in tables.
 
 May import: `hybrid_env`, `baselines`, `agents.interface`, `agents.learned`.
 """

@@ -14,7 +14,7 @@ from baselines.rules.decider import DeciderFamily, as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
 from hybrid_env.checks import reject
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 
 FloatArray = NDArray[np.float64]

@@ -173,7 +173,7 @@ class AnchorDecider(Decider):
         return posterior_panel("learned anchors", self.by_type, np.array([self.alpha]))
 
     def evidence(
-        self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None = None
+        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
     ) -> FloatArray:
         """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
         # a copy, because `posterior` changes the state in place

@@ -21,8 +21,8 @@ from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.registration import environment_options, make_track_vector_env
+from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
 

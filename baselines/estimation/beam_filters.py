@@ -1,7 +1,7 @@
 """The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
 
 A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
-(`hybrid_env.core.anchor_aware_bank`) that started from the estimate of the branch at its last switch. At
+(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At
 every tick a branch continues or switches to one of the other modes, with the probabilities that the law of
 the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
 measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
@@ -18,22 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.anchor_aware_bank import (
+from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
     covariance_of,
     step_hypothesis,
 )
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.memory import aligned_zeros
-from hybrid_env.core.published_bank import (
-    INNOVATION,
-    FilterModel,
-    State,
-    Triangle4,
-    estimate_of,
-    signed_radius,
-)
 from hybrid_env.core.records import LANES
 
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones

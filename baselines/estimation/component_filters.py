@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from baselines.rules.decider import Observations
 from hybrid_env.checks import reject
-from hybrid_env.core import bank_operations
+from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, inlined, internal, prepare
-from hybrid_env.core.kernels import BANKS
-from hybrid_env.core.published_bank import FilterModel
 from hybrid_env.core.records import LANES
+from hybrid_env.core.state import BANKS
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -44,9 +44,9 @@ class _Orientation(NamedTuple):
 def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel) -> None:
     """Advance the filters of one lane; a measurement NaN only predicts."""
     if math.isnan(measurement[0, lane]):
-        bank_operations.predict(bank, lane, model)
+        operations.predict(bank, lane, model)
     else:
-        bank_operations.step(bank, lane, lane + 1, measurement, model)
+        operations.step(bank, lane, lane + 1, measurement, model)
 
 
 @internal
@@ -95,7 +95,7 @@ def _filter_tick(
     measurement = np.zeros((2, LANES))
     outlier = np.zeros(LANES, np.bool_)
     for b in range(banks.hypotheses.shape[0]):
-        bank = bank_operations.bank_of_block(banks, b)
+        bank = operations.bank_of_block(banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
@@ -103,7 +103,7 @@ def _filter_tick(
                 a = anchors[c, i]
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
-                bank_operations.begin(bank, lane, anchor, covariance, radii, model)
+                operations.begin(bank, lane, anchor, covariance, radii, model)
             measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
         missing = np.isnan(measurement[0, :lanes]).any()
         for h in range(saved.size):
@@ -112,13 +112,13 @@ def _filter_tick(
             for lane in range(lanes):
                 _step_lane(bank, lane, measurement, model)
         else:
-            bank_operations.step(bank, 0, lanes, measurement, model)
+            operations.step(bank, 0, lanes, measurement, model)
         if saved.size > 0 and _any_outlier(bank, lanes, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
                 if outlier[lane]:
-                    bank_operations.step(bank, lane, lane + 1, measurement, outlier_model)
+                    operations.step(bank, lane, lane + 1, measurement, outlier_model)
                     for h in range(saved.size):
                         bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
                 else:
@@ -137,7 +137,7 @@ class ComponentFilters:
     """One bank for each track and component of the distribution of its anchor.
 
     Args:
-        bank: key of `hybrid_env.core.kernels.BANKS`.
+        bank: key of `hybrid_env.core.state.BANKS`.
         components: C.
         tracks: N.
         world: options of the world, whose model the filters use. They have one measurement variance, the
@@ -164,10 +164,10 @@ class ComponentFilters:
         variances = [(float(np.sqrt(x * y)),) * 2]
         if robust and x != y:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-        shape = (components, tracks, world.hypotheses)
+        shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
         self.orientations = [
             _Orientation(
-                BANKS[bank](self.radii.size, 1 if x == y else 2, -(-components * tracks // LANES)),
+                bank_arrays(BANKS[bank], self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(world.tau, world.process_variance, x, y),
                 FilterModel(world.tau, world.process_variance, OUTLIER_VARIANCE * x, OUTLIER_VARIANCE * y),
                 np.zeros(shape), np.zeros((*shape, 3)),

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
 from hybrid_env.checks import check_array, check_flag, reject
+from hybrid_env.core.banks.published import begin_published, follow_published
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.published_bank import begin_published, follow_published
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within
 

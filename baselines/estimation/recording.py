@@ -7,14 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import axis_variances, check_array, check_integer, dimensions, reject
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays, estimate_of
+from hybrid_env.core.banks.published import PublishedBank, covariance_published
 from hybrid_env.core.compilation import internal
-from hybrid_env.core.published_bank import (
-    FilterModel,
-    PublishedBank,
-    covariance_published,
-    estimate_of,
-    published_arrays,
-)
 from hybrid_env.limits import check_variances, check_within
 
 FloatArray = NDArray[np.float64]
@@ -51,7 +46,7 @@ def make_filters(
     process_variance = check_within("process_variance", process_variance)
     variances = axis_variances(check_variances(measurement_variance))
     model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
-    return Filters(published_arrays(radii.size, variances.size), radii, model)
+    return Filters(bank_arrays(PublishedBank, radii.size, variances.size), radii, model)
 
 
 @internal

@@ -7,8 +7,8 @@ measurements since its start with the filter of the stated mode, which runs on (
 Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode becomes the filter
 of the stated mode, and all others are dropped.
 
-The filters are those of `hybrid_env.core.anchor_aware_bank`. With an exact anchor their centre and turn rate
-have no variance, so that they are the Kalman filters of `hybrid_env.core.published_bank`.
+The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate
+have no variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
 """
 
 import math
@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.estimation.beam_filters import copy_filter, triangle
-from hybrid_env.core.anchor_aware_bank import (
+from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
     covariance_of,
     step_hypothesis,
 )
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.memory import aligned_zeros
-from hybrid_env.core.published_bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
 from hybrid_env.core.records import LANES
 
 ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)

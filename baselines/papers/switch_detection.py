@@ -23,17 +23,15 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.estimation.recording import Filters, check_recording, make_filters
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
-from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.published_bank import (
-    IDENTITY,
+from hybrid_env.core.banks.bank import IDENTITY, bank_arrays, estimate_of
+from hybrid_env.core.banks.published import (
     PublishedBank,
     begin_published,
     covariance_published,
-    estimate_of,
-    published_arrays,
     published_of_block,
     step_published,
 )
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
 
@@ -158,7 +156,7 @@ def detect_switch(
     root = check_flag("published_root", published_root)
 
     axes = len(nominal.bank.covariances)
-    started = published_arrays(bank_radii.size, axes, total)
+    started = bank_arrays(PublishedBank, bank_radii.size, axes, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
     for run, recording in enumerate(values):
         arguments = recording, starts[run], nominal, started, root, log_ratios[run]

@@ -15,18 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import check_choice, check_flag
+from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, mode_type, set_estimate
+from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
 from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.published_bank import (
-    IDENTITY,
-    PublishedBank,
-    State,
-    begin_published,
-    follow_published,
-    likeliest,
-    mode_type,
-    set_estimate,
-    step_published,
-)
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
 

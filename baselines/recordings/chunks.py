@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, make_chunks, prepare_pass
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.imm_bank import ImmModel, imm_arrays
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -67,7 +68,7 @@ def recorded_pass(chunks: Chunks, radii: FloatArray, model: ImmModel) -> PassOut
     shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
     output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
     prepare_pass()
-    imm_pass(chunks, imm_arrays(len(radii)), radii, model, output)
+    imm_pass(chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     return output
 
 

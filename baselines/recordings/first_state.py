@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from baselines.recordings.chunks import recorded_pass
 from baselines.recordings.imm_pass import make_chunks
-from hybrid_env.core.imm_bank import ImmModel
-from hybrid_env.online_worlds import SQUARE
+from hybrid_env.core.banks.imm import ImmModel
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.worlds.live import SQUARE
 
 FloatArray = NDArray[np.float64]
 

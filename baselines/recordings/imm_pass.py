@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.imm_bank import ImmBank, ImmModel, begin_imm, imm_arrays, step_imm
-from hybrid_env.core.irregular_ticks import predict_imm
 from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
 
@@ -204,4 +204,6 @@ def imm_pass(
 def prepare_pass() -> None:
     """Compile `imm_pass` or load it, once in a process: the types of its arguments are always the same."""
     model = ImmModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    prepare(imm_pass, make_chunks([np.zeros((1, 2))]), imm_arrays(1), np.ones(1), model, no_output())
+    prepare(
+        imm_pass, make_chunks([np.zeros((1, 2))]), bank_arrays(ImmBank, 1), np.ones(1), model, no_output()
+    )

@@ -19,7 +19,8 @@ from baselines.recordings.imm_pass import Chunks, imm_pass, no_output, prepare_p
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
-from hybrid_env.core.imm_bank import ImmModel, imm_arrays
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel
 
 FloatArray = NDArray[np.float64]
 
@@ -101,7 +102,11 @@ class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
     def __init__(self, chunks: Chunks):
-        self.chunks, self.output, self.bank = chunks, no_output(), functools.cache(imm_arrays)
+        self.chunks, self.output, self.bank = (
+            chunks,
+            no_output(),
+            functools.cache(functools.partial(bank_arrays, ImmBank)),
+        )
         prepare_pass()
 
     def __call__(self, at: _Parameters) -> float:

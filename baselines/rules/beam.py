@@ -20,7 +20,7 @@ from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThre
 from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
 from hybrid_env.checks import check_flag, check_integer
-from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions

@@ -9,8 +9,8 @@ from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import reject
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.quickest_world import QuickestWorld
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
+from hybrid_env.worlds.quickest_world import QuickestWorld
 
 FloatArray = NDArray[np.float64]
 State = TypeVar("State")

@@ -2,8 +2,8 @@
 
 `KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the
 switch, not from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the
-uncertainty of the anchor in the state (see `hybrid_env.core.anchor_aware_bank`), from the distribution of the
-anchor error that was found in simulated episodes (see `anchor_prior`).
+uncertainty of the anchor in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of
+the anchor error that was found in simulated episodes (see `anchor_prior`).
 """
 
 import functools

@@ -21,7 +21,7 @@ from baselines.estimation.restarted_filters import (
 from baselines.rules.decider import Actions, Decider
 from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from hybrid_env.checks import check_choice, check_integer, check_positive
-from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks

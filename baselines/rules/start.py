@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import check_integer
-from hybrid_env.quickest_vector_env import HybridTrackQuickestVectorEnv
+from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 
 def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> Statements:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.rules.decider import ANNOUNCED, Decider, as_decider
+from baselines.rules.decider import Decider, as_decider
 from baselines.rules.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
@@ -18,9 +18,9 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.limits import check_ticks
-from hybrid_env.online_worlds import OnlineQuickestWorld, OnlineTrack, OnlineWorld
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.worlds.live import OnlineTrack, live_track
 
 FloatArray = NDArray[np.float64]
 
@@ -91,13 +91,9 @@ class OnlineTracker:
     """
 
     def __init__(self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1):
-        if not isinstance(options, (WorldOptions, QuickestOptions)):
-            raise reject("options", options, "WorldOptions or QuickestOptions")
+        self.world: OnlineTrack = live_track(options)
         self.options, self.decider = options, as_decider(decider)
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
-        self.world: OnlineTrack = (
-            OnlineWorld(options) if isinstance(options, WorldOptions) else OnlineQuickestWorld(options)
-        )
         self._action_count = int(self.world.action_space().n)
         self._longest = options.longest_segment
         self._try_decider()
@@ -128,8 +124,7 @@ class OnlineTracker:
         self._mode = -1 if mode is None else mode
         self._collected: FirstMeasurements | None = None
         if first is None:
-            announced = self.options.switches == ANNOUNCED
-            self._collected = FirstMeasurements(self.options, MANY if announced else FEW)
+            self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW)
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
@@ -148,7 +143,7 @@ class OnlineTracker:
         Raises:
             ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
         """
-        if self.options.switches != ANNOUNCED:
+        if not self.world.announced:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
         self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
 
@@ -270,8 +265,7 @@ class OnlineTracker:
         try:
             self._ask_decider()
         except Exception as error:
-            environment = "HybridTrack-v0" if options.switches == ANNOUNCED else "HybridTrackQuickest-v0"
-            allowed = f"one for rows of {environment} with {options.hypotheses} hypotheses: {error}"
+            allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
             raise reject("decider", type(self.decider).__name__, allowed) from error
 
     def _checked_estimate(

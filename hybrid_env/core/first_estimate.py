@@ -14,15 +14,11 @@ from hybrid_env.core.noise import draw_normals, uniform
 
 
 @internal
-def draw_first_estimate(
-    block: Any, covariance: NDArray[np.float64], noise: NDArray[np.float64], lane: int, setting: Any
-) -> None:
+def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setting: Any) -> None:
     """Set the initial state of the object of a lane, and draw the first estimate.
 
     Args:
-        block: a record with the fields `truth`, `estimate`, `random_state`, `clock` and `variance_ratio` of
-            `records.BLOCK`.
-        covariance: (10, LANES) of the estimate, upper triangle row by row; the column of the lane is written.
+        block: a record `records.BLOCK`.
         noise: (NOISE_ROWS, LANES), overwritten.
         lane: index of the track in the block.
         setting: a record `PARAMETERS`, or a record with its fields of the first estimate.
@@ -36,6 +32,7 @@ def draw_first_estimate(
     draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
     block.clock[lane] = 0
     block.variance_ratio[lane] = 1.0
+    covariance = block.covariance
     for k in range(covariance.shape[0]):
         covariance[k, lane] = 0.0
     for axis in range(2):

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core import bank_operations
+from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, likeliest, mode_type
+from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.first_estimate import draw_first_estimate
-from hybrid_env.core.kernel_arrays import Arrays, arrays_of
-from hybrid_env.core.merging import merged_estimate, write_merged_covariance
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import (
@@ -23,24 +23,12 @@ from hybrid_env.core.observation_row import (
     write_segment,
     write_tick,
 )
-from hybrid_env.core.published_bank import (
-    IDENTITY,
-    State,
-    estimate_of,
-    likeliest,
-    mode_type,
-)
-from hybrid_env.core.records import (
-    DECISION,
-    DECISION_FLAGS,
-    LANES,
-    SEGMENT_COLUMNS,
-)
+from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
 from hybrid_env.core.true_object import begin_motion, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
-DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, _ = range(len(DECISION))
+DECIDED_MODE, DECIDED_TRUE_MODE, TICKS, DECIDED_LENGTH, SQUARED_ERROR = range(len(DECISION))
 HAS_DECISION, CORRECT, TYPE_CORRECT, FORCED = range(len(DECISION_FLAGS))
 DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 
@@ -66,13 +54,14 @@ def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) 
 
 @inlined
 def _record_estimate(
-    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: Any
+    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: bool
 ) -> None:
     """Record the estimate of the active filter, or the merged one."""
-    if merged is None:
-        _record(block, lane, estimate_of(hypotheses, block.active_mode[lane], lane), trace)
+    if merged:
+        estimate = merged_estimate(hypotheses, lane)
     else:
-        _record(block, lane, merged_estimate(hypotheses, lane), trace)
+        estimate = estimate_of(hypotheses, block.active_mode[lane], lane)
+    _record(block, lane, estimate, trace)
 
 
 @internal
@@ -91,7 +80,7 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], set
     )  # fmt: skip
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     block.speed[lane], block.heading[0, lane], block.heading[1, lane] = speed, heading_x, heading_y
-    kept = block.kept_covariance
+    kept = block.covariance
     covariance = (
         kept[0, lane], kept[1, lane], kept[2, lane], kept[3, lane], kept[4, lane],
         kept[5, lane], kept[6, lane], kept[7, lane], kept[8, lane], kept[9, lane],
@@ -100,12 +89,12 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], set
         covariance = IDENTITY
     if setting.oracle:
         covariance = NO_COVARIANCE
-    bank_operations.begin(bank, lane, anchor, covariance, radii, setting)
+    operations.begin(bank, lane, anchor, covariance, radii, setting)
     block.tick[lane] = 0
 
 
 @internal
-def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: Any) -> None:
+def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
     table = arrays.table
     if setting.random_scheme:
@@ -126,7 +115,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Arrays, setting: An
 @internal
 def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     """Set the initial state of the object and draw the first estimate."""
-    draw_first_estimate(block, block.kept_covariance, scratch.noise, lane, setting)
+    draw_first_estimate(block, scratch.noise, lane, setting)
     block.segment[lane] = 0
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
@@ -135,21 +124,12 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
-        bank_operations.step_irregular(bank, first, last, block, setting)
+        operations.step_irregular(bank, first, last, block, setting)
     else:
-        bank_operations.step(bank, first, last, block.measurement, setting)
+        operations.step(bank, first, last, block.measurement, operations.filter_model(setting, 1.0))
 
 
-@inlined
-def follow_lane(block: Any, lane: int, bank: Any, hypothesis: int, setting: Any) -> None:
-    """Advance the filter of one hypothesis of a lane by the measurement of the block, if there is one."""
-    if setting.irregular:
-        bank_operations.follow_irregular(bank, lane, hypothesis, block, setting)
-    else:
-        bank_operations.follow(bank, lane, hypothesis, block.measurement, setting)
-
-
-@inlined
+@internal
 def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided."""
     forced = action == 0
@@ -160,48 +140,27 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
     return action - 1
 
 
-@inlined
-def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: Any) -> None:
+@internal
+def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
-    if merged is None:
-        for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
-            block.estimate[k, lane] = value
-        for k, value in enumerate(bank_operations.covariance(bank, chosen, lane)):
-            block.kept_covariance[k, lane] = value
-    else:
+    if merged:
         mean = merged_estimate(bank.hypotheses, lane)
         for k, value in enumerate(mean):
             block.estimate[k, lane] = value
-        write_merged_covariance(bank, lane, mean, block.kept_covariance)
+        write_merged_covariance(bank, lane, mean, block.covariance)
+    else:
+        for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
+            block.estimate[k, lane] = value
+        for k, value in enumerate(operations.covariance(bank, chosen, lane)):
+            block.covariance[k, lane] = value
 
 
 @internal
-def _follow_irregular(
-    block: Any,
-    lane: int,
-    chosen: int,
-    bank: Any,
-    arrays: Arrays,
-    trace: NDArray[np.float64],
-    setting: Any,
-    merged: Any,
-) -> None:
-    """Follow the object to the end of the segment, where measurements may be missing; see `_decide`."""
-    noise = arrays.scratch[0].noise
-    first, last = np.uint64(lane), np.uint64(lane + 1)
-    while block.tick[lane] < block.length[lane]:
-        move(block, noise, first, last, arrays.sensors, setting)
-        if merged is None:
-            bank_operations.follow_irregular(bank, lane, chosen, block, setting)
-        else:
-            bank_operations.step_irregular(bank, first, last, block, setting)
-        _record_estimate(block, lane, bank.hypotheses, trace, merged)
-
-
-@internal
-def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> None:
+def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
-    action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.flags
+    action, trace, decisions, flags = (
+        arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.decision_flags,
+    )  # fmt: skip
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
     chosen = chosen_mode(block, lane, bank, action, setting)
@@ -216,32 +175,38 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: A
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
-    if setting.irregular:
-        _follow_irregular(block, lane, chosen, bank, arrays, trace, setting, merged)
-    noise = arrays.scratch[0].noise
+    noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
+    model, start, stop = operations.filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
+    while irregular and block.tick[lane] < block.length[lane]:
+        move(block, noise, start, stop, arrays.sensors, setting)
+        if merged:
+            operations.step_irregular(bank, start, stop, block, setting)
+        else:
+            operations.follow_irregular(bank, lane, chosen, block, setting)
+        _record_estimate(block, lane, bank.hypotheses, trace, merged)
     while block.tick[lane] < block.length[lane]:
         ticks = min(LANES, block.length[lane] - block.tick[lane])
         # the noise of several ticks is drawn at once with SIMD code
         draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
             move_lane(block, lane, noise, column, setting)
-            if merged is None:
-                bank_operations.follow(bank, lane, chosen, block.measurement, setting)
+            if merged:
+                operations.step(bank, start, stop, block.measurement, model)
             else:
-                bank_operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, setting)
+                operations.follow(bank, lane, chosen, block.measurement, model)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
     set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
-    arrays.squared_errors[i] = block.squared_error[lane]
+    arrays.decided_numbers[SQUARED_ERROR, i] = block.squared_error[lane]
 
 
 @inlined
-def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> int:
+def _act(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Apply the action of track i. Returns the events `DECIDED` and `TERMINATED`, combined as bits."""
     if arrays.actions[i] == 0 and block.tick[lane] < block.length[lane]:
         arrays.rewards[i] = -setting.delay_cost
         return 0
-    _decide(block, lane, i, bank, arrays, setting, merged)
+    _decide(block, lane, i, bank, arrays, setting)
     if block.segment[lane] + 1 == setting.segments:
         arrays.terminated[i] = True
         return DECIDED + TERMINATED
@@ -250,15 +215,15 @@ def _act(block: Any, lane: int, i: int, bank: Any, arrays: Arrays, setting: Any,
 
 
 @inlined
-def _clear_step(block: Any, lane: int, i: int, arrays: Arrays, setting: Any) -> None:
+def _clear_step(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> None:
     """Clear the trace and the decision of the last step of track i."""
     if setting.trace_rows > 0:
         block.trace_length[lane] = 0
-    if arrays.flags[HAS_DECISION, i]:
+    if arrays.decision_flags[HAS_DECISION, i]:
         for k in range(len(DECISION)):
             arrays.decisions[k, i] = 0
         for k in range(len(DECISION_FLAGS)):
-            arrays.flags[k, i] = False
+            arrays.decision_flags[k, i] = False
 
 
 @inlined
@@ -272,7 +237,7 @@ def _tick(
 
 
 @inlined
-def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any, merged: Any) -> int:
+def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_published`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
@@ -294,7 +259,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins
         else:
-            event = _act(block, lane, i, bank, arrays, setting, merged)
+            event = _act(block, lane, i, bank, arrays, setting)
             events |= event
         if event & TERMINATED:
             scratch.running[lane] = 0
@@ -310,7 +275,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
         for lane in range(first, last):
             i = b * LANES + lane
-            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], merged)
+            _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.merged)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
@@ -320,19 +285,20 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Arrays, setting: Any,
 
 
 @inlined
-def advance(reset: bool, banks: Any, setting: Any, merged: Any) -> int:
-    """Check all actions, then step the blocks of this call; see `kernels.advance_published`.
-
-    `merged` is None if the declared filter is followed, True if all filters are. numba compiles only the
-    branches of the one that is given, so that the usual kernel is as fast as without the other.
-    """
-    arrays = arrays_of(setting)
+def invalid_action(reset: bool, arrays: Any, setting: Any) -> int:
+    """Return 0, or -1 - i if a step has an action of track i outside the space."""
     if not reset:
         for i in range(setting.tracks):
             if arrays.actions[i] < 0 or arrays.actions[i] >= setting.action_count:
                 return -1 - i
-    events = 0
-    for b in range(setting.first_block, setting.last_block):
-        bank = bank_operations.bank_of_block(banks, b)
-        events |= _advance_block(reset, b, bank, arrays, setting, merged)
+    return 0
+
+
+@inlined
+def advance(reset: bool, banks: Any, arrays: Any, setting: Any) -> int:
+    """Check all actions, then step the blocks of this call; see `kernels.advance_published`."""
+    events = invalid_action(reset, arrays, setting)
+    if events == 0:
+        for b in range(setting.first_block, setting.last_block):
+            events |= _advance_block(reset, b, operations.bank_of_block(banks, b), arrays, setting)
     return events

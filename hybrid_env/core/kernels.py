@@ -1,88 +1,66 @@
-"""The compiled entry points of the kernel, one for each bank and each value of the option `follow`."""
+"""The compiled entry points of the kernel, one for each bank. All other options are read at run time."""
 
 from typing import Any
 
-from hybrid_env.core.anchor_aware_bank import aware_arrays, aware_banks
+from hybrid_env.core import kernel, quickest_kernel
+from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
+from hybrid_env.core.banks.imm import ImmBank, imm_banks
+from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.kernel import advance
+from hybrid_env.core.live import advance_live, advance_live_quickest
 from hybrid_env.core.memory import array_at
-from hybrid_env.core.published_bank import published_arrays, published_banks
-from hybrid_env.core.records import PARAMETERS
-from hybrid_env.core.student_bank import student_banks
+from hybrid_env.core.state import PARAMETERS, arrays_of
+
+STEP, RESET, MEASURE, BEGIN = range(4)
+"""Commands: of the environments the first two, on a live sensor the others (see `live`)."""
 
 
 @compiled
-def advance_published(address: int, reset: bool) -> int:
-    """Step every track, or with `reset` begin a new episode on every track whose action is not 0.
+def advance_published(address: int, command: int) -> int:
+    """Step every track, or with `RESET` begin a new episode on every track whose action is not 0.
 
     In a step, a terminated track begins its next episode. The observation of a track that terminates is not
     changed: it is the one on which the last decision was made.
 
     Args:
-        address: address of a record `records.PARAMETERS`, whose arrays must exist during the call. Only its
+        address: address of a record `PARAMETERS`, whose arrays must exist during the call. Only its
             blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
-        reset: True begins new episodes, False steps.
+        command: what to do.
 
     Returns:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
-        is outside the space, -1 - i; then no track is stepped.
+        is outside the space, -1 - i; then no track is stepped. On a live sensor 0.
     """
     setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, published_banks(setting), setting, None)
+    banks, arrays = published_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
 
 
 @compiled
-def advance_aware(address: int, reset: bool) -> int:
+def advance_aware(address: int, command: int) -> int:
     """Like `advance_published`, with the anchor-aware bank."""
     setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, aware_banks(setting), setting, None)
+    banks, arrays = aware_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
 
 
 @compiled
-def advance_published_merged(address: int, reset: bool) -> int:
-    """Like `advance_published`; all filters run on after a decision."""
+def advance_quickest(address: int, command: int) -> int:
+    """Like `advance_published`, with unknown switch moments; a statement is not an event."""
     setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, published_banks(setting), setting, True)
+    banks, arrays = imm_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
+    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
 
 
-@compiled
-def advance_aware_merged(address: int, reset: bool) -> int:
-    """Like `advance_aware`; all filters run on after a decision."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, aware_banks(setting), setting, True)
-
-
-@compiled
-def advance_student(address: int, reset: bool) -> int:
-    """Like `advance_published`, with the robust likelihood."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, student_banks(setting), setting, None)
-
-
-@compiled
-def advance_student_merged(address: int, reset: bool) -> int:
-    """Like `advance_published_merged`, with the robust likelihood."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance(reset, student_banks(setting), setting, True)
-
-
-BANKS: dict[str, Any] = {
-    "published": published_arrays,
-    "oracle": published_arrays,
-    "anchor_aware": aware_arrays,
+KERNELS: dict[type, Any] = {
+    PublishedBank: advance_published,
+    AnchorAwareBank: advance_aware,
+    ImmBank: advance_quickest,
 }
-"""Allocation function of each bank, by the value of the option `bank`."""
-
-KERNELS: dict[tuple[str, str, bool], Any] = {
-    ("published", "declared", False): advance_published,
-    ("oracle", "declared", False): advance_published,
-    ("anchor_aware", "declared", False): advance_aware,
-    ("published", "bank", False): advance_published_merged,
-    ("oracle", "bank", False): advance_published_merged,
-    ("anchor_aware", "bank", False): advance_aware_merged,
-    ("published", "declared", True): advance_student,
-    ("oracle", "declared", True): advance_student,
-    ("published", "bank", True): advance_student_merged,
-    ("oracle", "bank", True): advance_student_merged,
-}
-"""Kernel by the values of the options `bank` and `follow`, and whether the likelihood is robust."""
+"""The entry point of each bank."""

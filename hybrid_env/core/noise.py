@@ -101,7 +101,7 @@ def draw_noise(
             magnitude below 8.5, for the velocities; rows 2 and 3 are the errors of the measured coordinates
             over sqrt(R). Row `LOST` is uniform in [0, 1) if measurements may be missing. The others are
             temporary.
-        setting: a record with the fields of `records.MODEL_FIELDS` whose names begin with `noise_`, and
+        setting: a record with the fields of `state.PARAMETERS` whose names begin with `noise_`, and
             `missed`, the probability that a tick has no measurement.
     """
     for lane in range(first, last):

@@ -1,6 +1,7 @@
-"""The observation as written by the kernel. `hybrid_env.observation.Layout` reads it by name.
+"""The observations as written by the kernel. `hybrid_env.observation.Layout` reads them by name.
 
-A row is a float32 array of six blocks of M values, one per hypothesis, followed by ten scalars of the track.
+A row is a float32 array of six blocks of M values, one per hypothesis, followed by scalars of the track: ten
+with announced switches, two with unknown ones.
 """
 
 import math
@@ -9,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.banks.bank import likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.published_bank import likeliest
+from hybrid_env.core.motion import heading_vector
 
 LOG_FLOOR = -30.0  # lower clip of log-likelihood ratios and log-probabilities
 LARGEST = 1e6  # clip of the magnitude of whitened innovations
@@ -45,6 +47,19 @@ TRACK_FEATURES = {
     "anchor_vv": 1.0,
     "log_noise": 1.0,
 }
+"""Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
+
+QUICKEST_HYPOTHESIS_FEATURES = {
+    "log_probability": LOG_SCALE,
+    "log_ratio": 1.0,
+    "innovation_along": 1.0,
+    "innovation_across": 1.0,
+    "log_variance": 1.0,
+    "stated": 1.0,
+}
+"""Names of the blocks of M values, in order, and the scale that multiplies each of them."""
+
+QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
 """Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
@@ -94,12 +109,6 @@ def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_
 
 
 @internal
-def row_width(hypotheses: int) -> int:
-    """Return the number of values of a row."""
-    return BLOCKS * hypotheses + SINGLES
-
-
-@internal
 def write_segment(
     row: NDArray[np.float32], block: Any, lane: int, radii: NDArray[np.float64], setting: Any
 ) -> None:
@@ -113,7 +122,7 @@ def write_segment(
         row[5 * M + 1 + c] = 1.0 / radii[c]
         row[5 * M + 1 + n + c] = -1.0 / radii[c]
     singles = row[BLOCKS * M :]
-    kept, variance_x, variance_y = block.kept_covariance, setting.variance_x, setting.variance_y
+    kept, variance_x, variance_y = block.covariance, setting.variance_x, setting.variance_y
     singles[SPEED] = min(block.speed[lane], LARGEST_ANCHOR)
     singles[ANCHOR_XX] = max(mean_over_noise(kept[0, lane], kept[7, lane], variance_x, variance_y), 0.0)
     singles[ANCHOR_XV] = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
@@ -200,3 +209,33 @@ def write_expected_displacement(
     singles = row[BLOCKS * bank.hypotheses.size :]
     singles[ALONG] = LENGTH_SCALE * along
     singles[ACROSS] = LENGTH_SCALE * across
+
+
+@internal
+def write_quickest_row(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
+    """Write the observation of a track.
+
+    Args:
+        row: (6 M + 2,).
+        block: a record `BLOCK`.
+        lane: index of the track in the block.
+        bank: `imm.ImmBank` of the block.
+        setting: a record `PARAMETERS`.
+    """
+    M = bank.hypotheses.size
+    speed, heading_x, heading_y = heading_vector(block.estimate[1, lane], block.estimate[3, lane])
+    largest = bank.hypotheses[0].log_likelihood[lane]
+    for h in range(1, M):
+        largest = max(largest, bank.hypotheses[h].log_likelihood[lane])
+    for h in range(M):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        along, across = innovation_in_frame(innovation, lane, heading_x, heading_y)
+        # positive only by rounding
+        row[h] = LOG_SCALE * min(max(kalman.log_probability[lane], LOG_FLOOR), 0.0)
+        row[M + h] = max(kalman.log_likelihood[lane] - largest, LOG_FLOOR)
+        row[2 * M + h] = along
+        row[3 * M + h] = across
+        row[4 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
+        row[5 * M + h] = 1.0 if block.stated_ticks[lane] > 0 and block.stated_mode[lane] == h else 0.0
+    row[6 * M] = min(speed, LARGEST_ANCHOR)
+    row[6 * M + 1] = TICK_SCALE * block.stated_ticks[lane]

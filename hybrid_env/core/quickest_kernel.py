@@ -4,58 +4,21 @@ Tracks are stored in blocks, as in `kernel`. A statement is compared with the tr
 else, so that every sequence of statements sees the same measurements.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import compiled, inlined, internal
+from hybrid_env.core.banks.imm import begin_imm, imm_model, imm_of_block, step_imm, step_imm_irregular
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.first_estimate import draw_first_estimate
-from hybrid_env.core.imm_bank import begin_imm, imm_of_block, step_imm
-from hybrid_env.core.irregular_ticks import step_imm_irregular
-from hybrid_env.core.kernel import TERMINATED
-from hybrid_env.core.memory import array_at
+from hybrid_env.core.kernel import TERMINATED, invalid_action
 from hybrid_env.core.noise import integer_below, uniform
-from hybrid_env.core.quickest_records import QUICKEST_BLOCK, QUICKEST_PARAMETERS, QUICKEST_SCRATCH
-from hybrid_env.core.quickest_row import quickest_row_width, write_quickest_row
-from hybrid_env.core.records import LANES, SEGMENT_COLUMNS, SENSOR
+from hybrid_env.core.observation_row import write_quickest_row
+from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import begin_motion, move
 
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1  # rows of the table of durations
-
-
-class QuickestArrays(NamedTuple):
-    """The arrays of a `hybrid_env.quickest_world.QuickestWorld` except its bank, for N tracks in B blocks."""
-
-    actions: NDArray[np.int64]  # (N,)
-    blocks: NDArray[Any]  # (B,) records `QUICKEST_BLOCK`
-    scratch: NDArray[Any]  # (1,) record `QUICKEST_SCRATCH`
-    radii: NDArray[np.float64]  # (n,) [m]
-    table: NDArray[np.float64]  # (M, columns) one row for each mode, see `scheme.segment_table`
-    durations: NDArray[np.float64]  # (2, ticks) cumulative probabilities of the first and of other segments
-    sensors: NDArray[Any]  # (k,) records `SENSOR`
-    observations: NDArray[np.float32]  # (N, width)
-    rewards: NDArray[np.float64]  # (N,)
-    terminated: NDArray[np.bool_]  # (N,)
-
-
-@inlined
-def arrays_of(setting: Any) -> QuickestArrays:
-    """Return the arrays at the addresses in a record `QUICKEST_PARAMETERS`."""
-    tracks, n = setting.tracks, setting.radii_count
-    modes = 2 * n + 1
-    return QuickestArrays(
-        array_at(setting.actions, (tracks,), np.int64),
-        array_at(setting.blocks, (setting.blocks_count,), QUICKEST_BLOCK),
-        array_at(setting.scratch, (1,), QUICKEST_SCRATCH),
-        array_at(setting.radii, (n,), np.float64),
-        array_at(setting.table, (modes, len(SEGMENT_COLUMNS)), np.float64),
-        array_at(setting.durations, (2, setting.ticks), np.float64),
-        array_at(setting.sensors, (setting.sensor_count,), SENSOR),
-        array_at(setting.observations, (tracks, quickest_row_width(modes)), np.float32),
-        array_at(setting.rewards, (tracks,), np.float64),
-        array_at(setting.terminated, (tracks,), np.bool_),
-    )
 
 
 @internal
@@ -80,7 +43,7 @@ def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
 
 
 @internal
-def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: QuickestArrays, setting: Any) -> None:
+def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: Any, setting: Any) -> None:
     """Begin a segment of a mode, whose duration has the law of a row of the table of durations."""
     block.true_mode[lane] = mode
     block.length[lane] = draw_duration(arrays.durations[row], uniform(block.random_state, lane))
@@ -89,9 +52,9 @@ def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: QuickestA
 
 
 @internal
-def _begin_episode(block: Any, lane: int, bank: Any, arrays: QuickestArrays, setting: Any) -> None:
+def _begin_episode(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Begin an episode with a segment of a random mode."""
-    draw_first_estimate(block, block.covariance, arrays.scratch[0].noise, lane, setting)
+    draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
     block.segment[lane] = 0
     block.time[lane] = 0
@@ -102,7 +65,7 @@ def _begin_episode(block: Any, lane: int, bank: Any, arrays: QuickestArrays, set
 
 
 @inlined
-def _switch(block: Any, lane: int, arrays: QuickestArrays, setting: Any) -> None:
+def _switch(block: Any, lane: int, arrays: Any, setting: Any) -> None:
     """Begin the next segment, with one of the other modes, all equally likely."""
     other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
     mode = other + (1 if other >= block.true_mode[lane] else 0)
@@ -130,9 +93,7 @@ def _state(block: Any, lane: int, stated: int, change_cost: float) -> float:
 
 
 @inlined
-def _prepare_lane(
-    reset: bool, block: Any, lane: int, i: int, bank: Any, arrays: QuickestArrays, setting: Any
-) -> bool:
+def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> bool:
     """Apply the action of track i, or begin its next episode. Returns whether the track advances."""
     if reset and arrays.actions[i] == 0:
         return False
@@ -151,19 +112,17 @@ def _prepare_lane(
 
 
 @inlined
-def step_lanes(
-    bank: Any, block: Any, first: int, last: int, arrays: QuickestArrays, setting: Any, robust: Any
-) -> None:
+def step_lanes(bank: Any, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
-        step_imm_irregular(bank, block, first, last, arrays.radii, setting, robust)
+        step_imm_irregular(bank, block, first, last, arrays.radii, setting)
     else:
-        step_imm(bank, block, first, last, arrays.radii, setting, robust)
+        step_imm(bank, block, first, last, arrays.radii, imm_model(setting, 1.0))
 
 
 @inlined
-def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setting: Any, robust: Any) -> int:
-    """Step the tracks of a block; see `advance_quickest`. Returns their events, combined as bits."""
+def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
+    """Step the tracks of a block; see `kernels.advance_quickest`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
     lanes = min(LANES, setting.tracks - b * LANES)
     events = 0
@@ -182,7 +141,7 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setti
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
         start, stop = np.uint64(first), np.uint64(last)
         move(block, scratch.noise, start, stop, arrays.sensors, setting)
-        step_lanes(bank, block, start, stop, arrays, setting, robust)
+        step_lanes(bank, block, start, stop, arrays, setting)
         for lane in range(first, last):
             block.time[lane] += 1
             write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
@@ -190,40 +149,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: QuickestArrays, setti
 
 
 @inlined
-def _advance(address: int, reset: bool, robust: Any) -> int:
-    """Check all actions, then step the blocks of this call; `robust` as in `imm_bank.step_imm`."""
-    setting = array_at(address, (1,), QUICKEST_PARAMETERS)[0]
-    arrays = arrays_of(setting)
-    if not reset:
-        for i in range(setting.tracks):
-            if arrays.actions[i] < 0 or arrays.actions[i] >= arrays.table.shape[0]:
-                return -1 - i
-    events = 0
-    for b in range(setting.first_block, setting.last_block):
-        events |= _advance_block(reset, b, imm_of_block(setting, b), arrays, setting, robust)
+def advance(reset: bool, banks: Any, arrays: Any, setting: Any) -> int:
+    """Check all actions, then step the blocks of this call; see `kernels.advance_quickest`."""
+    events = invalid_action(reset, arrays, setting)
+    if events == 0:
+        for b in range(setting.first_block, setting.last_block):
+            events |= _advance_block(reset, b, imm_of_block(banks, b), arrays, setting)
     return events
-
-
-@compiled
-def advance_quickest(address: int, reset: bool) -> int:
-    """Step every track, or with `reset` begin a new episode on every track whose action is not 0.
-
-    In a step, a terminated track begins its next episode. The observation of a track that terminates is not
-    changed: it is the one on which the last statement was made.
-
-    Args:
-        address: address of a record `QUICKEST_PARAMETERS`, whose arrays must exist during the call. Only its
-            blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
-        reset: True begins new episodes, False steps.
-
-    Returns:
-        `kernel.TERMINATED` if any track terminated, else 0. If the action of track i is outside the space,
-        -1 - i; then no track is stepped.
-    """
-    return _advance(address, reset, None)
-
-
-@compiled
-def advance_quickest_robust(address: int, reset: bool) -> int:
-    """Like `advance_quickest`, with the robust likelihood."""
-    return _advance(address, reset, True)

@@ -89,7 +89,7 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
     precision, error_x, error_y = 0.0, 0.0, 0.0
     for k in range(sensors.size):
         sensor = sensors[k]
-        draw_noise(block.random_state, noise, lane, lane + 1, setting)
+        draw_noise(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1), setting)
         if k == 0:  # the first draw also moves the object
             move_lane(block, lane, noise, lane, setting)
         if clock % sensor.period != 0 or (setting.missed > 0.0 and noise[LOST, lane] < setting.missed):

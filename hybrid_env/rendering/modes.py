@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from hybrid_env.checks import reject
-from hybrid_env.core.published_bank import mode_type
+from hybrid_env.core.banks.bank import mode_type
 
 TYPE_COLOURS = ("#d55e00", "#0072b2", "#009e73")
 """Straight, left and right: the papers' red, blue and green in the palette of Okabe and Ito."""

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, Decision, History
 from hybrid_env.rendering.modes import mode_colour

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hybrid_env.model_options import ModelOptions
+from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel
 from hybrid_env.rendering.history import History
 from hybrid_env.rendering.window import FRAME_SIZE, RENDER_FPS, Window

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
-from hybrid_env.online_worlds import OnlineQuickestWorld, OnlineWorld
-from hybrid_env.quickest_world import QuickestWorld
-from hybrid_env.world import World
+from hybrid_env.worlds.live import OnlineQuickestWorld, OnlineWorld
+from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.worlds.world import World
 
 WORLDS = {OnlineWorld: (World, WorldOptions()), OnlineQuickestWorld: (QuickestWorld, QuickestOptions())}
 

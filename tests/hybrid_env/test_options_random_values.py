@@ -109,7 +109,7 @@ def of_examples(examples):
 
 def sizes(study):
     """Return the numbers of examples, by default and in the study."""
-    return [pytest.param(300, id="quick"), pytest.param(study, id="study", marks=pytest.mark.study)]
+    return [pytest.param(120, id="quick"), pytest.param(study, id="study", marks=pytest.mark.study)]
 
 
 @pytest.mark.parametrize("examples", sizes(100_000))

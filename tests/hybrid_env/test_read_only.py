@@ -6,25 +6,26 @@ import pickle
 import numpy as np
 import pytest
 
-import hybrid_env
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, KalmanBank
+from hybrid_env import (
+    ArgumentError,
+    HybridTrackEnv,
+    HybridTrackQuickestEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    KalmanBank,
+)
 from hybrid_env.core.records import LANES
-from hybrid_env.world import World
+
+ENVIRONMENTS = [HybridTrackVectorEnv, HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv]
 
 
-@pytest.mark.parametrize("name", sorted(World.read_only))
-def test_an_array_of_a_world_cannot_be_replaced(name):
-    world = HybridTrackVectorEnv(2).world
-    with pytest.raises(AttributeError, match=f"World.{name} is read-only"):
-        setattr(world, name, getattr(world, name))
-
-
-@pytest.mark.parametrize("name", ["options", "world"])
-@pytest.mark.parametrize("make", [HybridTrackVectorEnv, hybrid_env.HybridTrackEnv])
-def test_the_options_of_an_environment_cannot_be_replaced(make, name):
+@pytest.mark.parametrize("make", ENVIRONMENTS)
+def test_options_and_arrays_of_an_environment_cannot_be_replaced(make):
     env = make()
-    with pytest.raises(AttributeError, match=f"{name} is read-only"):
-        setattr(env, name, None)
+    for owner, names in ((env, ("options", "world")), (env.world, sorted(env.world.read_only))):
+        for name in names:
+            with pytest.raises(AttributeError, match=f"{type(owner).__name__}.{name} is read-only"):
+                setattr(owner, name, None)
 
 
 @pytest.mark.parametrize("name", ["radii", "tau", "process_variance", "variances"])
@@ -39,7 +40,7 @@ def test_the_model_of_a_bank_cannot_be_replaced(name):
 
 def test_an_array_given_as_an_option_can_change_later():
     variance = np.array([0.1, 0.2])
-    env = hybrid_env.HybridTrackEnv(measurement_variance=variance, radii=np.array([3.0, 5.0]))
+    env = HybridTrackEnv(measurement_variance=variance, radii=np.array([3.0, 5.0]))
     env.reset(seed=0)
     variance.resize(1, refcheck=False)
     variance[:] = np.nan
@@ -48,15 +49,24 @@ def test_an_array_given_as_an_option_can_change_later():
 
 
 @pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])
-def test_a_copy_has_memory_of_its_own(tracks):
-    env = HybridTrackVectorEnv(tracks, trace_rows=3)
+@pytest.mark.parametrize(
+    ("make", "options"), [(HybridTrackVectorEnv, {"trace_rows": 3}), (HybridTrackQuickestVectorEnv, {})]
+)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_copy_has_memory_of_its_own_and_continues_alike(make, options, tracks, threads):
+    env = make(tracks, threads=threads, **options)
     env.reset(seed=0)
-    for other in (copy.deepcopy(env), copy.copy(env.world), pickle.loads(pickle.dumps(env))):
-        world = other if isinstance(other, World) else other.world
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    for world in (copies[0].world, copies[1].world, copy.copy(env.world)):
         for name, array in world.arrays().items():
             np.testing.assert_array_equal(array, env.world.arrays()[name])
             assert not np.shares_memory(array, env.world.arrays()[name])
         assert world.blocks.ctypes.data % 64 == 0
+    for k in range(60):
+        actions = np.full(tracks, k // 5 % 3)
+        rows = env.step(actions)[0]
+        for other in copies:
+            np.testing.assert_array_equal(other.step(actions)[0], rows)
 
 
 def _missing(arrays):
@@ -89,11 +99,18 @@ def test_a_state_of_other_arrays_is_refused(damage):
         world.restore(arrays)
 
 
-@pytest.mark.parametrize("value", [-1, 7, 2**62])
-@pytest.mark.parametrize("name", ["segment", "true_mode", "active_mode", "trace_length"])
-def test_a_state_with_an_index_out_of_range_is_refused(name, value):
-    world = HybridTrackVectorEnv(8).world
-    arrays = dict(world.arrays())
-    _out_of_range(arrays, name, value)
-    with pytest.raises(ArgumentError, match=f"blocks.{name}="):
-        world.restore(arrays)
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (HybridTrackVectorEnv, ("segment", "true_mode", "active_mode", "trace_length", "length")),
+        (HybridTrackQuickestVectorEnv, ("segment", "true_mode", "stated_mode", "time", "length")),
+    ],
+)
+@pytest.mark.parametrize("value", [-1, 2**40, 2**62])
+def test_a_state_with_an_index_out_of_range_is_refused(make, names, value):
+    world = make(8).world
+    for name in names:
+        arrays = dict(world.arrays())
+        _out_of_range(arrays, name, value)
+        with pytest.raises(ArgumentError, match=f"blocks.{name}="):
+            world.restore(arrays)

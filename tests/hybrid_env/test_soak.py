@@ -23,7 +23,7 @@ def soak_or_report(options, tracks, ticks, seed, **arguments):
 @pytest.mark.parametrize(
     ("worlds", "ticks"),
     [
-        pytest.param(300, 30_000, id="quick"),
+        pytest.param(80, 20_000, id="quick"),
         pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),  # 10^9 ticks
     ],
 )

@@ -1,6 +1,5 @@
 """The vector environment agrees with single environments in each autoreset mode."""
 
-import copy
 import os
 import pickle
 import signal
@@ -10,9 +9,28 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
+from hybrid_env import (
+    HybridTrackEnv,
+    HybridTrackQuickestEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+)
+from hybrid_env.core.records import LANES
 
-IDS = ("HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackEasy-v0")
+SHORT = {"ticks": 40, "durations": "uniform 5-12"}
+UNEQUAL = {"radii": (3.0, 8.0), "measurement_variance": (0.05, 0.2)}
+MADE = [
+    ("HybridTrack-v0", {}),
+    ("HybridTrackBank-v0", {}),
+    ("HybridTrackEasy-v0", {}),
+    ("HybridTrackQuickest-v0", SHORT),
+    ("HybridTrackQuickest-v0", SHORT | UNEQUAL),
+]
+VIEWS = {
+    "announced": (HybridTrackVectorEnv, HybridTrackEnv, {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}),
+    "unknown": (HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv, SHORT),
+}
+"""The vector and the single environment with each kind of switches, and options of short episodes."""
 
 
 def random_actions(generator, shape, count):
@@ -20,11 +38,11 @@ def random_actions(generator, shape, count):
     return np.where(generator.random(shape) < 0.93, 0, generator.integers(0, count, shape))
 
 
-@pytest.mark.parametrize("env_id", IDS)
-def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id):
-    tracks, steps, seed = 5, 2000, 42
-    vector = gym.make_vec(env_id, tracks)
-    singles = [gym.make(env_id).unwrapped for _ in range(tracks)]
+@pytest.mark.parametrize(("env_id", "options"), MADE)
+def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id, options):
+    tracks, steps, seed = LANES + 3, 700, 42
+    vector = gym.make_vec(env_id, tracks, **options)
+    singles = [gym.make(env_id, **options).unwrapped for _ in range(tracks)]
     rows, vector_info = vector.reset(seed=seed)
     restart = []
     for i, single in enumerate(singles):
@@ -59,16 +77,17 @@ def test_vector_tracks_equal_single_environments_bit_for_bit_across_autoresets(e
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_the_vector_environment_equals_a_sync_vector_env_of_single_environments(mode):
-    options = {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}
-    ours = HybridTrackVectorEnv(3, autoreset_mode=mode, **options)
-    theirs = SyncVectorEnv([lambda: HybridTrackEnv(**options)] * 3, autoreset_mode=mode)
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_vector_environment_equals_a_sync_vector_env_of_single_environments(view, mode):
+    vector, single, options = VIEWS[view]
+    ours = vector(3, autoreset_mode=mode, **options)
+    theirs = SyncVectorEnv([lambda: single(**options)] * 3, autoreset_mode=mode)
     first, expected = ours.reset(seed=7), theirs.reset(seed=7)
     np.testing.assert_array_equal(first[0], expected[0])
     generator = np.random.default_rng(1)
     resets = 0
-    for _ in range(200):
-        actions = random_actions(generator, 3, 6)
+    for _ in range(300):
+        actions = random_actions(generator, 3, ours.single_action_space.n)
         mine, other = ours.step(actions), theirs.step(actions)
         for k in range(4):
             np.testing.assert_array_equal(mine[k], other[k])
@@ -165,8 +184,6 @@ def test_step_requires_a_reset_and_seeds_must_match_the_number_of_tracks():
 
 
 def test_an_environment_unpickled_from_read_only_buffers_steps_in_its_own_memory():
-    import pickle
-
     env = HybridTrackVectorEnv(3, trace_rows=4)
     env.reset(seed=5)
     buffers = []
@@ -199,33 +216,27 @@ def test_invalid_seeds_raise_and_arrays_of_seeds_are_accepted(seed):
     np.testing.assert_array_equal(rows, env.reset(seed=4)[0])
 
 
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+@pytest.mark.parametrize(
+    ("make", "options"),
+    [
+        (HybridTrackVectorEnv, {"scheme": "random 3x5-20"}),
+        (HybridTrackVectorEnv, {"scheme": "random 3x5-20", "bank": "anchor_aware"}),
+        (HybridTrackQuickestVectorEnv, SHORT),
+    ],
+)
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_results_do_not_depend_on_threads(bank, mode):
+def test_results_do_not_depend_on_threads(make, options, mode):
     tracks, generator = 61, np.random.default_rng(4)
-    options = {
-        "bank": bank,
-        "measurement_variance": (0.1, 0.2),
-        "scheme": "random 3x5-20",
-        "autoreset_mode": mode,
-    }
-    alone, together = (HybridTrackVectorEnv(tracks, threads=threads, **options) for threads in (1, 3))
+    options = options | {"measurement_variance": (0.1, 0.2), "autoreset_mode": mode}
+    alone, together = (make(tracks, threads=threads, **options) for threads in (1, 3))
     np.testing.assert_array_equal(alone.reset(seed=1)[0], together.reset(seed=1)[0])
-    for _ in range(300):
-        actions = np.where(generator.random(tracks) < 0.1, generator.integers(0, 4, tracks), 0)
+    for _ in range(150):
+        actions = random_actions(generator, tracks, alone.single_action_space.n)
         *arrays, info = alone.step(actions)
         *others, other_info = together.step(actions)
         for one, other in zip(arrays, others, strict=True):
             np.testing.assert_array_equal(one, other)
-        assert list(info) == list(other_info)
-        for key, value in info.items():
-            if key == "final_info":
-                assert list(value) == list(other_info[key])
-            elif key == "final_obs":
-                for one, other in zip(value, other_info[key], strict=True):
-                    np.testing.assert_array_equal(one, other)
-            else:
-                np.testing.assert_array_equal(value, other_info[key])
+        compare_infos(info, other_info)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -255,12 +266,3 @@ def test_an_invalid_action_in_one_thread_steps_no_track():
         env.step(actions)
     np.testing.assert_array_equal(env.world.observations, rows)
     np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
-
-
-def test_an_environment_with_threads_can_be_copied_and_pickled():
-    env = HybridTrackVectorEnv(20, threads=2)
-    env.reset(seed=0)
-    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
-    rows = env.step(np.zeros(20, np.int64))[0]
-    for other in copies:
-        np.testing.assert_array_equal(other.step(np.zeros(20, np.int64))[0], rows)

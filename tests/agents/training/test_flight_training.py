@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 import torch
+from agents.training.flights import FlightTraining
 
 from agents.learned.flight_decider import load_flight_agent
-from agents.training.flights import FlightTraining
 
 
 def train(folder: Path, seed: int, passes: int = 1) -> tuple[dict[str, torch.Tensor], float]:

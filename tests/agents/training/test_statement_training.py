@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 import small_training
 import torch
+from agents.evaluation.deciders import learned_family
+from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
+from agents.learned.statement_policy import StatementPolicyDecider
+from agents.training.statement_learning_curve import StatementLearningCurve
 from baselines.rules.metrics import measure_statements
 from small_training import SMALL_PPO, log_often, small_run
 
 from agents.cli import main
-from agents.evaluation.deciders import learned_family
-from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
 from agents.learned.features import ObservationFeatures
 from agents.learned.policy import make_policy
-from agents.learned.statement_policy import StatementPolicyDecider
 from agents.training.learning_figure import draw_learning_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run
-from agents.training.statement_learning_curve import StatementLearningCurve
 from baselines.rules import seeds
 from baselines.rules.statements import record_statements
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, WorldOptions

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from agents.training.track_state import check_tracks, track_arrays
+
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import torch
-
 from agents.evaluation.deciders import load_decider, policy_family
 from agents.evaluation.evaluate import evaluate
+
 from agents.learned.policy import PolicyDecider, load_actor, make_policy
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import Recipe, load_recipe, recipe_of
@@ -179,7 +179,7 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
 
 def test_the_observed_quantities_can_be_selected():
     from agents.learned.features import ObservationFeatures
-    from hybrid_env.world import World
+    from hybrid_env.worlds.world import World
 
     world = World(WorldOptions(), 1)
     features = ObservationFeatures(world.observation_space(), ("posterior", "ticks", "innovation_along"))
@@ -257,7 +257,7 @@ def test_a_policy_with_two_actions_declares_the_most_likely_hypothesis():
 def test_sampling_follows_the_policys_probabilities():
     space = WorldOptions()
     torch.manual_seed(0)
-    from hybrid_env.world import World
+    from hybrid_env.worlds.world import World
 
     world = World(space, 1)
     policy = make_policy(world.observation_space(), world.action_space(), {"net_arch": [8]})

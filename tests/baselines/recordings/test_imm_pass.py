@@ -11,15 +11,16 @@ from baselines.recordings.imm_pass import BURN_IN, PassOutput, imm_pass, make_ch
 from baselines.recordings.model_fit import NEVER, fit_model, imm_model
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import tick_grid
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.compilation import prepare
-from hybrid_env.core.imm_bank import imm_arrays
 from hybrid_env.core.records import LANES
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.simulation import simulate
 
 
 def run_pass(parts, radii, model, switches=None, output=None):
-    arguments = make_chunks(parts, switches), imm_arrays(len(radii)), np.array(radii, float), model
+    arguments = make_chunks(parts, switches), bank_arrays(ImmBank, len(radii)), np.array(radii, float), model
     output = output or no_output()
     prepare(imm_pass, *arguments, output)
     return imm_pass(*arguments, output)
@@ -54,7 +55,7 @@ def matrix_likelihood(z, R, Q):
 def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
     part = np.cumsum(np.random.default_rng(1).normal(1.0, 0.3, (40, 2)), axis=0)
     alone = run_pass([part], [5.0], imm_model(0.5, 0.01, 75.0, 1))
-    bank = imm_arrays(1)
+    bank = bank_arrays(ImmBank, 1)
     for array in bank:
         array.view(np.float64)[...] = np.nan
     chunks = make_chunks([part] * (LANES + 1))  # the second block has one lane

@@ -6,22 +6,22 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
-from numba import njit
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Layout
-from hybrid_env.core.anchor_aware_bank import aware_arrays, begin_aware, covariance_aware, step_aware
-from hybrid_env.core.published_bank import FilterModel
+from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, begin_aware, covariance_aware, step_aware
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 
 TRIANGLE = np.triu_indices(4)
-begin, step, covariance = njit(begin_aware), njit(step_aware), njit(covariance_aware)
+begin, step, covariance = compiled(begin_aware), compiled(step_aware), compiled(covariance_aware)
 
 
 def test_the_bank_equals_matrix_filters_in_every_lane():
     generator = np.random.default_rng(7)
     radii = np.array([2.0, 9.0, 200.0])
     signed = [0.0, *radii, *-radii]
-    bank = aware_arrays(radii.size, 2)
+    bank = bank_arrays(AnchorAwareBank, radii.size, 2)
     for _ in range(20):
         tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -2)
         R = 10.0 ** generator.uniform(-2, 0, 2)
@@ -153,7 +153,7 @@ def test_observations_and_rewards_are_finite_for_extreme_noise_speed_and_radius(
 
 
 def test_a_diverged_filter_loses_likelihood_and_stays_finite():
-    bank = aware_arrays(1, 1)
+    bank = bank_arrays(AnchorAwareBank, 1, 1)
     model = FilterModel(0.1, 0.001, 0.1, 0.1)
     covariance = tuple(0.1 * np.eye(4)[TRIANGLE])
     begin(bank, 0, (0.0, 1.0, 0.0, 0.0), covariance, np.array([5.0]), model)

@@ -3,10 +3,13 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from hybrid_env.core.compilation import compiled, drop_stale_cache, prepare
+import hybrid_env
+from hybrid_env.core.cached_files import drop_stale_files
+from hybrid_env.core.compilation import compiled, prepare
 
 
 @compiled
@@ -14,23 +17,20 @@ def halve(x):
     return 0.5 * x
 
 
-@pytest.mark.parametrize(("changed", "kept"), [("package/kernel.py", 0), ("other/motion.py", 0), (None, 2)])
+@pytest.mark.parametrize(("changed", "kept"), [(True, 0), (False, 2)])
 def test_a_newer_source_removes_the_cache(tmp_path, changed, kept):
-    sources = [tmp_path / "package/kernel.py", tmp_path / "other/motion.py"]
-    cached = [tmp_path / "package/__pycache__/a.nbi", tmp_path / "package/__pycache__/a.1.nbc"]
-    for path in (*sources, *cached):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("")
-        os.utime(path, (1000, 1000) if path in sources else (2000, 2000))
-    if changed:
-        os.utime(tmp_path / changed, (3000, 3000))
-    drop_stale_cache(tmp_path / "package/__pycache__", sources)
-    assert sum(path.exists() for path in cached) == kept
+    year = 366 * 24 * 3600.0
+    newest = max(path.stat().st_mtime for path in Path(hybrid_env.__file__).parent.rglob("*.py"))
+    for name in ("kernel.f-1.py311.nbi", "kernel.f-1.py311.1.nbc"):
+        (tmp_path / name).write_text("")
+        os.utime(tmp_path / name, (newest, newest - year if changed else newest + year))
+    drop_stale_files(str(tmp_path), "hybrid_env")
+    assert len(list(tmp_path.iterdir())) == kept
 
 
 def test_a_missing_cache_does_not_raise(tmp_path):
-    drop_stale_cache(tmp_path / "nowhere", [tmp_path])
-    drop_stale_cache(None, [])
+    drop_stale_files(str(tmp_path / "nowhere"), "hybrid_env")
+    drop_stale_files(None, "hybrid_env")
 
 
 PROGRAM = """
@@ -63,10 +63,9 @@ def program(tmp_path):
     return path
 
 
-def test_only_the_first_process_announces_a_compilation(tmp_path):
-    code = "import hybrid_env; env = hybrid_env.HybridTrackEnv(); env.reset(seed=0); env.step(0)"
+def test_only_the_first_process_announces_a_compilation(tmp_path, program):
     for announced in (1, 0):
-        result = run(["-c", code], NUMBA_CACHE_DIR=str(tmp_path))
+        result = run([program], NUMBA_CACHE_DIR=str(tmp_path / "cache"))
         assert result.stderr.count("compiling once") == announced
         assert len(result.stderr.splitlines()) == announced
 

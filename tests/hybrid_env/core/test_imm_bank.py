@@ -6,27 +6,27 @@ import math
 import numpy as np
 import pytest
 from matrix_filters import LiteralImm, transition_matrix
-from numba import njit
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv
-from hybrid_env.core.imm_bank import ImmModel, begin_imm, imm_arrays, step_imm
-from hybrid_env.core.quickest_records import QUICKEST_BLOCK
-from hybrid_env.core.records import LANES
+from hybrid_env.core.banks.bank import bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, step_imm
+from hybrid_env.core.compilation import compiled
+from hybrid_env.core.records import BLOCK, LANES
 
 TRIANGLE = np.triu_indices(4)
-begin, step = njit(begin_imm), njit(step_imm)
+begin, step = compiled(begin_imm), compiled(step_imm)
 
 
 def test_the_bank_equals_the_literal_one_in_every_lane():
     generator = np.random.default_rng(3)
     radii = np.array([2.0, 9.0])
     curvatures = [0.0, *1 / radii, *-1 / radii]
-    bank = imm_arrays(radii.size)
+    bank = bank_arrays(ImmBank, radii.size)
     for hazard in (0.0, 0.01, 0.3, 0.8):
         tau, Q = generator.uniform(0.05, 0.2), 10.0 ** generator.uniform(-4, -1)
         R = 10.0 ** generator.uniform(-2, 0, 2)
         model = ImmModel(tau, Q, R[0], R[1], 1 - hazard, hazard / 4)
-        block = np.zeros(1, QUICKEST_BLOCK)[0]
+        block = np.zeros(1, BLOCK)[0]
         literal = []
         for lane in range(LANES):
             estimate = generator.normal(0, [50, 2, 50, 2])
@@ -93,8 +93,8 @@ def test_the_environment_steps_the_literal_bank(hazard):
 def test_probabilities_equal_enumeration_where_mixing_is_exact():
     # an object at rest, whose filters agree in all modes: only the transition matrix moves the probabilities
     model = ImmModel(0.1, 0.0, 0.5, 0.5, 0.9, 0.05)
-    radii, bank = np.array([3.0]), imm_arrays(1)
-    block = np.zeros(1, QUICKEST_BLOCK)[0]
+    radii, bank = np.array([3.0]), bank_arrays(ImmBank, 1)
+    block = np.zeros(1, BLOCK)[0]
     begin(bank, block, 0, -1)
     bank.hypotheses["log_probability"][:, 0] = np.log([0.7, 0.2, 0.1])
     histories = dict(zip(((0,), (1,), (2,)), (0.7, 0.2, 0.1), strict=True))
@@ -127,8 +127,8 @@ def test_without_switches_probabilities_equal_those_of_all_constant_histories():
 @pytest.mark.parametrize("sigmas", [100.0, 1e5])
 def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
     model = ImmModel(0.1, 0.001, 0.1, 0.1, 1 - 1 / 75, 1 / 150)
-    radii, bank = np.array([5.0]), imm_arrays(1)
-    block = np.zeros(1, QUICKEST_BLOCK)[0]
+    radii, bank = np.array([5.0]), bank_arrays(ImmBank, 1)
+    block = np.zeros(1, BLOCK)[0]
     block["estimate"][1], block["covariance"][[0, 4, 7, 9]] = 2.0, 0.02
     for lane in range(LANES):
         begin(bank, block, lane, -1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybrid_env.core.kalman import correct_covariance, kalman_gain, log_likelihood, predict_covariance
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, log_likelihood, predict_covariance
 from hybrid_env.core.motion import motion_coefficients
 
 

@@ -18,7 +18,7 @@ def test_the_anchor_is_the_mixture_of_the_filters():
     env = HybridTrackVectorEnv(3, follow="bank", trace_rows=200, **OPTIONS)
     env.reset(seed=1)
     anchors = env.world.field("anchor")
-    kept = env.world.field("kept_covariance")
+    kept = env.world.field("covariance")
     first = [env.world.read_trace(i)[0, 4:6] for i in range(3)]
     env.step(np.array([1, 2, 4]))
     for i in range(3):
@@ -41,7 +41,7 @@ def test_the_anchor_is_the_mixture_of_the_filters():
                 xx, xv, vv = bank.covariances[h, axis]
                 own[2 * axis : 2 * axis + 2, 2 * axis : 2 * axis + 2] = [[xx, xv], [xv, vv]]
             expected += weights[h] * (own + np.outer(deviation, deviation))
-        found = env.world.field("kept_covariance")[i]
+        found = env.world.field("covariance")[i]
         np.testing.assert_allclose(found, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
 
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy import stats
 
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.motion import (
     LARGEST_ANGLE,
     bank_turn_rate,
@@ -55,22 +55,22 @@ def test_an_object_at_rest_has_a_heading():
     assert heading_vector(0.0, 0.0) == (0.0, 1.0, 0.0)
 
 
-@njit
+@compiled
 def bits(state, count):
     return [next_uint64(state, 2) for _ in range(count)]
 
 
-@njit
+@compiled
 def uniforms(state, count):
     return np.array([uniform(state, 2) for _ in range(count)])
 
 
-@njit
+@compiled
 def integers(state, count, bound):
     return np.array([integer_below(state, 2, bound) for _ in range(count)])
 
 
-@njit
+@compiled
 def normals(state, count):
     drawn = np.empty((count, 4, state.shape[1]))
     for k in range(count):

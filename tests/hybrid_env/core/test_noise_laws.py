@@ -4,16 +4,16 @@ from collections import namedtuple
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy import stats
 
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.noise import LOST, NOISE_ROWS, draw_noise, draw_noise_ahead
 from hybrid_env.core.records import LANES
 from hybrid_env.noises import OutlierNoise, parse_noise
 
 Setting = namedtuple("Setting", ["noise_law", "noise_shape", "noise_scale", "noise_clip", "missed"])
 LAWS = ["gaussian", "outliers 0.3", "levy 1.5 1 44", "levy 1", "levy 0.7 2 1000", "student_t 3"]
-draw, draw_ahead = njit(draw_noise), njit(draw_noise_ahead)
+draw, draw_ahead = compiled(draw_noise), compiled(draw_noise_ahead)
 
 
 def setting_of(law, missed=0.0):
@@ -24,7 +24,7 @@ def seeded(seed):
     return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
 
 
-@njit
+@compiled
 def errors(state, count, setting):
     """Return the rows of `draw_noise`, (count, NOISE_ROWS, LANES)."""
     drawn = np.empty((count, NOISE_ROWS, state.shape[1]))
@@ -84,6 +84,9 @@ def test_outliers_have_the_given_share_and_ratio():
     drawn = errors(seeded(9), 12_500, setting)[:, 2:4]
     mixture = lambda x: 0.8 * stats.norm.cdf(x) + 0.2 * stats.norm.cdf(x / 10.0)  # noqa: E731
     assert stats.kstest(drawn.ravel(), mixture).pvalue > 1e-3
+    # both coordinates of a measurement are outliers together
+    together, expected = (np.abs(drawn) > 9.0).all(1).mean(), 0.2 * (2.0 * stats.norm.sf(0.9)) ** 2
+    assert together == pytest.approx(expected, abs=4.0 * np.sqrt(expected / (drawn.size / 2)))
 
 
 @pytest.mark.parametrize("law", LAWS)

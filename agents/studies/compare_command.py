@@ -1,0 +1,171 @@
+"""The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.world_arguments import WorldArguments
+from agents.studies.flight_arguments import FlightArguments
+from baselines.rules import seeds
+from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from agents.studies.comparison import Comparison, Plan
+
+
+@dataclass(kw_only=True)
+class Compare(WorldArguments, ParallelArguments, FlightArguments):
+    """Compare learned agents with classical decision rules on the same episodes.
+
+    The defaults train PPO for about half a minute and take about four minutes in total. With
+    --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
+    three minutes. An interrupted comparison goes on when it is started again.
+    """
+
+    deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
+    """Classical rules; the first is the reference. Announced switches: {announced}. Unknown switches:
+    {unknown}. With --flights: {flights}, with an optional ':threshold', or the folder of an agent."""
+    agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = (
+        None
+    )
+    """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
+    package), or run folders."""
+    accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
+    """Select the fastest threshold that reaches this accuracy."""
+    curves: bool = True
+    """Score every decider at every threshold; without curves, all but the reference at their selected one
+    only, in half the time."""
+    episodes: Annotated[int | None, shown_default("1500; 500 for unknown switches", "--tracks")] = None
+    """Number of episodes, of one track each, that every decider is scored on."""
+    selection_episodes: Annotated[int | None, shown_default("1000; 300 for unknown switches")] = None
+    """Number of separate episodes for the selection of thresholds."""
+    seed: int = 0
+    """Seed of the first evaluation episode; training and threshold selection use other seeds."""
+    steps: Annotated[int | None, shown_default("those of the recipe")] = None
+    """Environment steps of each training."""
+    training_seeds: int = 1
+    """Number of agents to train per recipe, each with its own seed."""
+    out: Path = Path("results")
+    """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
+    reference differ most), compare.json, and agents (a run folder for each trained agent). With --flights
+    for flights.json and a picture of each flight."""
+
+    def run(self) -> None:
+        """Train, score, print the tables and write the figures and compare.json.
+
+        Raises:
+            ArgumentError: an argument is out of range, or the output folder cannot be written.
+        """
+        if self.flights is not None:
+            self._refuse(FlightArguments, False, "no value with --flights")
+            self.compare_flights(self.deciders or (), self.out)
+        else:
+            self._refuse(FlightArguments, True, "no value without --flights")
+            self._compare()
+
+    def _refuse(self, group: type[Any], inside: bool, allowed: str) -> None:
+        """Refuse given flags that are inside, or that are outside, of a group of flags."""
+        names = {field.name for field in fields(group)}
+        for field in fields(self):
+            given = getattr(self, field.name) != field.default
+            if given and (field.name in names) == inside and field.name not in ("deciders", "out"):
+                raise reject(field.name.replace("_", "-"), getattr(self, field.name), allowed)
+
+    def _plan(self) -> "Plan":
+        """Return the checked plan."""
+        from agents.evaluation.tasks import task_of
+        from agents.studies.comparison import Plan
+
+        task = task_of(self.env_id, self.world_options())
+        plan = Plan(
+            task,
+            task.compared if self.deciders is None else self.deciders,
+            task.agents if self.agents is None else self.agents,
+            task.episodes if self.episodes is None else self.episodes,
+            self.seed,
+            task.selection_episodes if self.selection_episodes is None else self.selection_episodes,
+            self.steps,
+            self.training_seeds,
+            self.accuracy,
+            self.curves,
+        )
+        for name in ("episodes", "selection_episodes", "training_seeds"):
+            check_integer(name.replace("_", "-"), getattr(plan, name))
+        if self.steps is not None:
+            check_integer("steps", self.steps)
+        check_integer("seed", self.seed, minimum=0)
+        if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
+            raise reject("accuracy", self.accuracy, "a number between 0 and 1")
+        if self.accuracy is not None and "accuracy" not in task.columns:
+            raise reject("accuracy", self.accuracy, f"no value in {task.title}")
+        if self.seed + plan.episodes > seeds.SELECTION:
+            raise reject("seed", self.seed, f"at most {seeds.SELECTION} minus the number of episodes")
+        if not plan.deciders or len(set(plan.deciders)) != len(plan.deciders):
+            raise reject("deciders", plan.deciders, "one or more different names")
+        if len(set(plan.agents)) != len(plan.agents):
+            raise reject("agents", plan.agents, "different names")
+        plan.check()  # before any file is written
+        return plan
+
+    def _compare(self) -> None:
+        plan, workers = self._plan(), self.workers()
+        from rich.console import Console
+
+        from agents.interface.output_files import output_folder, write_json
+        from agents.interface.progress import progress_display
+        from agents.studies.comparison import compare
+        from agents.studies.continuation import TRAINED
+        from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
+
+        folder, task = output_folder("out", self.out), plan.task
+        console = Console(emoji=False)
+
+        def write(now: "Comparison", complete: bool = False, **remarks: Any) -> None:
+            write_json(folder / "compare.json", now.as_json() | {"complete": complete} | remarks)
+
+        with progress_display(console) as progress:
+            try:
+                result = compare(plan, workers, progress, folder, write)
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
+            remarks = task.remarks(plan.episodes, plan.seed)
+        console.print(chosen_table(result))
+        if plan.curves:
+            console.print(levels_table(result))
+        for line in (*spread_lines(result), *unreached_lines(result)):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
+        for table in (*task.after_tables(chosen), *task.remark_tables(remarks)):
+            console.print(table)
+        write(result, complete=True, **remarks)
+        self._draw(result, folder)
+        console.print(
+            f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False
+        )
+        if (folder / TRAINED).is_dir():
+            console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
+
+    def _draw(self, result: "Comparison", folder: Path) -> None:
+        """Write the operating curves, and the episode on which the best decider and the reference differ."""
+        from agents.figures.canvas import save_figure
+        from agents.figures.tracks import track_figure
+        from agents.studies.episodes import Episodes
+        from agents.studies.figures import comparison_figure
+
+        save_figure(comparison_figure(result), folder / "compare.png")
+        plan, task = result.plan, result.plan.task
+        best, episode = result.largest_difference()
+        seed, records = plan.seed + episode, []
+        for entry in dict.fromkeys((result.entries[0], best)):
+            family = entry.family(task)
+            episodes = Episodes(task, entry.name, family.make(entry.threshold), family.options)
+            name = entry.name.replace("$", r"\$")  # Matplotlib would read it as a formula
+            records.append(episodes.record(name, seed))
+        title = f"{task.title}, seed {seed}"
+        if len(records) > 1:
+            title += f": largest difference in reward among {task.size(plan.episodes)}"
+        lines = [title, *(f"{record.name}: {record.summary}" for record in records)]
+        figure = track_figure(records, task.options.radii, "\n".join(lines))
+        save_figure(figure, folder / "episode.png")

@@ -1,0 +1,368 @@
+"""Comparison of deciders: training where requested, selection of thresholds, scores on common episodes."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+
+from agents.evaluation.registry import SHIPPED, find_family
+from agents.evaluation.task import Levels, Task, sweep
+from agents.figures.decider_colours import name_without_seed
+from agents.interface.parallel import Call, Workers
+from agents.studies.continuation import Continuation, weights_digest
+from baselines.rules import seeds
+from baselines.rules.decider import DeciderFamily, rules
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+from hybrid_env.checks import reject
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Settings of a comparison.
+
+    Attributes:
+        task: what is decided, in which environment.
+        deciders: names of classical rules; the first is the reference.
+        agents: recipes to train, 'shipped', or run folders.
+        episodes: number of episodes that all figures are reported on.
+        seed: of the first of them.
+        selection_episodes: number of separate episodes for the selection of thresholds.
+        steps: environment steps of each training; None takes the number in the recipe.
+        training_seeds: number of agents trained per recipe.
+        accuracy: of the thresholds that reach this accuracy, the one with the shortest mean decision time is
+            selected; None selects the threshold with the largest mean reward.
+        curves: False scores all deciders but the reference at their selected threshold only.
+    """
+
+    task: Task
+    deciders: tuple[str, ...]
+    agents: tuple[str, ...]
+    episodes: int
+    seed: int
+    selection_episodes: int
+    steps: int | None = None
+    training_seeds: int = 1
+    accuracy: float | None = None
+    curves: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all deciders."""
+        return (*self.deciders, *self.agents)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Plain values of the settings."""
+        others = {name: value for name, value in vars(self).items() if name != "task"}
+        return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
+
+    def family(self, name: str) -> Any:
+        """Return the family of a decider, or the recipe of an agent still to be trained.
+
+        Raises:
+            ArgumentError: the name or an option is unknown, or a policy is for another number of hypotheses.
+        """
+        from agents.training.recipe import load_recipe, recipe_names
+
+        known = rules(self.task.switches)
+        if name in self.deciders and name not in known:
+            raise reject("deciders", name, ", ".join(known))
+        if name in self.agents and (name in recipe_names() or name.endswith(".yml")):
+            return load_recipe(name, self.task.env_id)
+        if name in self.agents and name != SHIPPED and not Path(name).is_dir():
+            allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipe_names())}"
+            raise reject("agents", name, allowed)
+        return find_family(name, self.task.options)
+
+    def check(self) -> None:
+        """Raise `ArgumentError` for a name that is unknown, or too many episodes."""
+        self.task.check_episodes("episodes", self.episodes)
+        self.task.check_episodes("selection-episodes", self.selection_episodes)
+        for name in self.names:
+            self.family(name)
+
+    def calls(self) -> list[tuple[str, int]]:
+        """Return name and training seed of everything that is scored."""
+        found = []
+        for name in self.names:
+            trained = not isinstance(self.family(name), DeciderFamily)
+            found += [(name, number) for number in range(self.training_seeds if trained else 1)]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """Results of one decider.
+
+    Attributes:
+        decider: its name in the plan.
+        scores: on the reported episodes.
+        chosen: index of the threshold that was selected on the selection episodes.
+        selected: the goal of the task at that threshold, on the selection episodes.
+        folder: run folder of an agent that was trained.
+    """
+
+    decider: str
+    scores: Scores
+    chosen: int
+    selected: float
+    folder: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in tables and figures."""
+        return self.scores.name
+
+    def family(self, task: Task) -> DeciderFamily:
+        """Return the decider at any threshold."""
+        return find_family(self.decider if self.folder is None else str(self.folder), task.options)
+
+    @property
+    def threshold(self) -> float:
+        """The selected threshold."""
+        return self.scores.thresholds[self.chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Result of a comparison.
+
+    Attributes:
+        plan: settings.
+        entries: results of the deciders; the first is the reference.
+    """
+
+    plan: Plan
+    entries: tuple[Entry, ...]
+
+    @cached_property
+    def levels(self) -> Levels:
+        """Figures of whole operating curves, see `Task.levels`; none without curves."""
+        if not self.plan.curves:
+            return {}
+        task, first = self.plan.task, self.entries[0]
+        return task.levels(first.scores, rules(task.switches)[first.decider].family(task.options).default)
+
+    @property
+    def best_rule(self) -> Entry:
+        """The classical rule that is best for the goal on the selection episodes."""
+        names = self.plan.deciders
+        return max((one for one in self.entries if one.decider in names), key=lambda one: one.selected)
+
+    @property
+    def best_agent(self) -> Entry | None:
+        """The agent that is best for the goal on the selection episodes."""
+        agents = [one for one in self.entries if one.decider in self.plan.agents]
+        return max(agents, key=lambda one: one.selected, default=None)
+
+    @property
+    def seed_groups(self) -> dict[str, list[Entry]]:
+        """Entries by name; those whose names differ only in the training seed form one group."""
+        groups: dict[tuple[str, str, int], list[Entry]] = {}
+        for entry in self.entries:
+            scores = entry.scores
+            key = name_without_seed(entry.name), scores.symbol, len(scores.thresholds)
+            groups.setdefault(key, []).append(entry)
+        return {entries[0].name if len(entries) == 1 else key[0]: entries for key, entries in groups.items()}
+
+    @functools.cache  # noqa: B019
+    def figure(self, entry: Entry, name: str) -> Estimate:
+        """Return a metric of a decider at its selected threshold."""
+        return entry.scores.estimate(self.plan.task.statistic(name), entry.chosen)
+
+    @functools.cache  # noqa: B019
+    def level(self, entry: Entry, keys: tuple[str, ...]) -> Estimate:
+        """Return a figure of a whole operating curve, by its keys in `levels`."""
+        return entry.scores.estimate(self.levels[keys].statistic)
+
+    @functools.cache  # noqa: B019
+    def to_best_rule(self, entry: Entry) -> Estimate | None:
+        """Return the paired difference of the goal to that of the best rule; None for this rule."""
+        best = self.best_rule
+        if entry is best:
+            return None
+        statistic = self.plan.task.statistic(self.plan.task.goal)
+        return entry.scores.difference(best.scores, statistic, entry.chosen, best.chosen)
+
+    @functools.cache  # noqa: B019
+    def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
+        """Return the paired figures of a decider and the reference, see `Task.against`."""
+        first = self.entries[0]
+        return self.plan.task.against(
+            entry.scores, entry.chosen, first.scores, first.chosen, self.plan.curves
+        )
+
+    def largest_difference(self) -> tuple[Entry, int]:
+        """The best agent, or without agents the best rule, and the episode on which it differs most.
+
+        Returns:
+            The entry, and the index of the episode with the largest difference of the goal to the reference.
+        """
+        best, goal = self.best_agent or self.best_rule, self.plan.task.goal
+        rewards = [one.scores.of(goal, one.chosen) for one in (best, self.entries[0])]
+        return best, int(np.abs(rewards[0] - rewards[1]).argmax())
+
+    def as_json(self) -> dict[str, Any]:
+        """Contents of tables and figures, with every point of the curves."""
+        return {
+            "plan": self.plan.settings,
+            "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
+            "best_rule": self.best_rule.name,
+            "deciders": [self._entry_json(entry) for entry in self.entries],
+        }
+
+    def _entry_json(self, entry: Entry) -> dict[str, Any]:
+        task, scores = self.plan.task, entry.scores
+        difference = self.to_best_rule(entry)
+        levels: dict[str, Any] = {}
+        for keys in self.levels:
+            *outer, last = keys
+            place = levels.setdefault(outer[0], {}) if outer else levels
+            place[last] = self.level(entry, keys).as_json()
+        against = {} if entry is self.entries[0] else self.against(entry)
+        return {
+            "name": entry.name,
+            "threshold": {"symbol": scores.symbol, "chosen": entry.threshold},
+            **{metric.name: self.figure(entry, metric.name).as_json() for metric in task.metrics},
+            **{name: finite(values[entry.chosen]) for name, values in scores.extra.items()},
+            **{
+                name: finite(scores.curve(statistic)[entry.chosen])
+                for name, statistic in task.further.items()
+            },
+            "reward_less_best_rule": None if difference is None else difference.as_json(),
+            **levels,
+            **{key: {name: one.as_json() for name, one in found.items()} for key, found in against.items()},
+            "curve": {"thresholds": list(scores.thresholds)}
+            | {metric.name: finite(scores.curve(metric.statistic)) for metric in task.metrics},
+        }
+
+
+def finite(values: Any) -> Any:
+    """Return an array as lists of numbers, with None for values that are not finite."""
+    array = np.asarray(values)
+    return [finite(one) for one in array] if array.ndim else array.item() if np.isfinite(array) else None
+
+
+def compare(
+    plan: Plan,
+    workers: Workers,
+    progress: Progress,
+    folder: Path | None = None,
+    on_entry: Callable[[Comparison], None] | None = None,
+) -> Comparison:
+    """Train and score the deciders of a plan.
+
+    Args:
+        plan: settings.
+        workers: where the work runs.
+        progress: display.
+        folder: for the agents that are trained and, until the comparison is complete, for the scores of each
+            decider. A comparison that was interrupted and is started again goes on from there, with the same
+            results. None writes nothing.
+        on_entry: called after each decider with the comparison of those so far.
+    """
+    calls: dict[tuple[str, int], Call] = {}
+    shown = None if workers.parallel else progress
+    for position, (name, number) in enumerate(plan.calls()):
+        calls[name, number] = functools.partial(score, plan, folder, name, number, position == 0, shown)
+    task = progress.add_task("Comparing", total=len(calls), note="")
+    entries: list[Entry] = []
+
+    def count(call: tuple[str, int]) -> None:
+        progress.update(task, advance=1, note=call[0])
+
+    for _, entry in workers.results(calls, count):
+        entries.append(entry)
+        if on_entry is not None:
+            on_entry(Comparison(plan, tuple(entries)))
+    progress.update(task, note="")
+    Continuation(plan.settings, folder).finish()
+    return Comparison(plan, tuple(entries))
+
+
+def score(
+    plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None
+) -> Entry:
+    """Train a decider if needed, select its threshold and score it, unless its file exists.
+
+    Args:
+        plan: settings.
+        folder: see `compare`.
+        name: of the decider in the plan.
+        number: training seed.
+        full: also score thresholds that are not selected, if the plan has no curves.
+        progress: display; None shows nothing.
+    """
+    display = Progress(disable=True) if progress is None else progress
+    continuation = Continuation(plan.settings, folder)
+    found, run_folder = plan.family(name), None
+    if isinstance(found, DeciderFamily):
+        family, weights = found, weights_digest(name, plan.task.switches)
+    else:
+        family, run_folder = _train(found, plan, number, display, continuation)
+        weights = "" if run_folder is None else weights_digest(str(run_folder), plan.task.switches)
+    key = [family.name, family.thresholds, family.options, weights, full]
+    saved = continuation.load(key)
+    if saved is None:
+        bar = display.add_task("Scoring", total=2.0, note=family.name)
+        saved = _score(family, plan, full, lambda done: display.update(bar, completed=done))
+        continuation.save(key, *saved)
+        display.remove_task(bar)
+    scores, chosen, selected = saved
+    return Entry(name, scores, chosen, selected, run_folder)
+
+
+def _score(
+    family: DeciderFamily, plan: Plan, full: bool, on_progress: Callable[[float], None]
+) -> tuple[Scores, int, float]:
+    """Return scores on the reported episodes, the index of the selected threshold, and its goal before."""
+    task = plan.task
+    selection = sweep(task, family, plan.selection_episodes, seeds.SELECTION, on_progress)
+    index = task.best(selection) if plan.accuracy is None else fastest(selection, plan.accuracy)
+    selected = float(selection.curve(task.statistic(task.goal))[index])
+    if not (plan.curves or full):
+        family, index = replace(family, thresholds=(family.thresholds[index],)), 0
+    scores = sweep(task, family, plan.episodes, plan.seed, lambda share: on_progress(1.0 + share))
+    return scores, index, selected
+
+
+def fastest(scores: Scores, accuracy: float) -> int:
+    """Return the index of the threshold with the smallest mean decision time at a required accuracy.
+
+    If no threshold reaches the accuracy, return the most accurate one.
+    """
+    means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
+    reached = means["accuracy"] >= accuracy
+    if not reached.any():
+        return int(means["accuracy"].argmax())
+    return int(np.where(reached, means["ticks"], np.inf).argmin())
+
+
+def _train(
+    recipe: Any, plan: Plan, number: int, progress: Progress, continuation: Continuation
+) -> tuple[DeciderFamily, Path | None]:
+    """Train an agent, or go on with its training; return its family and run folder."""
+    from agents.training.checkpoint import has_checkpoint
+    from agents.training.run import TrainingProgress
+    from agents.training.runs import make_run
+
+    name = recipe.name if plan.training_seeds == 1 else f"{recipe.name} seed {number}"
+    folder = continuation.run_folder(recipe.name, recipe.as_json(), number)
+    resume = folder is not None and has_checkpoint(folder)
+    task = plan.task
+    run = make_run(task.env_id, dict(task.given), recipe, number, folder, plan.steps, resume)
+    bar = progress.add_task(f"Training {name}", total=run.steps, note="")
+
+    def show(now: TrainingProgress) -> None:
+        progress.update(bar, completed=min(now.steps, now.total), note=now.note)
+
+    run.train(show)
+    progress.update(bar, completed=run.steps)
+    family: DeciderFamily = run.family(name)
+    return family, folder

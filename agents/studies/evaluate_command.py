@@ -1,0 +1,180 @@
+"""The command `hybridtrack evaluate`: metrics of deciders, nominal or under distribution shift."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from agents.interface.help_texts import shown_default
+from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.world_arguments import WorldArguments
+from baselines.rules import seeds
+from hybrid_env.checks import check_integer, check_number, reject
+from hybrid_env.noises import parse_noise
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from agents.evaluation.task import Task
+
+MOST_DRAWN = 1000  # random worlds
+LARGEST_FACTOR = 10.0
+MOST_SHOWN_MODES = 5  # of a confusion matrix
+
+
+@dataclass(kw_only=True)
+class Evaluate(WorldArguments, ParallelArguments):
+    """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
+
+    With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
+    """
+
+    deciders: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        shown_default("ate; threshold in HybridTrackQuickest-v0"),
+    ] = ()
+    """Rules, 'shipped' or run folders, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
+    Announced switches: {announced}. Unknown switches: {unknown}."""
+    episodes: int = 1000
+    """Number of evaluation episodes."""
+    seed: int = 0
+    """Seed of the first episode; later episodes use consecutive seeds."""
+    shifted: bool = False
+    """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
+    with the best reward on as many other episodes, at most 1,000, of each environment and of the nominal
+    one. The names then take no thresholds."""
+    drawn: int = 0
+    """Evaluate in this many random worlds, and in the nominal one, as with --shifted."""
+    noises: tuple[str, ...] = ()
+    """Evaluate under these laws of noise, and in the nominal environment, as with --shifted."""
+    beyond: float = 2.0
+    """Factor by which the ranges of random worlds exceed those of the training of the shipped agent."""
+    out: Annotated[Path | None, shown_default("none is written")] = None
+    """JSON file for the metrics."""
+
+    def run(self) -> None:
+        """Evaluate the deciders and print the tables."""
+        self._check()
+        from rich.console import Console
+
+        from agents.evaluation.tasks import task_of
+        from agents.interface.output_files import write_json
+
+        console = Console(emoji=False)
+        first = task_of(*self.world_of(self.deciders[0] if self.deciders else ""))
+        deciders = self.deciders or (first.reference,)
+        metrics: Any
+        if self.shifted or self.drawn or self.noises:
+            metrics = self._evaluate_worlds(deciders, first, console)
+        else:
+            metrics = self._evaluate(deciders, console)
+        if self.out is not None:
+            write_json(self.out, metrics)
+            print(f"Data {self.out}")
+
+    def _check(self) -> None:
+        """Check the flags."""
+        check_integer("episodes", self.episodes)
+        self.workers()  # checks --jobs and --engine also where one evaluation needs neither
+        check_integer("seed", self.seed, minimum=0)
+        if self.out is not None and not self.out.parent.is_dir():
+            raise reject("out", str(self.out), "a file in a folder that exists")
+        if len(set(self.deciders)) != len(self.deciders):
+            raise reject("deciders", self.deciders, "different names")
+        check_integer("drawn", self.drawn, minimum=0, maximum=MOST_DRAWN)
+        if not 1.0 <= check_number("beyond", self.beyond) <= LARGEST_FACTOR:
+            raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
+        if self.beyond != type(self).beyond and not self.drawn:
+            raise reject("beyond", self.beyond, "no value without --drawn")
+        worlds = "with --shifted, --drawn or --noises"
+        if not (self.shifted or self.drawn or self.noises):
+            return
+        if self.seed + self.episodes > seeds.SELECTION:
+            allowed = f"at most {seeds.SELECTION} minus the number of episodes, {worlds}"
+            raise reject("seed", self.seed, allowed)
+        for name in self.deciders:
+            if ":" in name and not Path(name).is_dir():
+                raise reject("deciders", name, f"a name without a threshold, {worlds}")
+
+    def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> list[dict[str, Any]]:
+        """Evaluate deciders at one threshold each; those of one environment are compared in one table."""
+        from agents.evaluation.registry import find_decider, needed_options
+        from agents.evaluation.task import sweep
+        from agents.evaluation.tasks import task_of
+        from agents.interface.progress import progress_display
+        from agents.studies.comparison import finite
+        from agents.studies.tables import confusion_table, scores_table
+        from hybrid_env.rendering.modes import mode_name
+
+        found = []
+        for name in deciders:  # checks all names before evaluating
+            task = task_of(*self.world_of(name))
+            found.append((name, task, *find_decider(name, task.options)))
+            task.options_with(needed_options(name, task.switches))
+        rows = []
+        with progress_display(console) as progress:
+            bar = progress.add_task("Evaluating", total=len(found), note="")
+            for done, (name, task, family, threshold) in enumerate(found):
+
+                def show(share: float, before: int = done) -> None:
+                    progress.update(bar, completed=before + share)
+
+                progress.update(bar, note=name)
+                scores = sweep(task, family, self.episodes, self.seed, show, (threshold,))
+                figures = {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
+                rows.append((name, task, scores, figures))
+            progress.update(bar, note="")
+        groups: dict[str, list[Any]] = {}
+        for _, task, scores, figures in rows:
+            groups.setdefault(f"{task.env_id} {task.given}", []).append((task, scores, figures))
+        for group in groups.values():
+            task, first = group[0][:2]
+            goal = task.statistic(task.goal)
+            cells = [
+                (scores, figures, None if scores is first else scores.difference(first, goal))
+                for _, scores, figures in group
+            ]
+            title = f"{task.title}: {task.size(self.episodes)}"
+            console.print(scores_table(task, cells, title, to=first.name))
+            modes = [mode_name(mode, task.options.radii) for mode in range(task.options.hypotheses)]
+            for _, scores, _ in group:
+                if "confusion" in scores.extra and len(modes) <= MOST_SHOWN_MODES:
+                    console.print(confusion_table(scores.name, scores.extra["confusion"][0], modes))
+        return [
+            {"decider": name, "name": scores.name}
+            | {"threshold": {"symbol": scores.symbol, "value": scores.thresholds[0]}}
+            | {"episodes": self.episodes, "size": task.size(self.episodes)}
+            | {key: figure.as_json() for key, figure in figures.items()}
+            | {key: finite(values[0]) for key, values in scores.extra.items()}
+            for name, task, scores, figures in rows
+        ]
+
+    def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> dict[str, Any]:
+        """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
+        from agents.evaluation.drawn_worlds import draw_worlds
+        from agents.evaluation.registry import find_family
+        from agents.evaluation.shifted_worlds import NOMINAL
+        from agents.interface.progress import progress_display
+        from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
+
+        worlds = task.shifted() if self.shifted else {NOMINAL: {}}
+        worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
+        if self.drawn:
+            task.shifted()  # refuses a task without random worlds
+            worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
+        for name in deciders:
+            find_family(name, task.options)
+        with progress_display(console) as progress:
+            bar = progress.add_task("Evaluating", total=len(deciders) * len(worlds), note="")
+            results = evaluate_shifts(
+                deciders, task, worlds, self.episodes, self.seed, self.workers(),
+                lambda note: progress.update(bar, advance=1, note=note),
+            )  # fmt: skip
+            progress.update(bar, note="")
+        title = f"{task.title} under distribution shift: {task.size(self.episodes)} each"
+        console.print(shift_table(results, title))
+        found: dict[str, Any] = {"results": [result.as_json() for result in results]}
+        if len(deciders) > 1:
+            found["differences"] = differences_json(results)
+        return found | {"worlds": worlds}

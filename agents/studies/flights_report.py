@@ -1,0 +1,199 @@
+"""Tables and JSON of the comparison on recorded flights."""
+
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from agents.evaluation.cells import bounds_cell, new_table
+from agents.evaluation.flights import METRICS
+from agents.evaluation.task import Metric
+from agents.studies.comparison import finite
+from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
+from baselines.recordings.flights.metrics import STATISTICS
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+
+SECOND_LINES = "Second lines: 95 % interval, flights drawn with replacement."
+AGREEMENT = STATISTICS["agreement"]
+TURNS = "false_turns_per_hour"
+SHOWN = tuple(metric for metric in METRICS if metric.name != TURNS)  # in brackets after all false changes
+
+
+def flight_tables(result: FlightComparison) -> list[Table]:
+    """Return the tables of a comparison."""
+    tables = [figures_table(result)]
+    if len(result.names) > 1:
+        tables.append(differences_table(result))
+    if result.truth is not None:
+        tables += [late_table(result, result.truth), sensitivity_table(result)]
+    return tables
+
+
+def figures_table(result: FlightComparison) -> Table:
+    """Figures of each decider in each tier, with 95 % intervals over flights."""
+    first = next(iter(result.scores.values()))
+    hours = sum(first.of("scored", 0)[result.counted]) / 3600.0
+    form = "" if result.truth is not None else f", {result.task.form}"
+    table = new_table(
+        f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
+        f"{SECOND_LINES}\n"
+        "Twins: agreement on simulated flights with the same steps, speeds and turns.\n"
+        "Delay: from a change of the label to the first right statement.\n"
+        "False: a change to a mode that is not the label until the next change;\n"
+        "in brackets those of them to a turn while the label is straight motion.",
+    )
+    table.add_column("tier")
+    table.add_column("decider", min_width=9, overflow="fold")
+    for metric in SHOWN:
+        table.add_column(metric.head, justify="right", no_wrap=True)
+    table.add_column("twins", justify="right", no_wrap=True)
+    for name, rows in result.groups.items():
+        for number, (decider, label) in enumerate(result.names.items()):
+            scores = result.scores[decider].some(rows)
+            cells = [_cell(scores, metric) for metric in SHOWN]
+            twins = value(result.twins[decider].some(rows))
+            head = f"{name}\n({len(rows)})" if number == 0 else ""
+            table.add_row(head, escape(label), *cells, f"{twins:.3f}")
+        table.add_section()
+    return table
+
+
+def _cell(scores: Scores, metric: Metric) -> str:
+    """Return a figure, and below it its interval, in few characters."""
+    estimate = scores.estimate(metric.statistic)
+    shown = [_short(metric.scale * one, metric.digits) for one in vars(estimate).values()]
+    turns = f" ({_short(value(scores, TURNS), metric.digits)})" if metric.name == "false_per_hour" else ""
+    return f"{shown[0]}{turns}\n{shown[1]}-{shown[2]}"
+
+
+def _short(number: float, digits: int) -> str:
+    """Return a number with one digit less from 10 on."""
+    return f"{number:.{digits - (round(abs(number), digits) >= 10.0)}f}" if np.isfinite(number) else "-"
+
+
+def value(scores: Scores, name: str = "agreement") -> float:
+    """Return a figure of some flights."""
+    return float(scores.curve(STATISTICS[name])[0])
+
+
+def differences_table(result: FlightComparison) -> Table:
+    """Paired differences of the agreement to the first decider."""
+    first, *others = result.names.items()
+    table = new_table(f"Agreement less that of {first[1]}, percentage points", SECOND_LINES)
+    table.add_column("tier")
+    for _, label in others:
+        table.add_column(escape(label), justify="right", min_width=12)
+    for name, rows in result.groups.items():
+        cells = [bounds_cell(difference(result, decider, rows), 1, 100.0) for decider, _ in others]
+        table.add_row(name, *cells)
+    return table
+
+
+def difference(result: FlightComparison, decider: str, rows: list[int]) -> Estimate:
+    """Return the agreement of a decider on some flights less that of the first decider."""
+    mine, first = (result.scores[name].some(rows) for name in (decider, next(iter(result.names))))
+    return mine.difference(first, AGREEMENT)
+
+
+def late_table(result: FlightComparison, truth: Scores) -> Table:
+    """Figures of the labels, stated late."""
+    table = new_table(
+        "The labels themselves, stated late",
+        "Late: figures of a decider that states labels so many positions late.\n"
+        "Truth: share of the time in which labels of twins are the true modes.",
+    )
+    table.add_column("tier")
+    table.add_column("truth", justify="right")
+    for count in POSITIONS_LATE:
+        for head in (f"{count} late:\nagreement", "delay\ns", "false\nper hour"):
+            table.add_column(head, justify="right")
+    for tier, rows in result.groups.items():
+        cells = [f"{value(truth.some(rows)):.3f}"]
+        for late in result.late:
+            some = late.some(rows)
+            cells += [
+                f"{value(some):.3f}",
+                f"{value(some, 'delay'):.1f}",
+                f"{value(some, 'false_per_hour'):.1f}",
+            ]
+        table.add_row(tier, *cells)
+    return table
+
+
+def sensitivity_table(result: FlightComparison) -> Table:
+    """Effect of the settings of the labels."""
+    table = new_table(
+        "Labels with other settings",
+        "same: share of the time with the label as used, where both are scored.",
+    )
+    table.add_column("setting")
+    decider = next(iter(result.names.values()))
+    for head in ("same", "scored", "turns", f"agreement of\n{escape(decider)}"):
+        table.add_column(head, justify="right")
+    for one in result.sensitivity:
+        table.add_row(
+            one.name, f"{one.same:.3f}", f"{one.scored:.3f}", f"{one.turns}", f"{one.agreement:.3f}"
+        )
+    return table
+
+
+def flights_json(result: FlightComparison) -> dict[str, Any]:
+    """Contents of the tables, and the figures of every flight."""
+    return {
+        "source": str(result.task.source) if result.task.source else "package traffic",
+        "form": result.task.form,
+        "tiers": {
+            name: {decider: _group_json(result, decider, rows) for decider in result.names}
+            for name, rows in result.groups.items()
+        },
+        "labels": [one._asdict() for one in result.sensitivity],
+        "late_labels": [
+            {
+                "tier": name,
+                "truth": value(result.truth.some(rows)),
+                "late": {
+                    str(count): _figures(late.some(rows))
+                    for count, late in zip(POSITIONS_LATE, result.late, strict=True)
+                },
+            }
+            for name, rows in result.groups.items()
+            if result.truth is not None
+        ],
+        "flights": [
+            {
+                "id": flight.identity,
+                "tier": flight.tier.name,
+                "hours": flight.hours,
+                "positions": len(flight.times),
+                "repeated": flight.repeated,
+                "interpolated": flight.interpolated,
+                "scored": float(np.mean(labels.scored)),
+                "turns": sum(mode != 0 for *_, mode in labels.pieces),
+                "deciders": {
+                    decider: _figures(scores.some([k])) for decider, scores in result.scores.items()
+                },
+            }
+            for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
+        ],
+    }
+
+
+def _figures(scores: Scores) -> dict[str, float | None]:
+    return {metric.name: finite(scores.curve(metric.statistic)[0]) for metric in METRICS}
+
+
+def _group_json(result: FlightComparison, decider: str, rows: list[int]) -> dict[str, Any]:
+    scores = result.scores[decider].some(rows)
+    estimates = {metric.name: scores.estimate(metric.statistic) for metric in METRICS}
+    found: dict[str, Any] = _figures(scores) | {
+        "intervals": {name: finite([one.low, one.high]) for name, one in estimates.items()},
+        "twins": _figures(result.twins[decider].some(rows)),
+    }
+    if decider != next(iter(result.names)):
+        less = difference(result, decider, rows)
+        found["agreement_less_first"] = {
+            "value": finite(less.value), "interval": finite([less.low, less.high])
+        }  # fmt: skip
+    return found

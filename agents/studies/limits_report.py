@@ -1,0 +1,174 @@
+"""Markdown tables of what limits a decision."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from agents.evaluation.announced import AnnouncedTask
+from agents.evaluation.cells import signed
+from agents.evaluation.task import Task
+from agents.evaluation.unknown import UnknownTask
+from agents.studies.limits import NOISE_LEVELS, THRESHOLD, TIMES, Limit, gains
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import mean
+from baselines.scoring.statements import STATISTICS
+
+Row = tuple[Limit, Estimate | None]
+
+
+def limits_markdown(parts: Mapping[str, Sequence[Any]]) -> str:
+    """Return all tables of a study, see `limits.calls`."""
+    if "rules" not in parts:
+        return unknown_markdown(parts["steps"])
+    return "\n".join(
+        [
+            announced_markdown(parts["steps"]), rules_markdown(parts["rules"]),
+            calibration_markdown(parts["calibration"]), type_accuracy_markdown(parts["golubkov2018"]),
+        ]
+    )  # fmt: skip
+
+
+def announced_markdown(found: Sequence[Limit]) -> str:
+    """Return the steps for announced switches, one table per environment."""
+    lines = []
+    for place, rows in _places(found, AnnouncedTask).items():
+        lines += [
+            f"### From ATE to the bound on {place.rpartition(':')[2]}", "",
+            "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval.", "",
+            *_table("step", rows, lambda one: one.row, _gain_cell),
+        ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def unknown_markdown(found: Sequence[Limit]) -> str:
+    """Return the steps for unknown switches, three tables for each law of the durations."""
+    lines = []
+    for law, rows in _places(found, UnknownTask).items():
+        tables: tuple[tuple[str, Callable[[Limit, Estimate | None], str]], ...] = (
+            (
+                "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, "
+                "with its 95 % interval.", _gain_cell,
+            ),
+            (
+                "Mean delay of a switch in ticks (one that is not detected counts until the end of its "
+                "segment) / wrong changes of the statement per 1,000 ticks, at the same thresholds.",
+                _delay_cell,
+            ),
+            (
+                "Share of ticks at which the most probable mode is the true one, %, without a threshold.",
+                _right_cell,
+            ),
+        )  # fmt: skip
+        lines += [f"### HybridTrackQuickest-v0, durations {law}", ""]
+        for text, cell in tables:
+            shown = [row for row in rows if cell is not _right_cell or row[0].row != THRESHOLD]
+            lines += [text, "", *_table("step", shown, lambda one: one.row, cell)]
+    return "\n".join(lines)
+
+
+def rules_markdown(found: Sequence[Limit]) -> str:
+    """Return decision times and rewards, one row per bank and rule."""
+    lines = []
+    for place, rows in _places(found, None).items():
+        lines += [
+            f"### {place.rpartition(':')[2]}", "",
+            "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the best "
+            "threshold.", "",
+            *_table(
+                "bank | rule", rows, lambda one: f"{one.bank.replace('_', '-')} | {one.row}", _times_cell
+            ),
+        ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def calibration_markdown(found: Sequence[Mapping[str, Any]]) -> str:
+    """Return accuracy and mean posterior by bank, noise level and tick."""
+    ticks = list(dict.fromkeys(one["ticks"] for one in found))
+    lines = [
+        "### Calibration of the banks: accuracy / mean posterior of the most probable hypothesis, %", "",
+        "HybridTrack-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
+        "accuracy in a bin of the posterior).", "",
+        "| bank | R | " + " | ".join(f"after {tick} ticks" for tick in ticks) + " |",
+        "|---|---|" + "---|" * len(ticks),
+    ]  # fmt: skip
+    for bank, noise in dict.fromkeys((one["bank"], one["noise"]) for one in found):
+        cells = [
+            f"{100 * one['right']:.1f} / {100 * one['stated']:.1f} "
+            + ("(-)" if one["worst"] is None else f"({100 * one['worst']:+.1f})")
+            for one in found
+            if (one["bank"], one["noise"]) == (bank, noise)
+        ]
+        lines.append(f"| {bank} | {noise:g} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def type_accuracy_markdown(found: Sequence[Limit]) -> str:
+    """Return the type accuracy of the gap rule on the scheme of Golubkov 2018."""
+    lines = [
+        "### The gap rule at ln 99 on the scheme of Golubkov 2018", "",
+        "| bank | R | type accuracy, % | mean ticks |", "|---|---|---|---|",
+    ]  # fmt: skip
+    for one in found:
+        accuracy = one.scores.estimate(mean("type_accuracy", share=True))
+        ticks = float(one.scores.curve(mean("ticks"))[0])
+        bank = one.bank.replace("_", "-")
+        lines.append(f"| {bank} | {one.noise:g} | {_bounds(accuracy, 1, 100.0)} | {ticks:.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def _places(found: Sequence[Limit], task: type[Task] | None) -> dict[str, list[Row]]:
+    """Return results by place, with the gains of steps if there is a task."""
+    rows = [(one, None) for one in found] if task is None else gains(found, task)
+    return {
+        place: [row for row in rows if row[0].place == place]
+        for place in dict.fromkeys(o.place for o in found)
+    }
+
+
+def _table(
+    head: str,
+    rows: Sequence[Row],
+    name: Callable[[Limit], str],
+    cell: Callable[[Limit, Estimate | None], str],
+) -> list[str]:
+    """Return the lines of a table with noise levels in columns."""
+    lines = [f"| {head} | " + " | ".join(f"R = {noise:g}" for noise in NOISE_LEVELS) + " |"]
+    lines += ["|" + "---|" * (head.count("|") + 1 + len(NOISE_LEVELS))]
+    for shown in dict.fromkeys(name(one) for one, _ in rows):
+        cells = [
+            cell(*row)
+            for noise in NOISE_LEVELS
+            for row in rows
+            if (name(row[0]), row[0].noise) == (shown, noise)
+        ]
+        lines.append(f"| {shown} | " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def _gain_cell(one: Limit, gain: Estimate | None) -> str:
+    reward = float(one.scores.curve(mean("reward"))[0])
+    return f"{reward:.3f}" if gain is None else f"{reward:.3f} ({signed(gain, 3)})"
+
+
+def _delay_cell(one: Limit, gain: Estimate | None) -> str:
+    delay, wrong = (float(one.scores.curve(STATISTICS[name])[0]) for name in ("full_delay", "wrong_changes"))
+    return f"{f'{delay:.1f}' if np.isfinite(delay) else '-'} / {wrong:.2f}"
+
+
+def _right_cell(one: Limit, gain: Estimate | None) -> str:
+    assert one.curve is not None
+    return _bounds(one.curve.estimate(STATISTICS["right"]), 1, 100.0)
+
+
+def _times_cell(one: Limit, gain: Estimate | None) -> str:
+    assert one.curve is not None
+    times = " / ".join(_bounds(one.curve.estimate(time), 1) for time in TIMES.values())
+    return f"{times}; {_bounds(one.scores.estimate(mean('reward')), 3)}"
+
+
+def _bounds(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
+    if not np.isfinite(estimate.value):
+        return "not reached"
+    value, low, high = (f"{scale * one:.{digits}f}" for one in vars(estimate).values())
+    return f"{value} [{low}, {high}]"

@@ -1,0 +1,129 @@
+"""The command `hybridtrack play`: watch a decider in a window, or save the episode as a file."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from PIL import Image
+from rich.console import Console
+from rich.progress import Progress
+
+from agents.evaluation.tasks import task_of
+from agents.interface.help_texts import shown_default
+from agents.interface.output_files import atomic_file, write_table
+from agents.interface.progress import progress_display
+from agents.interface.world_arguments import WorldArguments
+from agents.studies.animation import write_gif
+from agents.studies.episodes import Episodes
+from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.rendering.history import TRACE_INDEX, History
+from hybrid_env.rendering.renderer import Renderer
+from hybrid_env.rendering.window import RENDER_FPS, display_available
+
+FINAL_FRAMES = 2 * RENDER_FPS
+"""Number of times that the window shows the last frame of an episode: for two seconds."""
+
+
+@dataclass(kw_only=True)
+class Play(WorldArguments):
+    """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
+
+    decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
+    """'shipped', a run folder or a rule, with an optional ':threshold'. Announced switches: {announced}.
+    Unknown switches: {unknown}."""
+    episodes: int = 1
+    """Number of episodes."""
+    seed: int = 0
+    """Seed of the first episode; it increases by one with each episode."""
+    out: Annotated[Path | None, shown_default("a window")] = None
+    """A .gif file for all episodes, or a .png file for the end of a single one."""
+    record: Annotated[Path | None, shown_default("none is written")] = None
+    """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track` reads it."""
+
+    def run(self) -> None:
+        """Play the episodes, print a table after each, and write the requested files.
+
+        Raises:
+            ArgumentError: one line that names the argument, its value and what is allowed.
+        """
+        self._check()
+        show = self.out is None and (self.record is None or display_available())
+        if show and not display_available():
+            raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
+        episodes = Episodes(task_of(*self.world_of(self.decider or "")), self.decider or "")
+        renderer = episodes.renderer(show)
+        console = Console(emoji=False)
+        try:
+            with progress_display(console) as progress:
+                histories = self._play(episodes, console, progress)
+                if not self._render(renderer, histories):
+                    return
+        finally:
+            renderer.close()
+        for path in (self.out, self.record):
+            if path is not None:
+                size = path.stat().st_size / 1024
+                console.print(f"{path}: {size:.0f} KiB", markup=False, highlight=False, soft_wrap=True)
+
+    def _check(self) -> None:
+        check_integer("episodes", self.episodes)
+        check_integer("seed", self.seed, minimum=0)
+        for name, suffixes in (("out", (".gif", ".png")), ("record", (".csv",))):
+            path = getattr(self, name)
+            if path is None:
+                continue
+            if path.suffix.lower() not in suffixes:
+                raise reject(name, str(path), f"a file name that ends in {' or '.join(suffixes)}")
+            if not path.parent.is_dir():
+                raise reject(name, str(path), "a file in an existing folder")
+            if path.is_dir():
+                raise reject(name, str(path), "a file, not a folder")
+            if self.episodes > 1 and path.suffix.lower() != ".gif":
+                raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
+
+    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
+        """Play the episodes; yield the history after every reset and every step."""
+        history = episodes.history
+        task = progress.add_task("Playing", total=self.episodes * episodes.length, note="")
+        for episode in range(self.episodes):
+
+            def show(before: int = episode * episodes.length) -> None:
+                progress.update(task, completed=before + episodes.done, note=f"tick {len(history.trace)}")
+
+            seed = self.seed + episode
+            yield from episodes.play(seed, show)
+            console.print(episodes.table(f"{episodes.name}, episode {episode + 1}, seed {seed}"))
+            if self.record is not None:
+                write_recording(self.record, history, episodes.env.options.tau)
+            yield history
+
+    def _render(self, renderer: Renderer, histories: Iterator[History]) -> bool:
+        """Show or write the frames; return False if the user has closed the window before the end."""
+        if self.out is not None and self.out.suffix.lower() == ".gif":
+            write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
+            return True
+        for history in histories:
+            if renderer.window is not None:
+                for _ in range(FINAL_FRAMES if history.finished else 1):
+                    renderer.draw(history)
+                if renderer.window.closed_by_user:
+                    return False
+        if self.out is not None:
+            with atomic_file(self.out) as part:
+                Image.fromarray(renderer.draw(history)).save(part, format="PNG")
+        return True
+
+
+def write_recording(path: Path, history: History, tau: float) -> None:
+    """Write the measurements of an episode as CSV: t [s], which starts at tau, and x and y [m].
+
+    Ticks without a measurement have no row.
+    """
+    ticks = np.arange(1, len(history.trace) + 1)
+    # rounding to 12 digits gives 0.3 instead of 0.30000000000000004
+    measured = ~np.isnan(history.trace[:, TRACE_INDEX["measured_x"]])
+    times = [float(f"{time:.12g}") for time in tau * ticks[measured]]
+    x, y = (history.trace[measured, TRACE_INDEX[name]] for name in ("measured_x", "measured_y"))
+    write_table(path, {"t": times, "x": x, "y": y})

@@ -1,0 +1,166 @@
+"""Tables of scores for the terminal: figures with their intervals, the same for every task."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from agents.evaluation.cells import bounds_cell, estimate_cell, new_table
+from agents.evaluation.task import Metric, Task
+from agents.studies.comparison import Comparison
+from baselines.rules.fixed_time import NO_EARLY_DECISION
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+
+HALF_WIDTH = "± half width of the 95 % confidence interval."
+
+
+def metric_cell(metric: Metric, estimate: Estimate) -> str:
+    """Return a metric as a cell; one that is not reached is said."""
+    undefined = "not\nreached" if np.isinf(estimate.value) else "-"
+    return estimate_cell(estimate, metric.scale, metric.digits, undefined)
+
+
+def scores_table(
+    task: Task,
+    rows: Sequence[tuple[Scores, Mapping[str, Estimate], Estimate | None]],
+    title: str,
+    notes: str = "",
+    to: str = "",
+) -> Table:
+    """Return a table with one row for each decider at a single threshold.
+
+    Args:
+        task: what is decided.
+        rows: scores of one threshold, metrics by name, and the difference of the goal to that of another
+            decider, None for this one.
+        title: of the table.
+        notes: lines of the caption before the explanation of the metrics, each with its end.
+        to: name of the other decider.
+    """
+    compared = any(difference is not None for *_, difference in rows)
+    if compared:
+        notes += f"diff.: {task.goal} less that of {to} on the same episodes.\n"
+    table = new_table(title, f"{notes}{HALF_WIDTH}\n{task.notes}".strip())
+    quantiles = "delay_quantiles" in rows[0][0].extra
+    table.add_column("decider", min_width=12, overflow="fold")  # long names are wrapped, numbers are not
+    heads = [metric.head for metric in task.metrics]
+    heads += ["delay,\n50, 90 %"] * quantiles + [f"{task.goal}\ndiff."] * compared
+    for head in heads:
+        table.add_column(head, justify="right", no_wrap=True)
+    for scores, figures, difference in rows:
+        cells = [metric_cell(metric, figures[metric.name]) for metric in task.metrics]
+        if quantiles:
+            ticks = scores.extra["delay_quantiles"][0]
+            cells.append("\n".join(f"{one:.0f}" if np.isfinite(one) else "-" for one in ticks))
+        if compared:
+            goal = next(metric for metric in task.metrics if metric.name == task.goal)
+            cells.append("" if difference is None else estimate_cell(difference, 1.0, goal.digits, sign="+"))
+        table.add_row(decider_cell(scores), *cells)
+    return table
+
+
+def decider_cell(scores: Scores) -> str:
+    """Return the name of a decider, and below it its threshold, for the scores of a single one."""
+    (threshold,) = scores.thresholds
+    shown = f"{scores.symbol} {threshold:g}" if threshold < NO_EARLY_DECISION else "no threshold"
+    return f"{escape(scores.name)}\n[bright_black]{shown}[/]"
+
+
+def chosen_table(result: Comparison) -> Table:
+    """Return the metrics of each decider at its selected threshold."""
+    plan, task = result.plan, result.plan.task
+    criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
+    rows = [
+        (
+            entry.scores.at(entry.chosen),
+            {metric.name: result.figure(entry, metric.name) for metric in task.metrics},
+            result.to_best_rule(entry),
+        )
+        for entry in result.entries
+    ]
+    return scores_table(
+        task, rows, f"{task.title}: {task.size(plan.episodes)}, common to all",
+        f"Thresholds for {criterion}, selected on other episodes.\n", result.best_rule.name,
+    )  # fmt: skip
+
+
+def levels_table(result: Comparison) -> Table:
+    """Return figures of whole operating curves, and paired figures of each decider and the reference."""
+    task, (reference, *others) = result.plan.task, result.entries
+    word = {"diff.": f"diff.: less that of {reference.name}", "ratio": f"ratio: to that of {reference.name}"}
+    table = new_table(
+        "On the operating curves",
+        f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes, with its "
+        "95 % interval.",
+    )
+    pairs = [
+        (key, name) for key, found in (result.against(others[0]) if others else {}).items() for name in found
+    ]
+    pairs += [
+        pair
+        for entry in others[1:]
+        for pair in ((key, name) for key, found in result.against(entry).items() for name in found)
+        if pair not in pairs
+    ]
+    table.add_column("decider", overflow="fold")
+    heads = [metric.head for metric in result.levels.values()]
+    heads += [f"{name.replace('_', ' ')}\n{task.paired}" for _, name in pairs]
+    for head in heads:
+        table.add_column(head, justify="right", no_wrap=True)
+    for entry in result.entries:
+        cells = [metric_cell(metric, result.level(entry, keys)) for keys, metric in result.levels.items()]
+        for key, name in pairs:
+            paired = None if entry is reference else result.against(entry).get(key, {}).get(name)
+            cells.append("" if paired is None else bounds_cell(paired, 3))
+        table.add_row(escape(entry.name), *cells)
+    return table
+
+
+def spread_lines(result: Comparison) -> list[str]:
+    """Return a line for each agent that was trained several times: mean and range over training seeds."""
+    lines, task = [], result.plan.task
+    for group, entries in result.seed_groups.items():
+        if len(entries) < 2:
+            continue
+        figures = [
+            (metric, [result.figure(entry, metric.name).value for entry in entries])
+            for metric in task.metrics
+        ]
+        figures += [
+            (metric, [result.level(entry, keys).value for entry in entries])
+            for keys, metric in result.levels.items()
+        ]
+        spread = []
+        for metric, values in figures:
+            low, centre, high = (metric.scale * one for one in (min(values), np.mean(values), max(values)))
+            name = " ".join(metric.head.split())
+            spread.append(
+                f"{name} {centre:.{metric.digits}f} ({low:.{metric.digits}f} to {high:.{metric.digits}f})"
+            )
+        lines.append(f"{group} over {len(entries)} training seeds, mean and range: " + ", ".join(spread))
+    return lines
+
+
+def unreached_lines(result: Comparison) -> list[str]:
+    """Return a line for each decider that does not reach the requested accuracy on the reported episodes."""
+    level = result.plan.accuracy
+    if level is None or not result.plan.curves:
+        return []
+    return [
+        f"{entry.name} does not reach {level:.1%}: its most accurate threshold is shown"
+        for entry in result.entries
+        if entry.scores.curve(result.plan.task.statistic("accuracy")).max() < level
+    ]
+
+
+def confusion_table(name: str, counts: Any, modes: Sequence[str]) -> Table:
+    """Return a confusion matrix. counts: (M, M), true mode in rows, decided mode in columns."""
+    table = new_table(f"{name}: true mode in rows, decided mode in columns")
+    for head in ("", *modes):
+        table.add_column(head, justify="right")
+    for mode, row in zip(modes, counts, strict=True):
+        table.add_row(mode, *map(str, row))
+    return table

@@ -1,0 +1,92 @@
+"""Arrays that are declared once: allocated from Python, and found by their addresses in compiled code.
+
+A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a
+number or the name of a field of the parameter record, and the address of an array is in the field with its
+name.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.memory import aligned_zeros, array_at
+
+Owner = Literal["tracks", "options", "thread"]
+
+
+@dataclass(frozen=True)
+class Array:
+    """The declaration of an array.
+
+    Attributes:
+        dtype: type of its elements.
+        sizes: its shape, as numbers or names of fields of the parameter record.
+        of: "tracks" if it holds their state, "options" if it does not change, or "thread" if it is temporary
+            memory, which the blocks of a thread share.
+        at: field with its address, if that is not its name: another view of the same memory.
+    """
+
+    dtype: Any
+    sizes: tuple[int | str, ...]
+    of: Owner = "tracks"
+    at: str = ""
+
+
+def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
+    """Return the declarations of a named tuple by name, of all owners or of some; views are left out."""
+    found = {name: one.__metadata__[0] for name, one in arrays.__annotations__.items()}
+    return {name: one for name, one in found.items() if not one.at and (not owners or one.of in owners)}
+
+
+def allocate(one: Array, sizes: Mapping[str, int] | np.void) -> NDArray[Any]:
+    """Return an array of zeros with the declared type and shape."""
+    shape = tuple(size if isinstance(size, int) else int(sizes[size]) for size in one.sizes)
+    return aligned_zeros(shape, one.dtype)
+
+
+# In compiled code a tuple of different types is built by a chain of functions, one for each element.
+
+
+def _size_reader(size: int | str) -> Any:
+    if isinstance(size, str):
+        return inlined(lambda setting: setting[size])
+    return inlined(lambda setting: size)
+
+
+def _tuple_reader(readers: list[Any]) -> Any:
+    """Return the compiled function of the tuple of the values of compiled functions of one argument."""
+    if not readers:
+        return inlined(lambda source: ())
+    first, rest = readers[0], _tuple_reader(readers[1:])
+    return inlined(lambda source: (first(source), *rest(source)))
+
+
+def _array_reader(name: str, one: Array) -> Any:
+    address, dtype = one.at or name, one.dtype
+    shape = _tuple_reader([_size_reader(size) for size in one.sizes])
+    return inlined(lambda setting: array_at(setting[address], shape(setting), dtype))
+
+
+def reader(arrays: type) -> Callable[[Any], Any]:
+    """Return the compiled function that finds the arrays of a named tuple by a parameter record."""
+    found = {name: one.__metadata__[0] for name, one in arrays.__annotations__.items()}
+    values = _tuple_reader([_array_reader(name, one) for name, one in found.items()])
+    read: Callable[[Any], Any] = inlined(lambda setting: arrays(*values(setting)))
+    return read
+
+
+def _block_reader(k: int, one: Array) -> Any:
+    if one.of == "tracks":
+        return inlined(lambda source: source[0][k][source[1]])
+    return inlined(lambda source: source[0][k])
+
+
+def block_reader(bank: type) -> Callable[[Any, int], Any]:
+    """Return the compiled function of the bank of one block, from the banks of all blocks."""
+    values = _tuple_reader([_block_reader(k, one) for k, one in enumerate(declared(bank).values())])
+    read: Callable[[Any, int], Any] = internal(lambda banks, block: bank(*values((banks, block))))
+    return read

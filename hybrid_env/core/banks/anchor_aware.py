@@ -1,0 +1,281 @@
+"""The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
+
+The published bank computes the centre and the turn rate from the anchor and treats them as exact. In this
+bank they are part of the state: each hypothesis is an extended Kalman filter with seven states, see
+`extended_kalman`. Its initial covariance is J P J', where P is the covariance of the anchor and J is the
+Jacobian of the seven states with respect to the four states of the anchor. The straight line is a turn of
+rate 0 whose centre and rate have no variance.
+
+A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
+"""
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.extended_kalman import (
+    Triangle7,
+    anchor_covariance,
+    condition,
+    predict_covariance,
+    turn_coefficients,
+)
+from hybrid_env.core.banks.kalman import log_likelihood
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import log
+from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
+from hybrid_env.core.records import lanes_of
+
+AWARE_HYPOTHESIS = lanes_of(
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
+    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
+    ("turn_rate", np.float64, ()),  # [rad/s]
+    ("covariance", np.float64, (28,)),  # of the seven states, upper triangle row by row
+    ("log_likelihood", np.float64, ()),  # cumulative since the switch
+)
+"""State of one filter."""
+
+DIVERGED = 1e3  # decrease of the log-likelihood per tick of a diverged filter
+LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
+ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
+
+
+class AnchorAwareBank(NamedTuple):
+    """The bank of a block of tracks.
+
+    Attributes:
+        hypotheses: (M,) records `AWARE_HYPOTHESIS`.
+        innovations: (M,) records `published.INNOVATION`, temporary memory shared by the blocks of a
+            thread.
+    """
+
+    hypotheses: Annotated[Records, Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))]
+    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
+
+
+aware_banks = reader(AnchorAwareBank)
+aware_of_block = block_reader(AnchorAwareBank)
+
+
+@internal
+def begin_aware(
+    bank: AnchorAwareBank,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    radii: NDArray[np.float64],
+    model: Any,
+) -> None:
+    """Start every filter of a lane from the anchor.
+
+    Args:
+        bank: bank of the block.
+        lane: index of the track in the block.
+        anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
+        covariance: covariance of the anchor, upper triangle row by row.
+        radii: (n,) turn radii of the bank [m].
+        model: a `FilterModel`, or a record with its fields.
+    """
+    for h in range(bank.hypotheses.size):
+        begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, signed_radius(h, radii), model.tau)
+
+
+@internal
+def begin_hypothesis(
+    kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float
+) -> None:
+    """Start one filter of a lane from the anchor.
+
+    Args:
+        kalman: a record `AWARE_HYPOTHESIS`.
+        lane: index of the lane.
+        anchor, covariance: see `begin_aware`.
+        radius: turn radius [m], positive to the left, negative to the right, 0 if straight.
+        tau: length of a tick [s].
+    """
+    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
+    # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
+    inverse_speed = 1.0 / max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
+    set_estimate(kalman, lane, anchor)
+    kalman.log_likelihood[lane] = 0.0
+    centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
+    kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
+    kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
+    for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
+        kalman.covariance[k, lane] = value
+
+
+@inlined
+def _covariance7(P: NDArray[np.float64], lane: int) -> Triangle7:
+    return (
+        P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
+        P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
+        P[13, lane], P[14, lane], P[15, lane], P[16, lane], P[17, lane],
+        P[18, lane], P[19, lane], P[20, lane], P[21, lane],
+        P[22, lane], P[23, lane], P[24, lane], P[25, lane], P[26, lane], P[27, lane],
+    )  # fmt: skip
+
+
+@inlined
+def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float, float, float, Triangle7]:
+    """Return the predicted estimate (x, vx, y, vy) of a filter and its predicted covariance."""
+    x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    centre_x, centre_y = kalman.centre_x[lane], kalman.centre_y[lane]
+    turn = turn_coefficients(kalman.turn_rate[lane], model.tau)
+    C, S, W, _, dC, dS, dW = turn
+    from_x, from_y = x - centre_x, y - centre_y
+    by_rate = (
+        dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y,
+    )  # fmt: skip
+    predicted = predict_covariance(
+        _covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance
+    )
+    new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
+    new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
+    return new_x, new_u, new_y, new_v, predicted
+
+
+@internal
+def step_hypothesis(
+    kalman: Any, innovation: Any, first: int, last: int, measurement: NDArray[np.float64], model: Any
+) -> None:
+    """Advance one filter and its log-likelihood by one tick; arguments as in `step_published`."""
+    P = kalman.covariance
+    variance_x, variance_y = model.variance_x, model.variance_y
+    for lane in range(first, last):
+        x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+        centre_x, centre_y, rate = kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane]
+        p = _covariance7(P, lane)
+        new_x, new_u, new_y, new_v, predicted = predict_hypothesis(kalman, lane, model)
+
+        # sequential corrections by x and y; the product of both densities is the joint density
+        k = (
+            predicted[0], predicted[1], predicted[2], predicted[3], predicted[4], predicted[5], predicted[6],
+        )  # fmt: skip
+        innovation_x = measurement[0, lane] - new_x
+        sigma_x = k[0] + variance_x
+        inverse_x = 1.0 / sigma_x
+        after_x = condition(predicted, k, inverse_x)
+        m = (
+            after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17],
+        )  # fmt: skip
+        gain_x = innovation_x * inverse_x
+        innovation_y = measurement[1, lane] - (new_y + k[2] * gain_x)
+        sigma_y = m[2] + variance_y
+        inverse_y = 1.0 / sigma_y
+        corrected = condition(after_x, m, inverse_y)
+        gain_y = innovation_y * inverse_y
+        white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
+        log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
+
+        # these comparisons are False for NaN and for values that would lead to NaN
+        valid = (
+            (sigma_x > 0.5 * variance_x)
+            & (sigma_y > 0.5 * variance_y)
+            & (sigma_x + sigma_y < LARGEST * LARGEST)
+            & (predicted[7] + predicted[18] < LARGEST * LARGEST)
+            & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
+            & (corrected[7] > -ROUNDING * predicted[7])
+            & (corrected[18] > -ROUNDING * predicted[18])
+        )
+        kalman.x[lane] = new_x + k[0] * gain_x + m[0] * gain_y if valid else x
+        kalman.vx[lane] = new_u + k[1] * gain_x + m[1] * gain_y if valid else u
+        kalman.y[lane] = new_y + k[2] * gain_x + m[2] * gain_y if valid else y
+        kalman.vy[lane] = new_v + k[3] * gain_x + m[3] * gain_y if valid else v
+        kalman.centre_x[lane] = centre_x + k[4] * gain_x + m[4] * gain_y if valid else centre_x
+        kalman.centre_y[lane] = centre_y + k[5] * gain_x + m[5] * gain_y if valid else centre_y
+        kalman.turn_rate[lane] = rate + k[6] * gain_x + m[6] * gain_y if valid else rate
+        innovation.white_x[lane] = white_x if valid else 0.0
+        innovation.white_y[lane] = white_y if valid else 0.0
+        innovation.log_variance[lane] = log_variance if valid else 2.0 * math.log(LARGEST)
+        kalman.log_likelihood[lane] += log_likelihood(white_x, white_y, log_variance) if valid else -DIVERGED
+        P[0, lane] = corrected[0] if valid else p[0]
+        P[1, lane] = corrected[1] if valid else p[1]
+        P[2, lane] = corrected[2] if valid else p[2]
+        P[3, lane] = corrected[3] if valid else p[3]
+        P[4, lane] = corrected[4] if valid else p[4]
+        P[5, lane] = corrected[5] if valid else p[5]
+        P[6, lane] = corrected[6] if valid else p[6]
+        P[7, lane] = corrected[7] if valid else p[7]
+        P[8, lane] = corrected[8] if valid else p[8]
+        P[9, lane] = corrected[9] if valid else p[9]
+        P[10, lane] = corrected[10] if valid else p[10]
+        P[11, lane] = corrected[11] if valid else p[11]
+        P[12, lane] = corrected[12] if valid else p[12]
+        P[13, lane] = corrected[13] if valid else p[13]
+        P[14, lane] = corrected[14] if valid else p[14]
+        P[15, lane] = corrected[15] if valid else p[15]
+        P[16, lane] = corrected[16] if valid else p[16]
+        P[17, lane] = corrected[17] if valid else p[17]
+        P[18, lane] = corrected[18] if valid else p[18]
+        P[19, lane] = corrected[19] if valid else p[19]
+        P[20, lane] = corrected[20] if valid else p[20]
+        P[21, lane] = corrected[21] if valid else p[21]
+        P[22, lane] = corrected[22] if valid else p[22]
+        P[23, lane] = corrected[23] if valid else p[23]
+        P[24, lane] = corrected[24] if valid else p[24]
+        P[25, lane] = corrected[25] if valid else p[25]
+        P[26, lane] = corrected[26] if valid else p[26]
+        P[27, lane] = corrected[27] if valid else p[27]
+
+
+@internal
+def step_aware(
+    bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any
+) -> None:
+    """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
+    for h in range(bank.hypotheses.size):
+        step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
+
+
+@internal
+def follow_aware(
+    bank: AnchorAwareBank, lane: int, hypothesis: int, measurement: NDArray[np.float64], model: Any
+) -> None:
+    """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
+    kalman = bank.hypotheses[hypothesis]
+    before = kalman.log_likelihood[lane]
+    step_hypothesis(
+        kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model
+    )
+    kalman.log_likelihood[lane] = before
+
+
+@internal
+def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement; see `published.predict_published`."""
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
+        # also False for NaN: a filter that diverges keeps its state
+        valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
+            predicted[7] + predicted[18] < LARGEST * LARGEST
+        )
+        if valid & (abs(u) + abs(v) < LARGEST):
+            set_estimate(kalman, lane, (x, u, y, v))
+            for k, value in enumerate(predicted):
+                kalman.covariance[k, lane] = value
+        sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
+        sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
+        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+
+
+@internal
+def covariance_aware(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+    return covariance_of(bank.hypotheses[hypothesis], lane)
+
+
+@internal
+def covariance_of(kalman: Any, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
+    P = kalman.covariance
+    return (
+        P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[7, lane], P[8, lane], P[9, lane],
+        P[13, lane], P[14, lane], P[18, lane],
+    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""What all banks share: types, the innovations, the model, and the order of the hypotheses.
+
+Hypothesis 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.arrays import allocate, declared
+from hybrid_env.core.compilation import internal
+from hybrid_env.core.records import lanes_of
+
+FloatArray = NDArray[np.float64]
+Records = NDArray[Any]
+State = tuple[float, float, float, float]
+Triangle4 = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Covariance of [x, vx, y, vy], upper triangle row by row."""
+
+INNOVATION = lanes_of(
+    *((name, np.float64, ()) for name in ("white_x", "white_y")),  # innovation / standard deviation
+    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2], mean of the axes
+)
+"""Innovation of one filter at the current tick."""
+
+
+class FilterModel(NamedTuple):
+    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
+
+    Attributes:
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        variance_x, variance_y: R of each axis [m^2].
+        freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
+    """
+
+    tau: float
+    process_variance: float
+    variance_x: float
+    variance_y: float
+    freedom: float = 0.0
+
+
+IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+"""P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
+
+
+def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
+    """Return a bank of zeros.
+
+    Args:
+        bank: class of the bank.
+        radii_count: n.
+        axes: number of distinct covariances, 1 or 2, where the bank distinguishes them.
+        blocks: number of blocks of tracks, the first axis of the arrays that they do not share; None is a
+            single block without this axis.
+    """
+    sizes = {"modes": 2 * radii_count + 1, "columns": radii_count + 1, "axes": axes}
+    sizes["blocks_count"] = 1 if blocks is None else blocks
+    arrays = {name: allocate(one, sizes) for name, one in declared(bank).items()}
+    if blocks is None:
+        arrays |= {name: arrays[name][0] for name in declared(bank, "tracks")}
+    return bank(**arrays)
+
+
+@internal
+def mode_type(mode: int, radii_count: int) -> int:
+    """Return the type of a mode: 0 straight, 1 left, 2 right."""
+    return 0 if mode == 0 else (1 if mode <= radii_count else 2)
+
+
+@internal
+def signed_radius(hypothesis: int, radii: FloatArray) -> float:
+    """Return the radius of a hypothesis [m], positive to the left, negative to the right, 0 if straight."""
+    if hypothesis == 0:
+        return 0.0
+    return radii[hypothesis - 1] if hypothesis <= radii.size else -radii[hypothesis - radii.size - 1]
+
+
+@internal
+def radius_column(hypothesis: int, radii_count: int) -> int:
+    """Return the column of `covariances` and `gains` of a hypothesis."""
+    return hypothesis - radii_count if hypothesis > radii_count else hypothesis
+
+
+@internal
+def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
+    """Set the estimate [x, vx, y, vy] of a filter without its covariance and centre."""
+    kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = estimate
+
+
+@internal
+def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
+    """Return the hypothesis with the maximum log-likelihood, the first one if several are equal."""
+    best = 0
+    for h in range(1, hypotheses.size):
+        if hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]:
+            best = h
+    return best
+
+
+@internal
+def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> State:
+    """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
+    kalman = hypotheses[hypothesis]
+    return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]

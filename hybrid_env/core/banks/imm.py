@@ -1,0 +1,327 @@
+"""The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
+
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
+coefficients". Each of M hypotheses has a Kalman filter of a coordinated turn (`coordinated_turn`)
+and a probability. The mode is a Markov chain with the transition matrix
+
+    1 - hazard          on the diagonal,
+    hazard / (M - 1)    elsewhere,
+
+whose rows sum to 1. A tick has three steps:
+
+1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and otherwise
+   distributed as without this knowledge. The initial condition of filter h is therefore a mixture of two
+   terms: its own estimate, with weight w, and the merged estimate of all filters, with weight 1 - w. It is
+   replaced by a normal distribution with the same mean and covariance.
+2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood, which updates the log
+   probability. Logarithms of probabilities are stored, so that none of them is lost in an outlier.
+3. Output. Mean and covariance of the mixture of all filters are the merged estimate.
+
+A filter that diverges keeps its initial condition and becomes unlikely, so that no NaN occurs.
+"""
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.coordinated_turn import (
+    condition_x,
+    exchange_axes,
+    predict_covariance,
+    turn_angle,
+    turn_coefficients,
+)
+from hybrid_env.core.banks.kalman import weigh
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.records import lanes_of
+
+IMM_HYPOTHESIS = lanes_of(
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
+    ("covariance", np.float64, (10,)),  # upper triangle row by row
+    ("log_probability", np.float64, ()),
+    ("log_likelihood", np.float64, ()),  # of the current tick
+)
+"""State of one filter."""
+
+DIVERGED = -1e3  # log-likelihood of a tick in which a filter diverges
+LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
+
+
+class ImmBank(NamedTuple):
+    """The bank of a block of tracks.
+
+    Attributes:
+        hypotheses: (M,) records `IMM_HYPOTHESIS`.
+        innovations: (M,) records `bank.INNOVATION`, temporary memory shared by the blocks of a
+            thread.
+        sums: (1,) record `SUMS`, temporary memory shared by the blocks of a thread.
+    """
+
+    hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
+    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
+    sums: Annotated[Records, Array(SUMS, (1,), "thread")]
+
+
+imm_banks = reader(ImmBank)
+imm_of_block = block_reader(ImmBank)
+
+
+class ImmModel(NamedTuple):
+    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
+
+    Attributes:
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        variance_x, variance_y: R of each axis [m^2].
+        stay_probability: diagonal entry of the transition matrix, 1 - hazard.
+        switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
+        freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
+    """
+
+    tau: float
+    process_variance: float
+    variance_x: float
+    variance_y: float
+    stay_probability: float
+    switch_probability: float
+    freedom: float = 0.0
+
+
+@inlined
+def imm_model(setting: Any, ratio: float) -> ImmModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
+    return ImmModel(
+        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
+        setting.stay_probability, setting.switch_probability, setting.freedom,
+    )  # fmt: skip
+
+
+@internal
+def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
+    """Start every filter of a lane from the merged estimate of the block.
+
+    Args:
+        bank: bank of the block.
+        block: a record with the fields `estimate`, (4, LANES), and `covariance`, (10, LANES).
+        lane: index of the track in the block.
+        known: the mode before the first tick; -1 if it is not known, all equally probable.
+    """
+    for h in range(bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        set_estimate(kalman, lane, _merged_mean(block, lane))
+        for k in range(10):
+            kalman.covariance[k, lane] = block.covariance[k, lane]
+        if known < 0:
+            kalman.log_probability[lane] = -math.log(bank.hypotheses.size)
+        else:
+            kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
+        kalman.log_likelihood[lane] = 0.0
+
+
+@inlined
+def _merged_mean(block: Any, lane: int) -> State:
+    estimate = block.estimate
+    return estimate[0, lane], estimate[1, lane], estimate[2, lane], estimate[3, lane]
+
+
+@inlined
+def _triangle(p: NDArray[np.float64], lane: int) -> Triangle4:
+    return (
+        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
+        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
+    )  # fmt: skip
+
+
+@inlined
+def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
+    """Return the prior probability of a mode in the tick, and its mixed initial condition."""
+    merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
+    probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+    from_itself = (model.stay_probability - model.switch_probability) * probability
+    prior = from_itself + model.switch_probability
+    own = from_itself / prior
+    difference = (
+        kalman.x[lane] - merged_x, kalman.vx[lane] - merged_u,
+        kalman.y[lane] - merged_y, kalman.vy[lane] - merged_v,
+    )  # fmt: skip
+    mean = (
+        merged_x + own * difference[0], merged_u + own * difference[1],
+        merged_y + own * difference[2], merged_v + own * difference[3],
+    )  # fmt: skip
+    mine, merged = _triangle(kalman.covariance, lane), _triangle(block.covariance, lane)
+    return prior, mean, mixture_of_two(own, mine, merged, difference)
+
+
+@inlined
+def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
+    """Return the predicted estimate of a filter and its covariance."""
+    x, u, y, v = mean
+    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
+    C, S, along, across = turn
+    predicted = predict_covariance(mixed, turn, model.process_variance)
+    new_x, new_y = x + along * u - across * v, y + across * u + along * v
+    return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
+
+
+@inlined
+def _step_hypothesis(
+    kalman: Any,
+    innovation: Any,
+    block: Any,
+    first: int,
+    last: int,
+    curvature: float,
+    model: Any,
+    robust: bool,
+) -> None:
+    """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
+    P = kalman.covariance
+    variance_x, variance_y = model.variance_x, model.variance_y
+    for lane in range(first, last):
+        prior, mean, mixed = mix(kalman, block, lane, model)
+        x, u, y, v = mean
+        moved, predicted = predict(mean, mixed, curvature, model)
+        new_x, new_u, new_y, new_v = moved
+        # sequential corrections by x and y; the product of both densities is the joint density
+        sigma_x = predicted[0] + variance_x
+        inverse_x = 1.0 / sigma_x
+        innovation_x = block.measurement[0, lane] - new_x
+        gain_x = innovation_x * inverse_x
+        after_x = exchange_axes(condition_x(predicted, inverse_x, variance_x))
+        sigma_y = after_x[0] + variance_y
+        inverse_y = 1.0 / sigma_y
+        innovation_y = block.measurement[1, lane] - (new_y + predicted[2] * gain_x)
+        gain_y = innovation_y * inverse_y
+        corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
+        white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
+        log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
+
+        # these comparisons are False for NaN and for values that would lead to NaN
+        valid = (
+            (sigma_x + sigma_y < LARGEST * LARGEST)
+            & (predicted[4] + predicted[9] < LARGEST * LARGEST)
+            & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
+        )
+        weight, likelihood = weigh(robust, white_x, white_y, log_variance, model.freedom)
+        gain_x, gain_y = weight * gain_x, weight * gain_y
+        kalman.x[lane] = new_x + predicted[0] * gain_x + after_x[2] * gain_y if valid else x
+        kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
+        kalman.y[lane] = new_y + predicted[2] * gain_x + after_x[0] * gain_y if valid else y
+        kalman.vy[lane] = new_v + predicted[3] * gain_x + after_x[1] * gain_y if valid else v
+        P[0, lane] = corrected[0] if valid else mixed[0]
+        P[1, lane] = corrected[1] if valid else mixed[1]
+        P[2, lane] = corrected[2] if valid else mixed[2]
+        P[3, lane] = corrected[3] if valid else mixed[3]
+        P[4, lane] = corrected[4] if valid else mixed[4]
+        P[5, lane] = corrected[5] if valid else mixed[5]
+        P[6, lane] = corrected[6] if valid else mixed[6]
+        P[7, lane] = corrected[7] if valid else mixed[7]
+        P[8, lane] = corrected[8] if valid else mixed[8]
+        P[9, lane] = corrected[9] if valid else mixed[9]
+        likelihood = likelihood if valid else DIVERGED
+        innovation.white_x[lane] = white_x if valid else 0.0
+        innovation.white_y[lane] = white_y if valid else 0.0
+        innovation.log_variance[lane] = log_variance if valid else 0.0
+        kalman.log_likelihood[lane] = likelihood
+        kalman.log_probability[lane] = log(prior) + likelihood
+
+
+@inlined
+def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
+    """Return the curvature of a hypothesis [1/m], positive to the left."""
+    radius = signed_radius(hypothesis, radii)
+    return 0.0 if radius == 0.0 else 1.0 / radius
+
+
+@internal
+def step_imm(
+    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
+) -> None:
+    """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
+
+    Args:
+        bank: bank of the block.
+        block: a record with the fields `measurement`, (2, LANES), and `estimate` and `covariance` of the
+            merged estimate, (4, LANES) and (10, LANES).
+        first, last: range of lanes.
+        radii: (n,) turn radii of the bank [m].
+        model: an `ImmModel`, or a record with its fields; with degrees of freedom the likelihood is robust,
+            see `kalman.weigh`.
+    """
+    for h in range(bank.hypotheses.size):
+        kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
+        if model.freedom > 0.0:
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, True)
+        else:
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, False)
+    normalize(bank, first, last)
+    merge(bank, block, first, last)
+
+
+@inlined
+def _finite(covariance: Triangle4, u: float, v: float) -> bool:
+    """Whether a predicted filter has not diverged; False for NaN."""
+    return (
+        (covariance[0] + covariance[7] < LARGEST * LARGEST)
+        & (covariance[4] + covariance[9] < LARGEST * LARGEST)
+        & (abs(u) + abs(v) < LARGEST)
+    )
+
+
+@internal
+def _predict_imm_hypothesis(
+    kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any
+) -> None:
+    """Mix and predict one filter of a lane in a tick without a measurement."""
+    prior, mean, mixed = mix(kalman, block, lane, model)
+    moved, predicted = predict(mean, mixed, curvature, model)
+    finite = _finite(predicted, moved[1], moved[3])
+    set_estimate(kalman, lane, moved if finite else mean)
+    for k, value in enumerate(predicted if finite else mixed):
+        kalman.covariance[k, lane] = value
+    sigma_x, sigma_y = (
+        kalman.covariance[0, lane] + model.variance_x,
+        kalman.covariance[7, lane] + model.variance_y,
+    )
+    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+    kalman.log_likelihood[lane] = 0.0
+    kalman.log_probability[lane] = log(prior)
+
+
+@internal
+def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64], model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
+
+    The probabilities follow the Markov chain. The innovations are zero; their variance is that of the
+    measurement that is missing. Arguments as in `step_imm`.
+    """
+    for h in range(bank.hypotheses.size):
+        curvature = _curvature(h, radii)
+        _predict_imm_hypothesis(bank.hypotheses[h], bank.innovations[h], block, lane, curvature, model)
+    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
+    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
+
+
+@internal
+def step_imm_irregular(
+    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
+) -> None:
+    """Advance every filter where measurements may be missing or of different variances, lane by lane.
+
+    Args:
+        block: also with `variance_ratio`, (LANES,), of the measurement over R.
+        bank, first, last, radii, model: see `step_imm`.
+    """
+    for lane in range(first, last):
+        if math.isnan(block.measurement[0, lane]):
+            predict_imm(bank, block, lane, radii, imm_model(model, 1.0))
+        else:
+            of_tick = imm_model(model, block.variance_ratio[lane])
+            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

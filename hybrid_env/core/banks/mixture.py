@@ -1,0 +1,156 @@
+"""Mixtures of the estimates of a bank: probabilities, and the first two moments.
+
+With announced switches the hypotheses have equal priors, and the posterior over them is a mixture weighted by
+the likelihoods. With unknown switches it is weighted by the probabilities of the IMM bank. The moments are
+those of Blom & Bar-Shalom 1988, "The interacting multiple model algorithm", output step.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.bank import State, Triangle4, estimate_of, likeliest
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.records import lanes_of
+
+SUMS = lanes_of(("largest", np.float64, ()), ("total", np.float64, ()))
+"""Maximum log probability of the hypotheses before normalization, and the sum relative to it."""
+
+NEGLIGIBLE = -700.0  # smaller log probabilities count as this one
+
+
+@internal
+def normalize(bank: Any, first: int, last: int) -> None:
+    """Normalize the probabilities of lanes first .. last - 1."""
+    sums = bank.sums[0]
+    for lane in range(first, last):
+        sums.largest[lane] = bank.hypotheses[0].log_probability[lane]
+        sums.total[lane] = 0.0
+    for h in range(1, bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        for lane in range(first, last):
+            sums.largest[lane] = max(sums.largest[lane], kalman.log_probability[lane])
+    for h in range(bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        for lane in range(first, last):
+            sums.total[lane] += exp(max(kalman.log_probability[lane] - sums.largest[lane], NEGLIGIBLE))
+    for h in range(bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        for lane in range(first, last):
+            # the first difference is exact where it matters, also for very small likelihoods
+            ratio = kalman.log_probability[lane] - sums.largest[lane]
+            kalman.log_probability[lane] = ratio - log(sums.total[lane])
+
+
+@internal
+def merge(bank: Any, block: Any, first: int, last: int) -> None:
+    """Write the mean and the covariance of the mixture of all filters to the block."""
+    estimate, covariance = block.estimate, block.covariance
+    origin = bank.hypotheses[0]  # sums of differences lose no digits far from the origin
+    for lane in range(first, last):
+        estimate[0, lane], estimate[1, lane] = origin.x[lane], origin.vx[lane]
+        estimate[2, lane], estimate[3, lane] = origin.y[lane], origin.vy[lane]
+        for k in range(10):
+            covariance[k, lane] = 0.0
+    for h in range(1, bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        for lane in range(first, last):
+            weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+            estimate[0, lane] += weight * (kalman.x[lane] - origin.x[lane])
+            estimate[1, lane] += weight * (kalman.vx[lane] - origin.vx[lane])
+            estimate[2, lane] += weight * (kalman.y[lane] - origin.y[lane])
+            estimate[3, lane] += weight * (kalman.vy[lane] - origin.vy[lane])
+    for h in range(bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        P = kalman.covariance
+        for lane in range(first, last):
+            weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+            a, b = kalman.x[lane] - estimate[0, lane], kalman.vx[lane] - estimate[1, lane]
+            c, d = kalman.y[lane] - estimate[2, lane], kalman.vy[lane] - estimate[3, lane]
+            covariance[0, lane] += weight * (P[0, lane] + a * a)
+            covariance[1, lane] += weight * (P[1, lane] + a * b)
+            covariance[2, lane] += weight * (P[2, lane] + a * c)
+            covariance[3, lane] += weight * (P[3, lane] + a * d)
+            covariance[4, lane] += weight * (P[4, lane] + b * b)
+            covariance[5, lane] += weight * (P[5, lane] + b * c)
+            covariance[6, lane] += weight * (P[6, lane] + b * d)
+            covariance[7, lane] += weight * (P[7, lane] + c * c)
+            covariance[8, lane] += weight * (P[8, lane] + c * d)
+            covariance[9, lane] += weight * (P[9, lane] + d * d)
+
+
+@inlined
+def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
+    """Return the covariance of a mixture of two normal distributions.
+
+    Args:
+        own: weight of the first.
+        mine, merged: covariances of the first and of the second.
+        difference: of their means.
+    """
+    rest = 1.0 - own
+    a, b, c, d = difference
+    spread = own * rest
+    return (
+        own * mine[0] + rest * merged[0] + spread * a * a,
+        own * mine[1] + rest * merged[1] + spread * a * b,
+        own * mine[2] + rest * merged[2] + spread * a * c,
+        own * mine[3] + rest * merged[3] + spread * a * d,
+        own * mine[4] + rest * merged[4] + spread * b * b,
+        own * mine[5] + rest * merged[5] + spread * b * c,
+        own * mine[6] + rest * merged[6] + spread * b * d,
+        own * mine[7] + rest * merged[7] + spread * c * c,
+        own * mine[8] + rest * merged[8] + spread * c * d,
+        own * mine[9] + rest * merged[9] + spread * d * d,
+    )
+
+
+@internal
+def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
+    """Return the posterior mean [x, vx, y, vy] of a lane [m, m/s]."""
+    largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
+    total, x, vx, y, vy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for h in range(hypotheses.size):
+        weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
+        estimate = estimate_of(hypotheses, h, lane)
+        total += weight
+        x += weight * estimate[0]
+        vx += weight * estimate[1]
+        y += weight * estimate[2]
+        vy += weight * estimate[3]
+    return x / total, vx / total, y / total, vy / total
+
+
+@internal
+def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: NDArray[np.float64]) -> None:
+    """Write the posterior covariance of a lane.
+
+    Args:
+        bank: bank of the block.
+        lane: index of the track in the block.
+        mean: from `merged_estimate`.
+        covariance: (10, LANES), upper triangle row by row; the column of the lane is written.
+    """
+    hypotheses = bank.hypotheses
+    largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
+    total = 0.0
+    for k in range(covariance.shape[0]):
+        covariance[k, lane] = 0.0
+    deviation = np.empty(4)
+    for h in range(hypotheses.size):
+        weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
+        total += weight
+        for axis, value in enumerate(estimate_of(hypotheses, h, lane)):
+            deviation[axis] = value - mean[axis]
+        entries = operations.covariance(bank, h, lane)
+        k = 0
+        for row in range(4):
+            for column in range(row, 4):
+                covariance[k, lane] += weight * (entries[k] + deviation[row] * deviation[column])
+                k += 1
+    for k in range(covariance.shape[0]):
+        covariance[k, lane] /= total

@@ -1,0 +1,273 @@
+"""The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
+
+Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate
+but not on the data. The left and the right turn of a radius therefore share them, and so do both axes if
+their measurement variances are equal. Each hypothesis has its four state estimates, the centre of its turn
+and its log-likelihood.
+
+With the robust likelihood (`kalman.weigh`) the left and the right turn still share their covariances.
+"""
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks.bank import (
+    INNOVATION,
+    FloatArray,
+    Records,
+    State,
+    Triangle4,
+    radius_column,
+    set_estimate,
+    signed_radius,
+)
+from hybrid_env.core.banks.kalman import (
+    correct_covariance,
+    kalman_gain,
+    predict_covariance,
+    student_weight,
+    weigh,
+)
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import log
+from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
+from hybrid_env.core.records import lanes_of
+
+HYPOTHESIS = lanes_of(
+    *((name, np.float64, ()) for name in ("x", "vx", "y", "vy")),  # estimate [m, m/s]
+    *((name, np.float64, ()) for name in ("centre_x", "centre_y")),  # of the turn [m]
+    ("log_likelihood", np.float64, ()),  # cumulative since the switch
+)
+"""State of one filter."""
+
+COVARIANCE = lanes_of(
+    *((name, np.float64, ()) for name in ("cosine", "sine_velocity", "sine_position")),  # of the transition
+    *((name, np.float64, ()) for name in ("xx", "xv", "vv")),  # of (position, velocity) [m^2, m^2/s, m^2/s^2]
+)
+"""Transition and covariance on one axis, shared by the filters of one radius."""
+
+GAIN = lanes_of(
+    *((name, np.float64, ()) for name in ("gain_x", "gain_v")),  # of position and velocity
+    ("whitener", np.float64, ()),  # 1 / standard deviation of the innovation [1/m]
+    ("log_variance", np.float64, ()),  # ln of the innovation variance [m^2]
+)
+"""Gain and innovation variance on one axis at the current tick, shared by the filters of one radius."""
+
+
+class PublishedBank(NamedTuple):
+    """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes.
+
+    Attributes:
+        hypotheses: (M,) records `HYPOTHESIS`.
+        covariances: (A, n + 1) records `COVARIANCE`; column 0 is straight, column c uses radius c - 1.
+        innovations: (M,) records `INNOVATION`, temporary memory shared by the blocks of a thread.
+        gains: (A, n + 1) records `GAIN`, temporary memory shared by the blocks of a thread.
+    """
+
+    hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
+    covariances: Annotated[Records, Array(COVARIANCE, ("blocks_count", "axes", "columns"))]
+    innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
+    gains: Annotated[Records, Array(GAIN, ("axes", "columns"), "thread")]
+
+
+published_banks = reader(PublishedBank)
+published_of_block = block_reader(PublishedBank)
+
+
+@internal
+def begin_published(
+    bank: PublishedBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
+) -> None:
+    """Start every filter of a lane from the anchor, which also determines turn rates and centres.
+
+    Args:
+        bank: bank of the block.
+        lane: index of the track in the block.
+        anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
+        covariance: covariance of the anchor, upper triangle row by row; covariances between the axes are
+            ignored.
+        radii: (n,) turn radii of the bank [m].
+        model: a `FilterModel`, or a record with its fields.
+    """
+    x, vx, y, vy = anchor
+    speed, heading_x, heading_y = heading_vector(vx, vy)
+    for column in range(radii.size + 1):
+        turn_rate = 0.0 if column == 0 else bank_turn_rate(speed, radii[column - 1], model.tau)
+        cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, model.tau)
+        for axis in range(bank.covariances.shape[0]):
+            shared = bank.covariances[axis, column]
+            shared.cosine[lane] = cosine
+            shared.sine_velocity[lane] = sine_velocity
+            shared.sine_position[lane] = sine_position
+            shared.xx[lane] = covariance[0] if axis == 0 else covariance[7]
+            shared.xv[lane] = covariance[1] if axis == 0 else covariance[8]
+            shared.vv[lane] = covariance[4] if axis == 0 else covariance[9]
+    for h in range(bank.hypotheses.size):
+        kalman = bank.hypotheses[h]
+        set_estimate(kalman, lane, anchor)
+        kalman.log_likelihood[lane] = 0.0
+        centre_x, centre_y = turn_centre(x, y, heading_x, heading_y, signed_radius(h, radii))
+        kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
+
+
+@inlined
+def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
+    """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
+    covariance = predict_covariance(
+        (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
+        shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane], process_variance,
+    )  # fmt: skip
+    innovation_variance = covariance[0] + variance  # Sigma = H P H' + R
+    gain_x, gain_v = kalman_gain(covariance, innovation_variance)
+    xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
+    shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
+    gain.gain_x[lane], gain.gain_v[lane] = gain_x, gain_v
+    return innovation_variance
+
+
+@inlined
+def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
+    """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
+    cosine, sine_velocity, sine_position = (
+        shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
+    )  # fmt: skip
+    x, vx = propagate(
+        kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], cosine, sine_velocity, sine_position
+    )
+    y, vy = propagate(
+        kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position
+    )
+    return x, vx, y, vy
+
+
+@inlined
+def _correct_estimate(
+    kalman: Any, predicted: State, gain_x: Any, gain_y: Any, lane: int, x: float, y: float
+) -> None:
+    """Correct the predicted estimate of a filter by an innovation, which may be weighted [m]."""
+    kalman.x[lane] = predicted[0] + gain_x.gain_x[lane] * x
+    kalman.vx[lane] = predicted[1] + gain_x.gain_v[lane] * x
+    kalman.y[lane] = predicted[2] + gain_y.gain_x[lane] * y
+    kalman.vy[lane] = predicted[3] + gain_y.gain_v[lane] * y
+
+
+@inlined
+def _step_estimates(
+    bank: PublishedBank, first: int, last: int, measurement: FloatArray, robust: bool, freedom: float
+) -> None:
+    """Predict and correct the estimates of every filter, and update their log-likelihoods."""
+    axes, columns = bank.covariances.shape
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        column = radius_column(h, columns - 1)
+        shared = bank.covariances[0, column]
+        gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
+        for lane in range(first, last):
+            predicted = predict_estimate(kalman, shared, lane)
+            innovation_x = measurement[0, lane] - predicted[0]
+            innovation_y = measurement[1, lane] - predicted[2]
+            white_x = innovation_x * gain_x.whitener[lane]
+            white_y = innovation_y * gain_y.whitener[lane]
+            log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
+            weight, likelihood = weigh(robust, white_x, white_y, log_variance, freedom)
+            _correct_estimate(
+                kalman, predicted, gain_x, gain_y, lane, weight * innovation_x, weight * innovation_y
+            )
+            innovation.white_x[lane] = white_x
+            innovation.white_y[lane] = white_y
+            innovation.log_variance[lane] = log_variance
+            kalman.log_likelihood[lane] += likelihood
+
+
+@internal
+def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
+    """Advance every filter and its log-likelihood by one tick. Golubkov 2018, eq. (2) and (4).
+
+    Args:
+        bank: bank of the block.
+        first, last: range of lanes, first .. last - 1.
+        measurement: (2, LANES) [m].
+        model: a `FilterModel`, or a record with its fields.
+    """
+    axes, columns = bank.covariances.shape
+    for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        for column in range(columns):
+            shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+            for lane in range(first, last):
+                innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+                gain.log_variance[lane] = log(innovation_variance)
+    if model.freedom > 0.0:
+        _step_estimates(bank, first, last, measurement, True, model.freedom)
+    else:
+        _step_estimates(bank, first, last, measurement, False, 0.0)
+
+
+@internal
+def follow_published(
+    bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any
+) -> None:
+    """Advance the filter of one hypothesis of a lane by one tick. Golubkov 2018, algorithm 1, line 15.
+
+    This is used after a decision. The log-likelihood is not updated.
+    """
+    axes, columns = bank.covariances.shape
+    column = radius_column(hypothesis, columns - 1)
+    for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        shared, gain = bank.covariances[axis, column], bank.gains[axis, column]
+        innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
+        if model.freedom > 0.0:
+            gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+    gain_x, gain_y = bank.gains[0, column], bank.gains[axes - 1, column]
+    kalman = bank.hypotheses[hypothesis]
+    predicted = predict_estimate(kalman, bank.covariances[0, column], lane)
+    x, y = measurement[0, lane] - predicted[0], measurement[1, lane] - predicted[2]
+    if model.freedom > 0.0:
+        weight = student_weight(x * gain_x.whitener[lane], y * gain_y.whitener[lane], model.freedom)
+        x, y = weight * x, weight * y
+    _correct_estimate(kalman, predicted, gain_x, gain_y, lane, x, y)
+
+
+@internal
+def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
+    """Advance every filter of a lane by one tick without a measurement: only the prediction of eq. (2).
+
+    The innovations are zero. Their variance is that of the measurement that is missing.
+    """
+    axes, columns = bank.covariances.shape
+    for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        for column in range(columns):
+            shared = bank.covariances[axis, column]
+            xx, xv, vv = predict_covariance(
+                (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
+                shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
+                model.process_variance,
+            )  # fmt: skip
+            shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
+            bank.gains[axis, column].log_variance[lane] = log(xx + variance)
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        column = radius_column(h, columns - 1)
+        set_estimate(kalman, lane, predict_estimate(kalman, bank.covariances[0, column], lane))
+        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+        innovation.log_variance[lane] = 0.5 * (
+            bank.gains[0, column].log_variance[lane] + bank.gains[axes - 1, column].log_variance[lane]
+        )
+
+
+@internal
+def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+    axes, columns = bank.covariances.shape
+    column = radius_column(hypothesis, columns - 1)
+    x, y = bank.covariances[0, column], bank.covariances[axes - 1, column]
+    return (
+        x.xx[lane], x.xv[lane], 0.0, 0.0, x.vv[lane], 0.0, 0.0,
+        y.xx[lane], y.xv[lane], y.vv[lane],
+    )  # fmt: skip
