@@ -12,8 +12,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures only, no window
 os.environ["COLUMNS"] = "100"  # width of the help texts
 
 project = "HybridTrack"
-author = "The HybridTrack authors"
-copyright = author
+copyright = "The HybridTrack authors"
 version = release = installed_version("hybrid-track")
 
 extensions = [
@@ -27,15 +26,11 @@ extensions = [
     "embedded_texts",
 ]
 exclude_patterns = ["_build", "_templates", "examples"]
-nitpicky = False  # types of other projects are not linked, because building needs no network
 
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 highlight_language = "text"
 default_role = "literal"  # `name` in docstrings is code
-autosummary_generate = True
-autosummary_imported_members = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state shapes and units
 autodoc_preserve_defaults = True
@@ -58,18 +53,14 @@ sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"/example_",
-    "ignore_pattern": r"__init__\.py",
     "within_subsection_order": "FileNameSortKey",
     "backreferences_dir": "api/examples",
     "doc_module": ("hybrid_env", "baselines", "agents"),
-    "remove_config_comments": True,
     "show_signature": False,
     "download_all_examples": False,
-    "plot_gallery": True,
     "capture_repr": (),
     "abort_on_example_error": True,
     "min_reported_time": 1000,
-    "image_scrapers": ("matplotlib",),
 }
 
 warnings.filterwarnings("ignore", message=".*non-interactive.*")

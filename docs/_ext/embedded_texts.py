@@ -32,9 +32,8 @@ def help_text(command: str) -> str:
 
     output = io.StringIO()
     with contextlib.redirect_stdout(output):
-        main([*command.split(), "--help"])
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", output.getvalue())
-    return f"```text\n{plain}```"
+        main([command, "--help"])
+    return f"```text\n{output.getvalue()}```"
 
 
 def file(name: str) -> str:

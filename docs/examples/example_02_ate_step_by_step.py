@@ -3,7 +3,7 @@ ATE step by step on one track
 =============================
 
 The algorithm ATE of Golubkov 2018: at every switch it starts one Kalman filter per hypothesis from its estimate, adds up
-log-likelihood ratios to the mode decided last, and decides when one of them leaves Wald's two thresholds.
+the log-likelihood ratios to the mode decided last, and decides when one of them crosses one of Wald's two thresholds.
 """
 
 # %%

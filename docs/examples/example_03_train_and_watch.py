@@ -14,9 +14,9 @@ same with a run folder, checkpoints and a learning curve.
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from agents.evaluation.evaluate import evaluate
 from stable_baselines3 import PPO
 
+from agents.evaluation.announced import evaluate
 from agents.learned.policy import PolicyDecider
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines import SPRTDecider
@@ -44,10 +44,10 @@ model.learn(steps)
 decider = PolicyDecider(model.policy)
 deciders = {"PPO": decider, "ATE": SPRTDecider(1e-3)}
 for name, rule in deciders.items():
-    figures = evaluate(rule, episodes=300).summary()
+    decisions = evaluate(rule, episodes=300)
     print(
-        f"{name}: reward {figures['reward']['mean']:.3f} a segment, "
-        f"{100 * figures['accuracy']['mean']:.1f} % correct after {figures['ticks']['mean']:.1f} ticks"
+        f"{name}: reward {decisions.reward.mean():.3f} a segment, "
+        f"{100 * decisions.correct.mean():.1f} % correct after {decisions.ticks.mean():.1f} ticks"
     )
 
 # %%

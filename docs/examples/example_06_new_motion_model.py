@@ -75,4 +75,4 @@ plt.show()
 
 # %%
 # To train on such motion it has to become part of the environment, as a word of its schemes. The
-# :doc:`developer guide <../developer>` says which four files that concerns.
+# :doc:`developer guide <../developer>` says which files that concerns.

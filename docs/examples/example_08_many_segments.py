@@ -14,10 +14,10 @@ import time
 import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
-from agents.evaluation.evaluate import evaluate
 from scipy import stats
 
 import hybrid_env
+from agents.evaluation.announced import evaluate
 from baselines import MSPRTDecider, SPRTDecider
 
 tracks = 16_667
@@ -41,7 +41,7 @@ print(f"{correct.size:,} segments: {100 * correct.mean():.2f} % correct after {t
 print("less than 20 s" if time.perf_counter() - began < 20.0 else "slower than expected")
 
 # %%
-# :func:`agents.evaluation.evaluate.evaluate` is this loop for any decider. The decision times of two rules with about the
+# :func:`agents.evaluation.announced.evaluate` is this loop for any decider. The decision times of two rules with about the
 # same accuracy, and the error over the decision time:
 
 rules = {"ATE (SPRT)": SPRTDecider(1e-4), "MSPRT": MSPRTDecider(0.03)}
