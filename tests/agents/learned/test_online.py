@@ -3,7 +3,7 @@
 import pytest
 from online_episodes import COMMON, same_as_announced
 
-from agents.evaluation.deciders import load_decider
+from agents.evaluation.registry import load_decider
 from hybrid_env import WorldOptions
 
 

@@ -8,8 +8,8 @@ import torch
 
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.runs import make_run, resume_run
-from agents.training.statement_reward import change_probabilities, expected_reward
-from agents.training.statements import simulate
+from agents.training.expected_reward import change_probabilities, expected_reward
+from agents.training.simulated_tracks import simulate
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 

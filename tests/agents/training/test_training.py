@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from agents.evaluation.deciders import load_decider, policy_family
-from agents.evaluation.evaluate import evaluate
+from agents.evaluation.registry import load_decider
+from agents.evaluation.announced import evaluate
 from agents.learned.policy import PolicyDecider, load_actor, make_policy
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import Recipe, load_recipe, recipe_of
