@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from agents.learned.policy_file import load_policy
-from agents.training import anchor, learning_curve
+from agents.training import anchor, learning_curve, simulated_flights
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
@@ -24,12 +24,9 @@ SMALL_ANCHOR = (
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
 )  # fmt: skip
 SMALL_STATEMENTS = (
-    "n_envs=8",
-    "batch_size=8",
-    "n_steps=25",
-    "hidden=6",
-    "durations=[uniform 5-20, geometric 30]",
-)
+    "n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "durations=[uniform 5-20, geometric 30]",
+)  # fmt: skip
+SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 KINDS = {
@@ -43,6 +40,7 @@ KINDS = {
     ),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
+    "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
@@ -53,13 +51,17 @@ def log_often(set_value=setattr):
     set_value(learning_curve, "FIRST_EVALUATION", 1000)
     set_value(learning_curve, "EPISODES", 5)
     set_value(learning_curve.LearningCurve, "reference_reward", 0.5)
+    set_value(simulated_flights, "CURVE_FLIGHTS", (1, 1, 1, 1))
     set_value(anchor, "LOG_EVERY", 2)
 
 
-def small_run(kind, folder, steps):
-    """A new run."""
+def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
+    """A new run, with further changes of hyper-parameters."""
+    if kind == "recurrent-ppo":
+        pytest.importorskip("sb3_contrib")
     recipe, env, options, changes = KINDS[kind]
-    return make_run(f"hybrid_env:{env}", options, load_recipe(recipe, env, changes), 3, folder, steps)
+    recipe = load_recipe(recipe, env, (*changes, *more))
+    return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
 
 def outcome(folder):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.registry import SHIPPED, find_decider, policy_folder, split_threshold
 from agents.evaluation.task import Metric
+from agents.learned.families import learned_family
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turn_imm import run_turn_imm
 from baselines.recordings.flights.batch import stack_flights
@@ -97,8 +98,6 @@ class FlightTask:
         Raises:
             ArgumentError: there is no such decider.
         """
-        from agents.learned.flight_decider import FlightAgent, load_flight_agent
-
         if self.form == SEMI_REAL:
             family, threshold = find_decider(name, WORLD)
             made: Decider = family.make(threshold)
@@ -113,7 +112,8 @@ class FlightTask:
         if not folder.is_dir():
             names = ", ".join((*known, AGENT))
             raise reject("deciders", name, f"{names} with --flights, or the folder of an agent")
-        return FlightAgent(load_flight_agent(folder), given or 0.0)
+        made = learned_family(folder).make(given or 0.0)
+        return made
 
     def read(self) -> list[Flight]:
         """Return the flights of the tiers.

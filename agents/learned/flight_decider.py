@@ -1,6 +1,5 @@
 """The agent for flights: a recurrent network on the output of the filter, trained in simulation only."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,14 +7,12 @@ import torch
 from numpy.typing import NDArray
 
 from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilities
-from agents.learned.policy_file import load_network, load_policy
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet
 from baselines.recordings.flights.labels import STRAIGHT
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, Actions
 
-SHIPPED = Path(__file__).parent / "shipped_flights"
 BLOCK = 500  # positions that the network processes at once
 
 
@@ -63,21 +60,3 @@ class FlightAgent(UtilityDecider):
         started = np.ones(len(observation), np.bool_)
         actions = self.largest(observation[:, :3].copy(), observation[:, 3], stated, started)
         return actions, actions
-
-
-def load_flight_agent(folder: Path) -> StatementNet:
-    """Return the network of a folder.
-
-    Raises:
-        ArgumentError: the files are missing or damaged.
-    """
-    return load_network(folder, *load_policy(folder), FlightAgent.network)
-
-
-def shipped_flight_decider(margin: float = 0.0) -> FlightAgent:
-    """Return the agent whose weights are part of the package.
-
-    Args:
-        margin: see `UtilityDecider`; a larger one gives fewer false changes and longer delays.
-    """
-    return FlightAgent(load_flight_agent(SHIPPED), margin)

@@ -7,8 +7,8 @@
 - `anchor`, `anchor_stream`: the anchor agent, and the tracks that it decides on.
 - `statements`: agents that are trained on the reward that `expected_reward` predicts of their statements, on
   `simulated_tracks` or on `simulated_flights`.
-- `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk; `state`: the parts of
-  tracks and random generators.
+- `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk; `state`: that of tracks
+  and random generators.
 - `learning_curve`, `learning_figure`: evaluation during training, and its plot.
 
 May import: `hybrid_env`, `baselines`, `agents.interface`, `agents.learned`, `agents.evaluation`.

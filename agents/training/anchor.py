@@ -8,7 +8,6 @@ declarations.
 """
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,9 +22,8 @@ from agents.evaluation.drawn_worlds import draw_world
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks
 from agents.learned.policy_file import save_policy
 from agents.learned.regret_net import regret_inputs
-from agents.training import run_folder
 from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout, SampleBuffer
-from agents.training.run import OwnNetworkRun, TrainingProgress
+from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import AnchorSettings, TrainingWorld
 from agents.training.state import check_tracks, restore_generator
 from baselines.rules import seeds
@@ -66,15 +64,20 @@ class AnchorRun(OwnNetworkRun):
         self._declarations = SampleBuffer(self.settings.buffer_size, DECLARATION + 1)
         self._generation = 0
         self._streams = self._draw_streams()
-        self._tracks = sum(stream.tracks for stream in self._streams)
+        self._round_steps = self.settings.n_steps * sum(stream.tracks for stream in self._streams)
+        self._recent: list[tuple[float, float]] = []
 
-    def steps_changed(self) -> None:
-        """Draw new random worlds, when a new generation of them begins."""
-        updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
-        generation = updates // self.settings.updates_per_world
+    def set_steps(self, steps: int) -> None:
+        """See `Run.set_steps`; draws new random worlds when a new generation of them begins."""
+        super().set_steps(steps)
+        generation = self._updates // self.settings.updates_per_world
         if self.settings.drawn_worlds and generation != self._generation:
             self._generation = generation
             self._streams = self._draw_streams()
+
+    @property
+    def _updates(self) -> int:
+        return self.num_timesteps // self._round_steps
 
     def _draw_streams(self) -> list[AnchorStream]:
         """Return tracks of the fixed worlds and of random ones, one stream for each number of hypotheses."""
@@ -126,29 +129,22 @@ class AnchorRun(OwnNetworkRun):
     def _generators(self) -> list[np.random.Generator]:
         return [self._generator, *(stream.generator for stream in self._streams)]
 
-    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """Train for the remaining steps; see `Run.learn`."""
-        recent: list[tuple[float, float]] = []
+    def train_round(self) -> Round:
+        """See `OwnNetworkRun.train_round`."""
         # one thread per stream; the samples do not depend on the order of completion
         with ThreadPoolExecutor(len(self._streams)) as pool:
-            while self.num_timesteps < self.steps:
-                self.between_updates()
-                for rollout in pool.map(self._rollout, self._streams):
-                    self._anchors.add(rollout.anchors)
-                    self._declarations.add(rollout.declarations)
-                    recent = (recent + rollout.decisions)[-RECENT_STEPS:]
-                self.set_learning_rate()
-                losses = self._update()
-                self.num_timesteps += self.settings.n_steps * self._tracks
-                reward, ticks = np.mean(recent, axis=0) if recent else (math.nan, math.nan)
-                if on_progress is not None:
-                    progress = TrainingProgress(self.num_timesteps, self.steps, float(reward), float(ticks))
-                    on_progress(progress)
-                updates = self.num_timesteps // (self.settings.n_steps * self._tracks)
-                if self.folder is not None and updates % LOG_EVERY == 0:
-                    metrics = dict(zip(("anchor_loss", "regret_loss"), losses, strict=True))
-                    metrics["seconds"] = self.seconds
-                    run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
+            for rollout in pool.map(self._rollout, self._streams):
+                self._anchors.add(rollout.anchors)
+                self._declarations.add(rollout.declarations)
+                self._recent = (self._recent + rollout.decisions)[-RECENT_STEPS:]
+        self.set_learning_rate()
+        losses = dict(zip(("anchor_loss", "regret_loss"), self._update(), strict=True))
+        reward, ticks = np.mean(self._recent, axis=0) if self._recent else (math.nan, math.nan)
+        return Round(self._round_steps, float(reward), float(ticks), losses)
+
+    def is_logged(self) -> bool:
+        """See `OwnNetworkRun.is_logged`."""
+        return self._updates % LOG_EVERY == 0
 
     def _rollout(self, stream: AnchorStream) -> Rollout:
         return stream.rollout(self.net, self.settings)

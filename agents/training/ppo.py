@@ -14,8 +14,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
-from torch import Tensor, nn
-from torch.optim import Optimizer
+from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ACTORS, ActorDecider, save_actor
@@ -42,6 +41,7 @@ class _RunCallback(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
+        self.run.num_timesteps = self.model.num_timesteps
         self.run.between_updates()  # the update for all steps so far is complete
 
     def _on_rollout_end(self) -> None:
@@ -115,28 +115,13 @@ class PPORun(Run):
         self.model._last_episode_starts = np.ones(settings.n_envs, np.bool_)
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
+        self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
         self._random: dict[str, Any] | None = None
         self._logged: dict[str, float] = {}
 
-    @property
-    def network(self) -> nn.Module:
-        """The policy, with actor and critic."""
-        policy: nn.Module = self.model.policy
-        return policy
-
-    @property
-    def optimizer(self) -> Optimizer:
-        """Its optimizer."""
-        optimizer: Optimizer = self.model.policy.optimizer
-        return optimizer
-
-    @property
-    def num_timesteps(self) -> int:
-        """Environment steps so far."""
-        return int(self.model.num_timesteps)
-
-    @num_timesteps.setter
-    def num_timesteps(self, steps: int) -> None:
+    def set_steps(self, steps: int) -> None:
+        """See `Run.set_steps`."""
+        super().set_steps(steps)
         self.model.num_timesteps = steps
 
     def track_seeds(self) -> list[int]:
@@ -227,6 +212,7 @@ class PPORun(Run):
         callback = _RunCallback(self, on_progress)
         try:
             model.learn(self.steps - self.num_timesteps, callback, reset_num_timesteps=False)
+            self.num_timesteps = model.num_timesteps
         except ArgumentError:
             raise
         except ValueError as error:  # probabilities that are not finite

@@ -62,7 +62,13 @@ class Run(ABC):
         saved: the checkpoint that the run starts from; None for a new run.
         seconds: training time so far, without evaluations.
         last_evaluation: last point of the learning curve.
+        num_timesteps: environment steps so far.
+        network: the trained module; set by `build`.
+        optimizer: its optimizer; set by `build`.
     """
+
+    network: nn.Module
+    optimizer: Optimizer
 
     next_command: ClassVar[str] = "hybridtrack evaluate"
     """Command that evaluates a run folder."""
@@ -85,7 +91,7 @@ class Run(ABC):
                 self.saved = checkpoint.read_checkpoint(folder)
             else:
                 run_folder.check_free(folder)
-        self.seconds = 0.0
+        self.seconds, self.num_timesteps = 0.0, 0
         self.last_evaluation: dict[str, float] = {}
         self.curve = self.make_curve()
         self._opened = False
@@ -106,24 +112,9 @@ class Run(ABC):
     def build(self) -> None:
         """Create network and tracks; invalid settings are refused before anything is written."""
 
-    @property
-    @abstractmethod
-    def num_timesteps(self) -> int:
-        """Environment steps so far."""
-
-    @num_timesteps.setter
-    @abstractmethod
-    def num_timesteps(self, steps: int) -> None: ...
-
-    @property
-    @abstractmethod
-    def network(self) -> nn.Module:
-        """The trained module."""
-
-    @property
-    @abstractmethod
-    def optimizer(self) -> Optimizer:
-        """Its optimizer."""
+    def set_steps(self, steps: int) -> None:
+        """Set the number of environment steps so far, also to that of a checkpoint."""
+        self.num_timesteps = steps
 
     @abstractmethod
     def track_tensors(self) -> dict[str, Tensor]:
@@ -230,7 +221,8 @@ class Run(ABC):
     def _restore(self, saved: checkpoint.Checkpoint) -> None:
         assert self.folder is not None
         try:
-            self.num_timesteps, self.seconds = saved.values["steps"], saved.values["seconds"]
+            self.set_steps(saved.values["steps"])
+            self.seconds = saved.values["seconds"]
             self.last_evaluation = checkpoint.check_scalars(saved.values["measured"])
             if self.num_timesteps:
                 checkpoint.allocate_optimizer_state(self.optimizer)
@@ -261,49 +253,62 @@ class Run(ABC):
         self._opened = True
 
 
+@dataclass(frozen=True)
+class Round:
+    """What `OwnNetworkRun.train_round` reports.
+
+    Attributes:
+        steps: environment steps of the round.
+        reward, ticks: see `TrainingProgress`.
+        metrics: for the metrics of the run folder.
+    """
+
+    steps: int
+    reward: float
+    ticks: float
+    metrics: dict[str, float]
+
+
 class OwnNetworkRun(Run):
-    """A run that trains a network of this package with Adam; its `build` calls `start`."""
+    """A run that trains a network of this package with Adam, in rounds; its `build` calls `start`."""
 
     smallest_factor: ClassVar[float]
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
 
     def start(self, network: nn.Module, learning_rate: str | float) -> None:
-        """Create the optimizer of a new network, and count steps from zero."""
-        self._network, self._num_timesteps = network, 0
+        """Create the optimizer of a new network."""
+        self.network = network
         self._rate, self._decays = learning_rate_schedule(learning_rate)
-        self._optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
         for parameter in network.parameters():  # a part without samples yet has no gradient
             parameter.grad = torch.zeros_like(parameter)
+
+    @abstractmethod
+    def train_round(self) -> Round:
+        """Simulate, and train on it."""
+
+    def is_logged(self) -> bool:
+        """Return whether the metrics of a round that ends now are written."""
+        return True
+
+    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
+        """Train for the remaining steps; see `Run.learn`."""
+        while self.num_timesteps < self.steps:
+            self.between_updates()
+            now = self.train_round()
+            self.set_steps(self.num_timesteps + now.steps)
+            if on_progress is not None:
+                on_progress(TrainingProgress(self.num_timesteps, self.steps, now.reward, now.ticks))
+            if self.folder is not None and self.is_logged():
+                metrics = now.metrics | {"seconds": self.seconds}
+                run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
 
     def set_learning_rate(self) -> None:
         """Set the learning rate of the next update."""
         factor = max(self.smallest_factor, self.remaining()) if self._decays else 1.0
-        for group in self._optimizer.param_groups:
+        for group in self.optimizer.param_groups:
             group["lr"] = self._rate * factor
 
     def remaining(self) -> float:
         """Return the share of the training that remains."""
         return 1.0 - self.num_timesteps / self.steps
-
-    @property
-    def num_timesteps(self) -> int:
-        """Environment steps so far."""
-        return self._num_timesteps
-
-    @num_timesteps.setter
-    def num_timesteps(self, steps: int) -> None:
-        self._num_timesteps = steps
-        self.steps_changed()
-
-    def steps_changed(self) -> None:
-        """Called after `num_timesteps` has been set, also by a checkpoint."""
-
-    @property
-    def network(self) -> nn.Module:
-        """The network."""
-        return self._network
-
-    @property
-    def optimizer(self) -> torch.optim.Optimizer:
-        """Its optimizer."""
-        return self._optimizer

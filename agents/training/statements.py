@@ -4,8 +4,9 @@ Every round simulates new tracks or flights in batches. Each batch is divided in
 one step of the optimizer is made for every piece.
 """
 
+import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,9 +17,8 @@ from torch import Tensor, nn
 
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_decider import UtilityDecider
-from agents.training import run_folder
 from agents.training.expected_reward import Batch, cross_entropy, expected_reward
-from agents.training.run import OwnNetworkRun, TrainingProgress
+from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import ExpectedRewardSettings
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.quickest_options import QuickestOptions
@@ -77,19 +77,12 @@ class StatementRun(OwnNetworkRun):
         if self.num_timesteps % self.round_steps:
             raise ValueError("the number of steps is not one of complete rounds")
 
-    def learn(self, on_progress: Callable[[TrainingProgress], None] | None) -> None:
-        """Train for the remaining steps; see `Run.learn`."""
-        while self.num_timesteps < self.steps:
-            self.between_updates()
-            rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
-            self.num_timesteps += self.round_steps
-            reward = float(np.mean(rewards))
-            if on_progress is not None:
-                on_progress(TrainingProgress(self.num_timesteps, self.steps, reward, float("nan")))
-            if self.folder is not None:
-                metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
-                metrics["seconds"] = self.seconds
-                run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
+    def train_round(self) -> Round:
+        """See `OwnNetworkRun.train_round`."""
+        rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
+        reward = float(np.mean(rewards))
+        metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
+        return Round(self.round_steps, reward, math.nan, metrics)
 
     def _train_on(self, batch: Batch) -> tuple[float, float]:
         """Make one step of the optimizer for each piece; return the means of reward and cross-entropy."""

@@ -7,23 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from agents.evaluation.deciders import load_decider
-from agents.evaluation.evaluate import evaluate
 from scipy.stats import multivariate_normal
 
-from agents.learned.anchor_decider import (
-    AnchorDecider,
-    AnchorNetworks,
-    errors_and_best,
-    load_anchor,
-    save_anchor,
-)
+from agents.evaluation.announced import evaluate
+from agents.evaluation.registry import load_decider
+from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
 from agents.learned.dimensionless import Scales
-from agents.learned.policy_file import load_policy
+from agents.learned.policy_file import load_network, load_policy, save_policy
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.estimation.component_filters import stated_covariance
+from baselines.rules.decider import ANNOUNCED
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -195,9 +190,10 @@ def test_dropping_finished_tracks_changes_no_decision():
 
 def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
     net = random_net()
-    save_anchor(tmp_path, net, {"environment": ENV, "options": {}, "recipe": SMALL.as_json()})
+    card = {"environment": ENV, "options": {}, "recipe": SMALL.as_json()}
+    save_policy(tmp_path, net.state_dict(), card, ANNOUNCED)
     weights, card = load_policy(tmp_path)
-    again = load_anchor(tmp_path, weights, card)
+    again = load_network(tmp_path, weights, card, AnchorNetworks)
     for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
         assert torch.equal(one, other)
     decider = load_decider(f"{tmp_path}:0.05", WorldOptions())
@@ -209,7 +205,7 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
         load_policy(tmp_path)
     card["recipe"]["entry"]["hidden"] = 7
     with pytest.raises(ValueError, match="run="):
-        load_anchor(tmp_path, weights, card)
+        load_network(tmp_path, weights, card, AnchorNetworks)
     (tmp_path / "policy.safetensors").write_bytes(b"\x00")
     with pytest.raises(ValueError, match="run="):
         load_policy(tmp_path)

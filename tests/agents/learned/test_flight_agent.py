@@ -1,20 +1,24 @@
+"""The agent for recorded flights: what it states, its mirror image, and its files."""
+
 import numpy as np
 import pytest
 import torch
 
-from agents.learned.flight_decider import (
-    FlightAgent,
-    load_flight_agent,
-    save_flight_agent,
-    shipped_flight_decider,
-)
-from agents.learned.flight_inputs import INPUTS, flight_inputs
-from agents.learned.statement_net import StatementNet
+from agents.evaluation.registry import policy_folder
+from agents.learned.families import learned_family
+from agents.learned.flight_decider import FlightAgent
+from agents.learned.flight_inputs import flight_inputs
+from agents.learned.policy_file import save_policy
 from baselines.estimation.turn_imm import run_turn_imm
 from baselines.recordings.flights.batch import stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS
+from baselines.recordings.flights.tracks import FlightTracks
+from baselines.rules.decider import FLIGHTS
+from hybrid_env import QuickestOptions
 from hybrid_env.checks import ArgumentError
+
+CARD = {"recipe": {"name": "flights", "entry": {"algo": "flights", "hidden": 4}}}
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +26,22 @@ def batch():
     return stack_flights(simulate_flights(TIERS["B"], 2, 700.0, np.random.default_rng(5))[0])
 
 
+def statements(agent, batch):
+    """Statements (T, B) at all positions."""
+    tracks = FlightTracks(batch, run_turn_imm(batch))
+    observation, state, stated = tracks.reset()[0], None, []
+    for _ in batch.times:
+        observation = agent.observe(tracks)
+        actions, state = agent.predict(observation, state)
+        stated.append(actions)
+        tracks.step(actions)
+    return np.array(stated)
+
+
 def test_an_untrained_agent_without_stay_states_the_most_probable_mode(batch):
-    estimates = run_turn_imm(batch)
-    agent = FlightAgent(StatementNet(4, INPUTS), margin=-float(np.log1p(np.exp(2.0))))
-    stated = agent.state_modes(batch, estimates)
-    assert (stated == estimates.probabilities.argmax(-1))[1:].all()
+    agent = FlightAgent(FlightAgent.network(4), margin=-float(np.log1p(np.exp(2.0))))
+    probable = run_turn_imm(batch).probabilities.argmax(-1)
+    assert (statements(agent, batch) == probable)[1:].all()
 
 
 def test_a_mirrored_flight_gives_mirrored_statements(batch):
@@ -34,19 +49,19 @@ def test_a_mirrored_flight_gives_mirrored_statements(batch):
     inputs = flight_inputs(batch, run_turn_imm(batch))
     other = flight_inputs(mirrored, run_turn_imm(mirrored))
     np.testing.assert_allclose(inputs[:, :, ::-1], other, atol=1e-3)
-    agent = shipped_flight_decider()
-    one, two = (agent.state_modes(some, run_turn_imm(some)) for some in (batch, mirrored))
+    agent = learned_family(policy_folder("shipped", FLIGHTS)).make(0.0)
+    one, two = (statements(agent, some) for some in (batch, mirrored))
     assert ((np.array([0, 2, 1])[one] == two).mean()) > 0.99  # ties of rounding errors
 
 
 def test_weights_are_saved_and_loaded(tmp_path):
-    net = StatementNet(4, INPUTS)
-    save_flight_agent(tmp_path, net, {"settings": {"hidden": 4}})
-    loaded = load_flight_agent(tmp_path)
-    assert all(
-        torch.equal(a, b)
-        for a, b in zip(net.state_dict().values(), loaded.state_dict().values(), strict=True)
-    )
+    net = FlightAgent.network(4)
+    save_policy(tmp_path, net.state_dict(), CARD, FLIGHTS)
+    loaded = learned_family(tmp_path).make(0.0).net
+    for one, other in zip(net.state_dict().values(), loaded.state_dict().values(), strict=True):
+        assert torch.equal(one, other)
+    with pytest.raises(ArgumentError, match="a policy for unknown switch moments"):
+        learned_family(tmp_path, QuickestOptions())
     (tmp_path / "policy.safetensors").write_bytes(b"no")
     with pytest.raises(ArgumentError, match="run="):
-        load_flight_agent(tmp_path)
+        learned_family(tmp_path)

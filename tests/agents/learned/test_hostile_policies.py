@@ -5,18 +5,18 @@ import json
 import numpy as np
 import pytest
 import torch
-from agents.evaluation.deciders import load_decider
-from agents.evaluation.statement_deciders import statement_decider
 from hostile_input import accepted, damaged, mutated, profile
 from hypothesis import given
 
+from agents.evaluation.registry import load_decider
 from agents.interface.world_arguments import WorldArguments
-from agents.learned.anchor_decider import AnchorNetworks, save_anchor
+from agents.learned.anchor_decider import AnchorNetworks
 from agents.learned.policy import make_policy, save_actor
 from agents.learned.policy_file import CARD, WEIGHTS, save_policy
-from agents.learned.statement_net import StatementNet
+from agents.learned.statement_decider import StatementDecider
 from agents.training.recipe import load_recipe
-from hybrid_env import HybridTrackVectorEnv, QuickestLayout, QuickestOptions
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
+from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
@@ -30,7 +30,7 @@ def card_of(recipe, *changes):
 
 def save_small_anchor(folder):
     torch.manual_seed(0)
-    save_anchor(folder, AnchorNetworks(4), card_of("anchor", "hidden=4"))
+    save_policy(folder, AnchorNetworks(4).state_dict(), card_of("anchor", "hidden=4"), ANNOUNCED)
 
 
 def save_small_actor(folder, recipe="ppo", **policy_kwargs):
@@ -56,7 +56,7 @@ def save_small_statements(folder):
         "environment": "hybrid_env:HybridTrackQuickest-v0", "options": {"ticks": 20}, "seed": 0,
         "recipe": recipe.as_json(),
     }  # fmt: skip
-    save_policy(folder, StatementNet(4).state_dict(), card, QuickestLayout)
+    save_policy(folder, StatementDecider.network(4).state_dict(), card, UNKNOWN)
 
 
 KINDS = [save_small_anchor, save_small_actor, save_small_statements, save_small_recurrent]
@@ -66,10 +66,7 @@ def decide(folder):
     """Load the decider of a run folder as a command does; it then decides on some ticks."""
     env_id, options = WorldArguments().world_of(str(folder))
     env = make_track_vector_env(env_id, 3, **options)
-    if isinstance(env.options, QuickestOptions):
-        _, _, decider = statement_decider(str(folder), env.options)
-    else:
-        decider = load_decider(str(folder), env.options)
+    decider = load_decider(str(folder), env.options)
     rows, state = env.reset(seed=0)[0], None
     for _ in range(3):
         actions, state = decider.predict(rows, state, np.zeros(3, np.bool_))

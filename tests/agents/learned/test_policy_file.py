@@ -6,21 +6,22 @@ import shutil
 
 import pytest
 import torch
-from agents.evaluation.deciders import SHIPPED_FOLDER, load_decider
 from hostile_input import accepted
 from safetensors.torch import load_file, save_file
 
 from agents.cli import main
+from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy_file import CARD, WEIGHTS
+from baselines.rules.decider import ANNOUNCED
 from hybrid_env import WorldOptions
 from hybrid_env.checks import ArgumentError
 
 
 @pytest.fixture
 def folder(tmp_path):
-    shutil.copytree(SHIPPED_FOLDER, tmp_path / "run")
+    shutil.copytree(policy_folder("shipped", ANNOUNCED), tmp_path / "run")
     return tmp_path / "run"
 
 

@@ -1,20 +1,19 @@
 """The agent that states the present mode: invariances, one tick at a time, files."""
 
-import json
-
 import numpy as np
 import pytest
 import torch
-from agents.evaluation.statement_deciders import learned_statement_family
 
-from agents.learned.policy_file import load_policy, save_policy
-from agents.learned.statement_decider import StatementDecider, load_statements
+from agents.learned.families import learned_family
+from agents.learned.policy_file import save_policy
+from agents.learned.statement_decider import StatementDecider
 from agents.learned.statement_inputs import INPUTS, statement_inputs
 from agents.learned.statement_net import StatementNet
 from agents.training.recipe import load_recipe
-from agents.training.statements import simulate
+from agents.training.simulated_tracks import simulate
 from baselines import ThresholdDecider, measure_statements, record_statements
-from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
+from baselines.rules.decider import UNKNOWN
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions, WorldOptions
 
 RECIPE = load_recipe("statements", "HybridTrackQuickest-v0", ("hidden=8",))
 TRACKS = 12
@@ -141,20 +140,19 @@ def test_a_larger_margin_changes_the_statement_less_often():
 def test_weights_are_restored_and_a_folder_is_a_decider(tmp_path):
     net = random_net()
     card = {"environment": "HybridTrackQuickest-v0", "options": {}, "recipe": RECIPE.as_json()}
-    save_policy(tmp_path, net.state_dict(), card, QuickestLayout)
-    weights, card = load_policy(tmp_path)
-    again = load_statements(tmp_path, weights, card)
-    for one, other in zip(net.state_dict().values(), again.state_dict().values(), strict=True):
+    save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
+    decider = learned_family(tmp_path, QuickestOptions()).make(1.5)
+    for one, other in zip(net.state_dict().values(), decider.net.state_dict().values(), strict=True):
         assert torch.equal(one, other)
-    family = learned_statement_family("mine", tmp_path, QuickestOptions())
-    assert family.make(1.5).margin == 1.5
-    card["recipe"]["entry"]["hidden"] = 7
-    with pytest.raises(ValueError, match="run="):
-        load_statements(tmp_path, weights, card)
-    card["recipe"]["entry"]["hidden"] = 10**9
-    (tmp_path / "policy.json").write_text(json.dumps(card))
-    with pytest.raises(ValueError, match="run="):
-        learned_statement_family("mine", tmp_path, QuickestOptions())
+    assert decider.margin == 1.5
+    for options in (WorldOptions(), None):
+        with pytest.raises(ValueError, match="a policy for"):
+            learned_family(tmp_path, options)
+    for hidden in (7, 10**9):
+        card["recipe"]["entry"]["hidden"] = hidden
+        save_policy(tmp_path, net.state_dict(), card, UNKNOWN)
+        with pytest.raises(ValueError, match="run="):
+            learned_family(tmp_path, QuickestOptions())
 
 
 def test_invalid_arguments_are_refused():

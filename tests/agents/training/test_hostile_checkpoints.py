@@ -17,7 +17,10 @@ from hybrid_env import Layout, QuickestLayout, QuickestOptions
 from hybrid_env.registration import environment_options
 
 KNOWN_SWITCHES = "hybrid_env:HybridTrack-v0", {"scheme": "random 2x5-8"}
-ENVIRONMENTS = {"statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"})}
+ENVIRONMENTS = {
+    "statements": ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 8, "durations": "uniform 2-4"}),
+    "flights": ("hybrid_env:HybridTrack-v0", {}),
+}
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
@@ -28,6 +31,7 @@ RECIPES = {
         "hidden=4",
         "durations=[uniform 2-4, geometric 3]",
     ),
+    "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
 
 
@@ -36,7 +40,8 @@ def resume(folder):
     run = resume_run(folder)
     family = run.family("run")
     states = environment_options(run.env_id) is QuickestOptions
-    rows = np.zeros((2, (QuickestLayout if states else Layout)(3).width), np.float32)
+    width = 4 if run.recipe.algo == "flights" else (QuickestLayout if states else Layout)(3).width
+    rows = np.zeros((2, width), np.float32)
     if family.hypotheses in (None, 3):
         assert family.make(family.default).predict(rows, None, np.ones(2, np.bool_))[0].shape == (2,)
     assert run.num_timesteps >= 0

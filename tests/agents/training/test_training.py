@@ -1,270 +1,249 @@
-"""Training: reproducible, resumable, and with consistent files."""
+"""Training of agents of every kind: seeds, what they learn, their run folders, and what is refused."""
 
 import json
 
 import numpy as np
 import pytest
+import small_training
 import torch
-from agents.evaluation.deciders import load_decider, policy_family
-from agents.evaluation.evaluate import evaluate
+from small_training import KINDS, QUICK, SCHEME, SMALL_PPO, log_often, small_run
 
-from agents.learned.policy import PolicyDecider, load_actor, make_policy
-from agents.learned.policy_file import load_policy
-from agents.training.recipe import Recipe, load_recipe, recipe_of
+from agents.cli import main
+from agents.evaluation.announced import evaluate
+from agents.evaluation.registry import load_decider
+from agents.learned.families import learned_family
+from agents.training.learning_curve import environment_curve
+from agents.training.learning_figure import draw_learning_curve
+from agents.training.recipe import load_recipe
+from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run, resume_run
-from hybrid_env import WorldOptions
+from baselines import measure_statements
+from baselines.rules import seeds
+from baselines.rules.statements import record_statements
+from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
-PPO = load_recipe("ppo", ENV)
-SMALL_CHANGES = ("n_envs=16", "n_steps=32", "batch_size=256", "n_epochs=2", "policy_kwargs.net_arch=[16]")
-SMALL = load_recipe("ppo", ENV, SMALL_CHANGES)
+QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
 
 
-def weights(run):
-    return {name: value.clone() for name, value in run.model.policy.state_dict().items()}
+@pytest.fixture(autouse=True)
+def _small_evaluations(monkeypatch):
+    log_often(monkeypatch.setattr)
+    torch.set_num_threads(1)
 
 
-def test_equal_seeds_give_equal_weights_and_different_seeds_different_ones():
-    runs = [make_run(ENV, {}, SMALL, seed, steps=2048) for seed in (3, 3, 4)]
-    for run in runs:
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """The folder and the run of a short training of each kind, made once."""
+    made = {}
+
+    def folder_of(kind):
+        if kind not in made:
+            folder = tmp_path_factory.mktemp("runs") / kind
+            run = small_run(kind, folder, 1280)
+            run.notes = []
+            run.train(lambda now: run.notes.append(now.note))
+            made[kind] = folder, run
+        return made[kind]
+
+    return folder_of
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "recurrent-ppo"])
+def test_equal_seeds_give_equal_weights_and_different_seeds_different_ones(kind):
+    nets = []
+    for seed in (3, 3, 4):
+        run = small_run(kind, steps=700, seed=seed)
         run.train()
-    first, second, other = map(weights, runs)
-    assert all(torch.equal(first[name], second[name]) for name in first)
-    assert not all(torch.equal(first[name], other[name]) for name in first)
+        nets.append(run.network.state_dict())
+    assert all(torch.equal(nets[0][name], nets[1][name]) for name in nets[0])
+    assert not all(torch.equal(nets[0][name], nets[2][name]) for name in nets[0])
 
 
-def test_short_training_learns_to_wait_and_beats_immediate_declarations():
-    run = make_run(ENV, {}, PPO, seed=1, steps=300_000)
+@pytest.mark.study
+def test_ppo_learns_to_wait_and_beats_immediate_declarations():
+    run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
     run.train()
     decisions = evaluate(run.decider, ENV, episodes=150, seed=5)
     # immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is about .03
     assert decisions.reward.mean() > 0.2
 
 
-def test_a_run_folder_contains_config_metrics_events_and_an_equivalent_policy(tmp_path):
-    folder = tmp_path / "run"
-    run = make_run(ENV, {"measurement_variance": 0.2}, SMALL, 0, folder, 1024)
-    reports = []
-    run.train(reports.append)
-    assert reports[-1].steps == 1024
+def test_ppo_learns_to_state_the_mode():
+    options = {"ticks": 60, "durations": "uniform 20-40"}
+    run = make_run(QUICKEST, options, load_recipe("ppo", QUICKEST), seed=1, steps=100_000)
+    run.train()
+    right = measure_statements(record_statements(run.decider, 200, 5, **options)).right
+    # a third of the statements is right by chance; the standard error of 200 tracks is below .02
+    assert right.mean() > 0.55
+
+
+@pytest.mark.parametrize(
+    ("kind", "rounds", "more"), [("statements", 40, ()), ("flights", 12, ("learning_rate=0.01",))]
+)
+def test_training_increases_the_expected_reward(kind, rounds, more):
+    rewards = []
+    run = small_run(kind, steps=1, more=more)
+    run.steps = rounds * run.round_steps
+    run.train(lambda progress: rewards.append(progress.reward))
+    assert len(rewards) == rounds
+    assert np.mean(rewards[-rounds // 4 :]) > np.mean(rewards[: rounds // 4])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
+    folder, run = folders(kind)
     card = json.loads((folder / "policy.json").read_text())
-    assert (card["environment"], card["options"]) == (ENV, {"measurement_variance": 0.2})
+    recipe, env, options, _ = KINDS[kind]
+    flights = kind == "flights"
+    assert card["environment"] == ("flights" if flights else f"hybrid_env:{env}")
+    assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
     assert {"torch", "stable-baselines3", "numpy", "hybrid-track"} <= set(card["versions"])
-    rows = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
-    assert [row["step"] for row in rows if "segment/reward" in row or "time/fps" in row] == [512, 1024]
-    assert [row["step"] for row in rows if "evaluation/reward" in row] == [1024]
-    assert any(path.name.startswith("events.out.tfevents") for path in folder.iterdir())
+    if "Quickest" in env:
+        assert (
+            card["observation_scales"] == QuickestLayout.hypothesis_features | QuickestLayout.track_features
+        )
+    assert ("per tick" in run.notes[-1]) == (flights or "Quickest" in env)
+    rows = read_metrics(folder)
+    assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps
+    assert any("events.out.tfevents" in path.name for path in folder.iterdir()) == ("ppo" in kind)
     assert not list(folder.glob("*.part*"))
-    loaded = PolicyDecider(load_actor(folder, *load_policy(folder)))
-    rows = np.random.default_rng(0).normal(0, 1, (50, 28)).astype(np.float32)
-    np.testing.assert_array_equal(loaded.logits(rows)[0], run.decider.logits(rows)[0])
+    world = None if flights else (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
+    family = learned_family(folder, world)
+    assert (family.name, family.hypotheses) == (kind, 3 if "ppo" in kind else None)
+    loaded, own = (one.make(one.default) for one in (family, run.family("")))
+    if flights:
+        assert all(torch.equal(*pair) for pair in zip(
+            loaded.net.state_dict().values(), own.net.state_dict().values(), strict=True))  # fmt: skip
+    elif "Quickest" in env:
+        recorded = [record_statements(one, 5, 3, **options).stated_modes for one in (loaded, own)]
+        np.testing.assert_array_equal(*recorded)
+    else:
+        np.testing.assert_array_equal(*(evaluate(one, ENV, 5, 1, **options).ticks for one in (loaded, own)))
+    others = {WorldOptions(): "known", QuickestOptions(): "unknown", None: "recorded"}
+    for other, words in others.items():
+        if getattr(other, "switches", None) != getattr(world, "switches", None):
+            with pytest.raises(ArgumentError, match=f"a policy for {words} "):
+                learned_family(folder, other)
 
 
-def test_an_interrupted_run_resumes_from_its_last_checkpoint(tmp_path):
-    folder = tmp_path / "run"
-    run = make_run(ENV, {}, SMALL, 0, folder, 4096)
-
-    def interrupt(progress):
-        if progress.steps == 1536:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run.train(interrupt, save_every=0.0)
-    resumed = resume_run(folder)
-    assert resumed.model.num_timesteps == 1024  # the incomplete rollout is lost, but not the update before it
-    state = resumed.model.policy.optimizer.state_dict()["state"]
-    assert all(entry["step"] > 0 and entry["exp_avg_sq"].abs().sum() > 0 for entry in state.values())
-    resumed.train()
-    assert resumed.model.num_timesteps == 4096
-    assert resume_run(folder, steps=4608).steps == 4608
-    rows = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
-    assert [row["step"] for row in rows if "evaluation/reward" not in row] == list(range(512, 4097, 512))
-
-
-def test_a_run_interrupted_before_its_first_checkpoint_is_resumed(tmp_path):
-    run = make_run(ENV, {}, SMALL, 0, tmp_path / "run", 4096)
-
-    def interrupt(progress):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run.train(interrupt)
-    resumed = resume_run(tmp_path / "run")
-    assert resumed.model.num_timesteps == 0
-    resumed.train()
-    assert resumed.model.num_timesteps == 4096
-
-
-def test_training_and_evaluation_use_different_episodes():
-    run = make_run(ENV, {}, SMALL, 0, steps=512)
-    run.train()
-    assert min(run.track_seeds()) >= 10**12
-
-
-@pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
-def test_a_run_refuses_invalid_arguments(name, value):
-    with pytest.raises(ArgumentError, match=f"{name}={value}.*expected"):
-        make_run(ENV, {}, SMALL, **{name: value})
-
-
-def test_damaged_or_missing_run_folders_are_refused_in_one_line(tmp_path):
-    folder = tmp_path / "run"
-    make_run(ENV, {}, SMALL, 0, folder, 512).train()
-    (folder / "checkpoint-previous.safetensors").unlink()
-    for name in ("checkpoint.safetensors", "config.json"):
-        path = folder / name
-        content = path.read_bytes()
-        path.write_bytes(content[: len(content) // 2])
-        with pytest.raises(ArgumentError, match="resume=") as caught:
-            resume_run(folder)
-        assert "\n" not in str(caught.value)
-        path.write_bytes(content)
-    for name in ("policy.safetensors", "policy.json"):
-        path = folder / name
-        content = path.read_bytes()
-        path.write_bytes(content[: len(content) // 2])
-        with pytest.raises(ArgumentError, match="run=") as caught:
-            load_policy(folder)
-        assert "\n" not in str(caught.value)
-        path.write_bytes(content)
-    with pytest.raises(ArgumentError, match="resume="):
-        resume_run(tmp_path / "nowhere")
-    with pytest.raises(ArgumentError, match="run="):
-        load_policy(tmp_path)
-
-
-INVALID = [
-    ("n_envs", -1), ("n_steps", 1.5), ("batch_size", 0), ("batch_size", 10**6), ("batch_size", 1),
-    ("batch_size", 1000), ("n_epochs", 0), ("learning_rate", 0.0), ("learning_rate", float("nan")),
-    ("learning_rate", 2.0), ("learning_rate", "log_3"), ("gae_lambda", 1.5), ("gamma", -1.0),
-    ("ent_coef", -1.0),
-    ("policy_kwargs", {"net_arch": []}), ("policy_kwargs", {"net_arch": [0]}), ("wait_bias", float("inf")),
-    ("n_timesteps", 0), ("n_timesteps", True), ("algo", "magic"), ("algo", [1]), ("unknown", 3),
-    ("gamma", True),
-    ("policy", "CnnPolicy"), ("policy_kwargs", 3), ("policy_kwargs", {"net_arch": 3}),
-    ("policy_kwargs", {"net_arch": [True]}), ("observe", 5), ("observe", "posterior"), ("observe", [3]),
-    ("policy_kwargs", {"log_std_init": float("nan")}),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "value"), INVALID)
-def test_invalid_settings_are_refused_in_one_line_that_names_them(name, value):
-    entry = PPO.as_json()["entry"] | {name: value}
-    named = {"policy_kwargs": "net_arch|policy_kwargs|recipe", "unknown": "hyper-parameter='unknown'"}.get(
-        name, name
-    )
-    with pytest.raises(ArgumentError, match=named) as caught:
-        recipe_of("mine", entry)
-    assert "expected" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_recipes_are_read_changed_written_and_read_again(tmp_path):
-    assert SMALL.settings.n_envs == 16
-    assert recipe_of("ppo", json.loads(json.dumps(SMALL.as_json()["entry"]))).settings == SMALL.settings
-    path = tmp_path / "mine.yml"
-    entry = {name: value for name, value in SMALL.as_json()["entry"].items() if name != "n_epochs"}
-    path.write_text(
-        json.dumps({"HybridTrack-v0": entry | {"n_epochs": 3}, "default": entry | {"n_epochs": 5}})
-    )
-    assert isinstance(load_recipe(str(path), ENV), Recipe)
-    assert load_recipe(str(path), ENV).settings.n_epochs == 3
-    assert load_recipe(str(path), "hybrid_env:HybridTrackBank-v0").settings.n_epochs == 5
-    path.write_text(json.dumps({"HybridTrack-v0": entry}))
-    for env in (ENV, "hybrid_env:HybridTrackBank-v0"):
-        with pytest.raises(ArgumentError, match="recipe="):
-            load_recipe(str(path), env)
-
-
-def test_the_observed_quantities_can_be_selected():
-    from agents.learned.features import ObservationFeatures
-    from hybrid_env.worlds.world import World
-
-    world = World(WorldOptions(), 1)
-    features = ObservationFeatures(world.observation_space(), ("posterior", "ticks", "innovation_along"))
-    rows = torch.randn(5, 28)
-    selected = features(rows)
-    assert selected.shape == (5, 7)
-    torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
-    torch.testing.assert_close(selected[:, 3:], torch.cat([rows[:, 18:19], rows[:, 3:6]], -1))
-
-
-@pytest.mark.parametrize("name", ["ppo-posteriors", "recurrent-ppo"])
-def test_other_recipes_are_trained_and_restored_from_their_folder(name, tmp_path):
-    if name == "recurrent-ppo":
-        pytest.importorskip("sb3_contrib")
-    recipe = load_recipe(name, ENV, SMALL_CHANGES)
-    run = make_run(ENV, {}, recipe, 0, tmp_path / "run", 512)
-    run.train()
-    loaded = load_decider(str(tmp_path / "run"), WorldOptions())
-    episodes = [evaluate(decider, ENV, 5, seed=1) for decider in (run.decider, loaded)]
-    np.testing.assert_array_equal(*(one.ticks for one in episodes))
-    if name == "recurrent-ppo":  # the logits depend on the LSTM state
-        rows = np.random.default_rng(0).normal(0, 1, (3, 20, 28)).astype(np.float32)
-        _, state = run.decider.predict(rows[0])
-        first, second = (run.decider.logits(rows[2], one)[0] for one in (state, None))
-        assert np.abs(first - second).max() > 1e-6
-
-
-def test_deciders_are_loaded_by_name_threshold_and_folder(tmp_path):
-    options = WorldOptions()
-    assert load_decider("ate", options).upper == pytest.approx(np.log(999))
+def test_deciders_are_loaded_by_name_threshold_and_folder(folders, tmp_path):
+    options, folder = WorldOptions(), folders("ppo")[0]
     assert load_decider("ate:0.01", options).upper == pytest.approx(np.log(99))
     assert load_decider("fixed:30", options).ticks == 30
-    folder = tmp_path / "run"
-    make_run(ENV, {}, SMALL, 0, folder, 512).train()
     assert load_decider(str(folder), options).threshold == 0.0
     assert load_decider(f"{folder}:-2.5", options).threshold == -2.5
-    for invalid in (
-        "at",
-        "ate:x",
-        "ate:nan",
-        "ate:2",
-        "fixed:2.5",
-        "fixed:0",
-        str(tmp_path / "none"),
-        "",
-        ":1",
-    ):
+    for invalid in ("at", "ate:x", "ate:nan", "ate:2", "fixed:2.5", "fixed:0", str(tmp_path / "none"), ""):
         with pytest.raises(ArgumentError, match="expected"):
             load_decider(invalid, options)
     with pytest.raises(ArgumentError, match="21 hypotheses"):
         load_decider(str(folder), WorldOptions(radii=tuple(range(1, 11))))
     with pytest.raises(ArgumentError, match="actions='best'"):
         load_decider("ate", WorldOptions(actions="best"))
+    with pytest.raises(ArgumentError, match="a policy for 5 hypotheses"):
+        load_decider(str(folders("ppo-quickest")[0]), QuickestOptions(radii=(5.0, 7.0)))
 
 
-def test_a_higher_threshold_waits_longer_and_zero_is_the_most_probable_action():
-    run = make_run(ENV, {}, SMALL, 0, steps=512)
-    family = policy_family("PPO", run.decider)
-    rows = np.random.default_rng(0).normal(0, 1, (400, 28)).astype(np.float32)
-    most_probable, _ = run.model.policy.predict(rows, deterministic=True)
-    np.testing.assert_array_equal(family.make(0.0).predict(rows)[0], most_probable)
-    waiting = [(family.make(odds).predict(rows)[0] == 0).mean() for odds in (-20.0, -5.0, 0.0, 20.0)]
-    assert waiting == sorted(waiting)
-    assert (waiting[0], waiting[-1]) == (0.0, 1.0)
+def test_the_logits_of_a_recurrent_policy_depend_on_its_state(folders):
+    decider = folders("recurrent-ppo")[1].decider
+    rows = np.random.default_rng(0).normal(0, 1, (3, 20, 28)).astype(np.float32)
+    _, state = decider.predict(rows[0])
+    first, second = (decider.logits(rows[2], one)[0] for one in (state, None))
+    assert np.abs(first - second).max() > 1e-6
 
 
-def test_a_policy_with_two_actions_declares_the_most_likely_hypothesis():
-    world = make_run(ENV, {"actions": "best"}, SMALL, 0, steps=512)
-    decider = PolicyDecider(world.model.policy, threshold=-100.0)
-    rows = np.zeros((2, 28), np.float32)
-    rows[0, :3], rows[1, :3] = (-1.0, 0.0, -0.5), (-1.0, -0.5, 0.0)
-    assert decider.predict(rows)[0].tolist() == [2, 3]
+@pytest.mark.parametrize(
+    ("kind", "more"), [("ppo", ("observe=[posterior, ticks]",)), ("recurrent-ppo", ("wait_bias=0",))]
+)
+def test_changed_recipes_are_restored_from_their_folder(kind, more, tmp_path):
+    """Selected observations; a recurrent agent that states modes."""
+    states = kind == "recurrent-ppo"
+    if states:
+        pytest.importorskip("sb3_contrib")
+    env, options = (QUICKEST, QUICK) if states else (ENV, SCHEME)
+    recipe = load_recipe(KINDS[kind][0], env, (*KINDS[kind][3], *more))
+    run = make_run(env, options, recipe, 0, tmp_path / "run", 640)
+    run.train()
+    loaded = load_decider(f"{tmp_path / 'run'}:0.5", run.world)
+    deciders = loaded, run.decider.with_threshold(0.5)
+    if states:
+        found = [record_statements(one, 5, 3, **options).stated_modes for one in deciders]
+    else:
+        found = [evaluate(one, ENV, 5, 1, **options).ticks for one in deciders]
+    np.testing.assert_array_equal(*found)
 
 
-def test_sampling_follows_the_policys_probabilities():
-    space = WorldOptions()
-    torch.manual_seed(0)
-    from hybrid_env.worlds.world import World
+@pytest.mark.parametrize("kind", ["ppo-quickest", "ppo"])
+def test_the_learning_curve_measures_fixed_episodes_of_the_environment(kind, tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(small_training.learning_curve, "EPISODES", 7)
+    run = small_run(kind, tmp_path / "run", 640)
+    run.train()
+    _, env, options, _ = KINDS[kind]
+    [point] = [row for row in read_metrics(tmp_path / "run") if "evaluation/reward" in row]
+    if kind == "ppo":
+        decisions = evaluate(run.decider, ENV, 7, seeds.LEARNING_CURVE, **options)
+        expected = {"reward": decisions.reward, "accuracy": decisions.correct, "ticks": decisions.ticks}
+    else:
+        metrics = measure_statements(record_statements(run.decider, 7, seeds.LEARNING_CURVE, **options))
+        expected = {name: getattr(metrics, name) for name in ("reward", "right", "wrong_changes")}
+    for name, values in expected.items():
+        assert point[f"evaluation/{name}"] == pytest.approx(values.mean(), rel=1e-12)
+    curve = environment_curve(f"hybrid_env:{env}", options)
+    assert point[curve.reference_key] == curve.reference_reward
+    unit, rule = ("segment", "SPRT") if kind == "ppo" else ("tick", "threshold rule")
+    assert f"per {unit}" in curve.summary([point])[0]
+    assert rule in curve.summary([point])[1]
+    draw_learning_curve(tmp_path / "run", tmp_path / "curve.png", curve)
+    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
 
-    world = World(space, 1)
-    policy = make_policy(world.observation_space(), world.action_space(), {"net_arch": [8]})
-    decider = PolicyDecider(policy)
-    rows = np.zeros((40_000, 28), np.float32)
-    logits = decider.logits(rows[:1])[0][0]
-    expected = np.exp(logits) / np.exp(logits).sum()
-    actions, _ = decider.predict(rows, deterministic=False)
-    found = np.bincount(actions, minlength=4) / len(rows)
-    np.testing.assert_allclose(found, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (("--env", QUICKEST, "--ticks", "30", "--durations", "uniform 5-9", "--set", *SMALL_PPO), "right"),
+        (("--recipe", "flights", "--set", *small_training.SMALL_FLIGHTS), "compare --flights --deciders imm"),
+    ],
+)
+def test_the_command_trains_and_resumes(line, words, tmp_path, capsys):
+    run = str(tmp_path / "run")
+    assert main(["train", *line, "--steps", "640", "--out", run]) == 0
+    assert main(["train", "--resume", run, "--steps", "1280"]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+
+
+def test_training_and_evaluation_use_different_episodes():
+    assert min(small_run("ppo", steps=512).track_seeds()) >= 10**12
+
+
+@pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
+def test_a_run_refuses_invalid_arguments(name, value):
+    with pytest.raises(ArgumentError, match=f"{name}={value}.*expected"):
+        make_run(ENV, {}, load_recipe("ppo", ENV), **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("env", "options", "recipe", "changes", "message"),
+    [
+        (QUICKEST, {}, "ppo", ["wait_bias=5"], "wait_bias=5"),
+        (QUICKEST, {}, "ppo", ["observe=[ticks_left]"], "observe='ticks_left'"),
+        (QUICKEST, {}, "recurrent-ppo", [], r"wait_bias=5\.0"),
+        (QUICKEST, {}, "anchor", [], "env="),
+        (ENV, {}, "statements", [], "env="),
+        (QUICKEST, {}, "flights", [], "env="),
+        (ENV, {"tau": 0.2}, "flights", [], "options="),
+        (ENV, {}, "anchor", ["worlds=[{n_envs: 8, options: {actions: best}}]"], "actions='best'"),
+    ],
+)
+def test_a_recipe_for_another_environment_is_refused(env, options, recipe, changes, message):
+    if recipe == "recurrent-ppo":
+        pytest.importorskip("sb3_contrib")
+    with pytest.raises(ArgumentError, match=message):
+        make_run(env, options, load_recipe(recipe, env, changes), 0)
+
+
+def test_more_steps_than_those_of_a_run_are_made_after_it(folders):
+    folder, run = folders("ppo")
+    assert resume_run(folder, steps=4608).steps == 4608
+    assert resume_run(folder).num_timesteps == run.num_timesteps

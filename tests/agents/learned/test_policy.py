@@ -1,0 +1,107 @@
+"""Actors of Stable-Baselines3 as deciders, which declare a mode or state one at every tick."""
+
+import numpy as np
+import pytest
+import torch
+
+from agents.learned.features import ObservationFeatures
+from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
+from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
+
+
+def random_policy(kind, **options):
+    torch.manual_seed(0)
+    states = kind is StatementPolicyDecider
+    env = (HybridTrackQuickestVectorEnv if states else HybridTrackVectorEnv)(1, **options)
+    layout = {"layout": QuickestLayout} if states else {}
+    keywords = {"net_arch": [8], "ortho_init": False}
+    return make_policy(env.single_observation_space, env.single_action_space, keywords, **layout)
+
+
+def statement_rows(stated):
+    """Observation rows with given last statements, None for none."""
+    layout = QuickestLayout(3)
+    rows = np.random.default_rng(0).normal(size=(len(stated), layout.width)).astype(np.float32)
+    rows[:, layout.slices["stated"]] = [np.eye(3)[one] if one is not None else np.zeros(3) for one in stated]
+    return rows
+
+
+def random_rows(kind, count):
+    if kind is StatementPolicyDecider:
+        return statement_rows(np.random.default_rng(1).integers(0, 3, count).tolist())
+    return np.random.default_rng(0).normal(0, 1, (count, 28)).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
+def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
+    policy, rows = random_policy(kind), random_rows(kind, 400)
+    found = kind(policy).trained("mine").make(0.0).predict(rows)[0]
+    np.testing.assert_array_equal(found, policy.predict(rows, deterministic=True)[0])
+
+
+@pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
+def test_sampling_follows_the_probabilities_of_the_policy(kind):
+    decider = kind(random_policy(kind))
+    rows = np.repeat(random_rows(kind, 1), 40_000, 0)
+    logits = decider.logits(rows[:1])[0][0]
+    expected = np.exp(logits) / np.exp(logits).sum()
+    actions, _ = decider.predict(rows, deterministic=False)
+    found = np.bincount(actions, minlength=len(expected)) / len(rows)
+    np.testing.assert_allclose(found, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
+
+
+def test_a_higher_threshold_waits_longer():
+    family = PolicyDecider(random_policy(PolicyDecider)).trained("mine")
+    rows = random_rows(PolicyDecider, 400)
+    waiting = [(family.make(odds).predict(rows)[0] == 0).mean() for odds in (-20.0, -0.5, 0.0, 20.0)]
+    assert waiting == sorted(waiting)
+    assert (waiting[0], waiting[-1]) == (0.0, 1.0)
+
+
+def test_a_policy_with_two_actions_declares_the_most_likely_hypothesis():
+    decider = PolicyDecider(random_policy(PolicyDecider, actions="best"), threshold=-100.0)
+    rows = np.zeros((2, 28), np.float32)
+    rows[0, :3], rows[1, :3] = (-1.0, 0.0, -0.5), (-1.0, -0.5, 0.0)
+    assert decider.predict(rows)[0].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.05, 0.3, 100.0])
+def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
+    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider)).with_threshold(margin)
+    stated = np.random.default_rng(2).integers(0, 3, 300)
+    rows = statement_rows(stated.tolist())
+    logits = decider.logits(rows)[0]
+    expected = [
+        max(range(3), key=lambda mode, k=k: logits[k, mode])
+        if max(logits[k]) - logits[k, stated[k]] > margin
+        else stated[k]
+        for k in range(300)
+    ]
+    np.testing.assert_array_equal(decider.predict(rows)[0], expected)
+    assert (np.array(expected) == stated).all() == (margin == 100.0)
+
+
+def test_the_first_statement_is_the_most_probable_mode():
+    decider = StatementPolicyDecider(random_policy(StatementPolicyDecider), 100.0)
+    rows = statement_rows([None] * 50)
+    np.testing.assert_array_equal(decider.predict(rows)[0], decider.logits(rows)[0].argmax(1))
+
+
+def test_the_observed_quantities_can_be_selected():
+    space = HybridTrackVectorEnv(1).single_observation_space
+    rows = torch.randn(5, 28)
+    selected = ObservationFeatures(space, ("posterior", "ticks", "innovation_along"))(rows)
+    assert selected.shape == (5, 7)
+    torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
+    torch.testing.assert_close(selected[:, 3:], torch.cat([rows[:, 18:19], rows[:, 3:6]], -1))
+
+
+def test_the_probabilities_of_the_bank_can_be_observed():
+    env = HybridTrackQuickestVectorEnv(50)
+    rows, info = env.reset(seed=0)
+    features = ObservationFeatures(env.single_observation_space, ("posterior", "speed"), QuickestLayout)
+    selected = features(torch.from_numpy(rows))
+    assert selected.shape == (50, 4)
+    # a logarithm of the row has float32 precision and is at least -30
+    np.testing.assert_allclose(selected[:, :3], np.exp(info["log_probability"]), atol=1e-5)
+    np.testing.assert_array_equal(selected[:, 3], rows[:, -2])
