@@ -13,8 +13,7 @@ from rich.console import Console
 from agents.evaluation.flights import NATIVE, FlightTask
 from agents.interface.output_files import output_folder, write_json
 from agents.interface.progress import progress_display
-from baselines.recordings.flights.batch import stack_flights
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.labels import (
     LabelRules,
     Labels,

@@ -22,8 +22,9 @@ from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilitie
 from agents.learned.policy_file import package_versions
 from agents.learned.statement_net import StatementNet
 from agents.training.statement_reward import expected_reward
-from baselines.estimation.turn_imm import TurnModel, run_turn_imm
-from baselines.recordings.flights.batch import stack_flights
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.estimation.turns import TurnModel
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
 from baselines.recordings.flights.tiers import TIERS

@@ -14,9 +14,9 @@ same with a run folder, checkpoints and a learning curve.
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
+from agents.evaluation.evaluate import evaluate
 from stable_baselines3 import PPO
 
-from agents.evaluation.evaluate import evaluate
 from agents.learned.policy import PolicyDecider
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines import SPRTDecider

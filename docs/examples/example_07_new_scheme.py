@@ -12,8 +12,8 @@ off may they be?
 import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
-
 from agents.evaluation.evaluate import evaluate
+
 from baselines import MSPRTDecider
 from hybrid_env import RandomScheme
 

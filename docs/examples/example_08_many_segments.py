@@ -14,10 +14,10 @@ import time
 import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
+from agents.evaluation.evaluate import evaluate
 from scipy import stats
 
 import hybrid_env
-from agents.evaluation.evaluate import evaluate
 from baselines import MSPRTDecider, SPRTDecider
 
 tracks = 16_667

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
+from agents.evaluation.deciders import SHIPPED_FOLDER
 from rich.console import Console
 
 from agents.cli import main
-from agents.evaluation.deciders import SHIPPED_FOLDER
 from agents.evaluation.shifted_worlds import ShiftResult, shift_table
 
 COMMAND = [sys.executable, "-m", "agents.cli"]

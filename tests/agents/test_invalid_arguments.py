@@ -4,12 +4,12 @@ import shlex
 from dataclasses import fields
 
 import pytest
-
-from agents.cli import main
 from agents.comparison.command import Compare
 from agents.evaluation.command import Evaluate
 from agents.limits.command import Limits
 from agents.playing.command import Play
+
+from agents.cli import main
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.training.command import Train

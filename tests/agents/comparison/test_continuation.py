@@ -3,10 +3,10 @@
 import json
 
 import pytest
-
-from agents.cli import main
 from agents.comparison import study
 from agents.comparison.continuation import TRAINED, UNFINISHED
+
+from agents.cli import main
 from agents.training.run import Run
 
 LINE = (

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from agents.comparison.command import Compare
 from agents.comparison.flights_forms import FORMS
 from agents.comparison.flights_late import late_figures, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
+
 from agents.learned.flight_decider import SHIPPED
 from baselines.recordings.flights import tiers
 from baselines.recordings.flights.labels import label_flights

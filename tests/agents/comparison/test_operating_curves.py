@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from agents.comparison.figures import operating_curves
 from agents.comparison.plan import Plan
 from agents.comparison.report import summary_lines, unreached_accuracy_lines
@@ -19,6 +18,7 @@ from agents.evaluation.operating_curve import (
     error_at_ticks,
     ticks_at_accuracy,
 )
+
 from agents.figures.decider_colours import STYLES
 from baselines import FixedTimeDecider
 from baselines.rules.posterior_paths import PosteriorPaths

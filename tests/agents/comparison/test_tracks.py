@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-
 from agents.comparison.tracks import record_track
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.evaluate import evaluate
 from agents.evaluation.statement_curve import ROWS, sweep_statements
+
 from agents.figures.decider_colours import decider_style
 from agents.figures.timelines import UNDECIDED, runs
 from agents.figures.tracks import track_figure

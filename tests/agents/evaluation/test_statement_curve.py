@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-
-from agents.evaluation import statement_curve
 from agents.evaluation.deciders import DeciderFamily
 from agents.evaluation.statement_curve import (
     CHANGE_RATIO,
@@ -21,6 +19,8 @@ from agents.evaluation.statement_curve import (
     undetected_ticks,
 )
 from agents.evaluation.statement_deciders import statement_family
+
+from agents.evaluation import statement_curve
 from baselines import ThresholdDecider, measure_statements, record_statements
 from baselines.rules.statements import Statements
 from hybrid_env import ArgumentError

@@ -4,8 +4,6 @@ import json
 
 import numpy as np
 import pytest
-
-from agents.evaluation import statement_deciders
 from agents.evaluation.statement_deciders import (
     ALGORITHM,
     PROBABILITIES,
@@ -15,6 +13,8 @@ from agents.evaluation.statement_deciders import (
     statement_decider,
     statement_family,
 )
+
+from agents.evaluation import statement_deciders
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_net import StatementNet
 from agents.training.recipe import load_recipe

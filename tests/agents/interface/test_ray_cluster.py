@@ -5,9 +5,9 @@ import threading
 import time
 
 import pytest
+from agents.limits.study import type_accuracy_calls
 
 from agents.interface.parallel import Workers
-from agents.limits.study import type_accuracy_calls
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # those of Ray are not ours
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from scipy.stats import multivariate_normal
-
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.evaluate import evaluate
+from scipy.stats import multivariate_normal
+
 from agents.learned.anchor_decider import (
     AnchorDecider,
     AnchorNetworks,

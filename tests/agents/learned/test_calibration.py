@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
+from agents.evaluation.deciders import load_decider
 from gymnasium.vector import AutoresetMode
 
-from agents.evaluation.deciders import load_decider
 from hybrid_env import HybridTrackVectorEnv, Layout
 
 BINS = np.linspace(1.0 / 3.0, 1.0, 11)

@@ -11,7 +11,7 @@ from agents.learned.flight_decider import (
 from agents.learned.flight_inputs import INPUTS, flight_inputs
 from agents.learned.statement_net import StatementNet
 from baselines.estimation.turn_imm import run_turn_imm
-from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import torch
+from agents.evaluation.deciders import load_decider
+from agents.evaluation.statement_deciders import statement_decider
 from hostile_input import accepted, damaged, mutated, profile
 from hypothesis import given
 
-from agents.evaluation.deciders import load_decider
-from agents.evaluation.statement_deciders import statement_decider
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.anchor_decider import AnchorNetworks, save_anchor
 from agents.learned.policy import make_policy, save_actor

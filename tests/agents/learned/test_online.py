@@ -1,9 +1,9 @@
 """The shipped agent decides on a live sensor as in the environment."""
 
 import pytest
+from agents.evaluation.deciders import load_decider
 from online_episodes import COMMON, same_as_announced
 
-from agents.evaluation.deciders import load_decider
 from hybrid_env import WorldOptions
 
 

@@ -6,11 +6,11 @@ import shutil
 
 import pytest
 import torch
+from agents.evaluation.deciders import SHIPPED_FOLDER, load_decider
 from hostile_input import accepted
 from safetensors.torch import load_file, save_file
 
 from agents.cli import main
-from agents.evaluation.deciders import SHIPPED_FOLDER, load_decider
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy_file import CARD, WEIGHTS

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 import torch
-
 from agents.evaluation.statement_deciders import learned_statement_family
+
 from agents.learned.policy_file import load_policy, save_policy
 from agents.learned.statement_decider import StatementDecider, load_statements
 from agents.learned.statement_inputs import INPUTS, statement_inputs

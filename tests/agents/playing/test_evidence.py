@@ -6,13 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from gymnasium import spaces
-
 from agents.evaluation.deciders import load_decider
 from agents.evaluation.statement_deciders import RULES
+from agents.playing.episodes import DECISIONS, Episodes
+from gymnasium import spaces
+
 from agents.learned.policy import PolicyDecider, make_policy
 from agents.learned.statement_policy import StatementPolicyDecider
-from agents.playing.episodes import DECISIONS, Episodes
 from baselines import BeamDecider
 from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
 

@@ -2,19 +2,18 @@
 
 import csv
 
+import agents.playing.command
+import agents.playing.episodes
 import gymnasium as gym
 import numpy as np
 import pytest
-from agents.evaluation.deciders import load_decider
-from PIL import Image, ImageSequence
-from rich.console import Console
-
-import agents.playing.command
-import agents.playing.episodes
-import hybrid_env  # noqa: F401
 from agents.playing.animation import PALETTE_SIZE, palette_colours
 from agents.playing.command import Play
 from agents.playing.episodes import Episodes, task_of
+from PIL import Image, ImageSequence
+from rich.console import Console
+
+import hybrid_env  # noqa: F401
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
-
 from agents.evaluation.evaluate import evaluate
+
 from agents.learned.anchor_decider import AnchorDecider, load_anchor
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import load_recipe, recipe_of

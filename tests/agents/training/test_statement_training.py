@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import small_training
 import torch
+from agents.evaluation.deciders import learned_family
+from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
 from baselines.rules.metrics import measure_statements
 from small_training import SMALL_PPO, log_often, small_run
 
 from agents.cli import main
-from agents.evaluation.deciders import learned_family
-from agents.evaluation.statement_deciders import learned_statement_family, statement_decider
 from agents.learned.features import ObservationFeatures
 from agents.learned.policy import make_policy
 from agents.learned.statement_policy import StatementPolicyDecider

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import torch
-
 from agents.evaluation.deciders import load_decider, policy_family
 from agents.evaluation.evaluate import evaluate
+
 from agents.learned.policy import PolicyDecider, load_actor, make_policy
 from agents.learned.policy_file import load_policy
 from agents.training.recipe import Recipe, load_recipe, recipe_of

@@ -2,11 +2,13 @@ import itertools
 
 import numpy as np
 import pytest
-
-from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
 from baselines.estimation.turn_filters import correct, predict_turns, start_filters
-from baselines.estimation.turn_imm import TurnModel, run_turn_imm
-from baselines.recordings.flights.batch import Batch, stack_flights
+
+from baselines.estimation.batch import Batch
+from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.estimation.turns import TurnModel
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.labels import STRAIGHT
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS

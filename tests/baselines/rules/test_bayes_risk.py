@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from agents.evaluation.evaluate import evaluate
 from scipy import stats
 
-from agents.evaluation.evaluate import evaluate
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
 from baselines.rules.posterior_paths import (

@@ -5,10 +5,10 @@ import itertools
 
 import numpy as np
 import pytest
+from baselines.rules.metrics import measure_statements
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from baselines.rules.metrics import measure_statements
 from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from baselines.rules.metrics import measure_statements
+
 from baselines.rules.statements import Statements, record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from agents.evaluation.evaluate import evaluate
 from scipy.special import softmax
 
-from agents.evaluation.evaluate import evaluate
 from baselines import GapDecider, MSPRTDecider
 from baselines.rules.msprt import error_and_best, type_posteriors
 from hybrid_env import HybridTrackVectorEnv
