@@ -13,8 +13,7 @@ from agents.evaluation.task import Metric
 from agents.learned.families import learned_family
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turn_imm import run_turn_imm
-from baselines.recordings.flights.batch import stack_flights
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.recordings.flights.samples import Samples

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilities
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet
-from baselines.recordings.flights.labels import STRAIGHT
+from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, Actions
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.flights import NATIVE, FlightTask
-from baselines.recordings.flights.batch import stack_flights
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.labels import (
     LabelRules,
     Labels,

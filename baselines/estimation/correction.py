@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.robust import Factors, Gate, Robust, gaussian_factors
+from baselines.estimation.robust import Factors, Gate, Robust, WholeStudentT, gaussian_factors
 
 FloatArray = NDArray[np.float64]
 
@@ -19,8 +19,8 @@ class PrincipalNoise(NamedTuple):
     """Covariances of measurements along their principal axes.
 
     Attributes:
-        variances: (d,) or (B, d) [m^2].
-        axes: (d, d) or (B, d, d) unit vectors as columns; None if they are the axes of the positions.
+        variances: (d,) or (..., d) [m^2].
+        axes: (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions.
     """
 
     variances: FloatArray
@@ -37,10 +37,10 @@ class Corrected(NamedTuple):
     """Estimates after a measurement.
 
     Attributes:
-        state: (B, n).
-        covariance: (B, n, n).
-        log_likelihood: (B,) of the measurement.
-        nis: (B,) squared innovation in units of its covariance.
+        state: (..., n).
+        covariance: (..., n, n).
+        log_likelihood: (...) of the measurement.
+        nis: (...) squared innovation in units of its covariance.
     """
 
     state: FloatArray
@@ -50,7 +50,7 @@ class Corrected(NamedTuple):
 
 
 def principal_noise(covariance: FloatArray) -> PrincipalNoise:
-    """Return the principal axes of covariances of measurements, (d, d) or (B, d, d)."""
+    """Return the principal axes of covariances of measurements, (d, d) or (..., d, d)."""
     diagonal = np.diagonal(covariance, axis1=-2, axis2=-1)
     if np.count_nonzero(covariance) == np.count_nonzero(diagonal):
         return PrincipalNoise(diagonal.copy(), None)
@@ -63,51 +63,69 @@ def correct(
     covariance: FloatArray,
     measurement: FloatArray,
     noise: PrincipalNoise,
-    robust: Robust | None = None,
+    robust: Robust | WholeStudentT | None = None,
     rejections: NDArray[np.int64] | None = None,
 ) -> Corrected:
     """Correct estimates by measured positions.
 
     Args:
-        state, covariance: predicted, (B, n) and (B, n, n).
-        measurement: (B, d) [m].
+        state, covariance: predicted, (..., n) and (..., n, n).
+        measurement: (..., d) [m].
         noise: of the measurement.
-        robust: how components far from the prediction are used; None is the Kalman filter.
+        robust: how components far from the prediction are used, or whole measurements; None is the Kalman
+            filter.
         rejections: (B, d) components outside a `Gate` in a row, counted in place; needed for it.
     """
     state, covariance = state.copy(), covariance.copy()
-    tracks, d = measurement.shape
-    m = state.shape[1] // d
-    variances = np.broadcast_to(noise.variances, (tracks, d))
-    log_likelihood, nis = np.zeros(tracks), np.zeros(tracks)
+    lead, d = state.shape[:-1], measurement.shape[-1]
+    m = state.shape[-1] // d
+    variances = np.broadcast_to(noise.variances, (*lead, d))
+    whole = None
+    if isinstance(robust, WholeStudentT):
+        whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
+        variances, robust = variances / whole.weight[..., None], None
+    log_likelihood, nis = np.zeros(lead), np.zeros(lead)
     for i in range(d):
-        variance = variances[:, i]
+        variance = variances[..., i]
         if noise.axes is None:
-            cross = covariance[:, :, m * i].copy()
-            innovation = measurement[:, i] - state[:, m * i]
-            predicted = cross[:, m * i].copy()
+            cross = covariance[..., m * i].copy()
+            innovation = measurement[..., i] - state[..., m * i]
+            predicted = cross[..., m * i].copy()
         else:
-            axis = np.broadcast_to(noise.axes[..., i], (tracks, d))
-            cross = (covariance[:, :, ::m] @ axis[..., None])[..., 0]  # P h
-            innovation = ((measurement - state[:, ::m]) * axis).sum(-1)
-            predicted = (cross[:, ::m] * axis).sum(-1)
+            axis = np.broadcast_to(noise.axes[..., i], (*lead, d))
+            cross = (covariance[..., ::m] @ axis[..., None])[..., 0]  # P h
+            innovation = ((measurement - state[..., ::m]) * axis).sum(-1)
+            predicted = (cross[..., ::m] * axis).sum(-1)
         factors = (
             gaussian_factors(innovation, predicted, variance)
             if robust is None
             else _robust_factors(robust, innovation, predicted, variance, rejections, i)
         )
-        state += cross * (factors.state * innovation)[:, None]
-        covariance -= (cross * factors.covariance[:, None])[:, :, None] * cross[:, None, :]
+        state += cross * (factors.state * innovation)[..., None]
+        covariance -= (cross * factors.covariance[..., None])[..., :, None] * cross[..., None, :]
         if noise.axes is None:
             # m / (m + r) is close to 1 for very accurate measurements: 1 - m b is then r b
             exact = variance * factors.covariance
             left = exact if robust is None else 1.0 - predicted * factors.covariance
-            after = cross * left[:, None]
-            covariance[:, :, m * i] = after
-            covariance[:, m * i, :] = after
+            after = cross * left[..., None]
+            covariance[..., m * i] = after
+            covariance[..., m * i, :] = after
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
+    if whole is not None:
+        log_likelihood, nis = whole.log_likelihood, whole.nis
     return Corrected(state, covariance, log_likelihood, nis)
+
+
+def _innovation(
+    state: FloatArray, covariance: FloatArray, measurement: FloatArray, noise: PrincipalNoise, m: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the innovations (..., d) along the principal axes of the noise, and their covariances."""
+    innovation, spread = measurement - state[..., ::m], covariance[..., ::m, ::m]
+    if noise.axes is not None:
+        innovation = (innovation[..., None, :] @ noise.axes)[..., 0, :]
+        spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
+    return innovation, spread + noise.variances[..., None] * np.eye(innovation.shape[-1])
 
 
 def _robust_factors(

@@ -1,7 +1,8 @@
-"""The interacting multiple model (IMM) filter of kinematic models with states of different size.
+"""The interacting multiple model (IMM) filter, and that of kinematic models with states of different size.
 
 Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients". The states have different sizes (CV, CA, CJ): a model takes over from another one what both
+coefficients": `ModelChain`, `mix_models`, `mixture.mixture` and `weigh_models` are its steps for any filters,
+also for those of turns (`turn_imm`). The states of CV, CA and CJ have different sizes: a model takes over from another one what both
 have, and a derivative that only it has is distributed as at the start of a track, with mean 0 and the
 variance of its `start_deviations`. That is a distribution of the object's motion, so that the filter is
 consistent; a variance of 0 would make it blind to the first seconds of a manoeuvre (Granstrom, Willett &
@@ -15,16 +16,67 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
-from scipy.special import logsumexp
 
 from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.mixture import log_sum, mixture
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
 from hybrid_env.checks import reject
 
 FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300  # smaller probabilities count as this one
+
+
+class ModelChain:
+    """The Markov chain of models in continuous time.
+
+    Args:
+        generator: (M, M) rates of change between the models [1/s]; rows sum to 0.
+    """
+
+    def __init__(self, generator: FloatArray):
+        self._values, self._vectors = np.linalg.eig(generator)
+        self._inverse = np.linalg.inv(self._vectors)
+
+    def transition(self, dt: float | FloatArray) -> FloatArray:
+        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of them."""
+        powers = np.exp(self._values * np.asarray(dt)[..., None])
+        return np.maximum(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0)
+
+
+def mix_models(
+    log_probability: FloatArray, transition: FloatArray, smallest: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities of the models after a step of their chain, and the weights of their mixtures.
+
+    Args:
+        log_probability: (B, M) logarithms.
+        transition: (M, M) or (B, M, M).
+        smallest: smaller probabilities count as this one.
+
+    Returns:
+        (B, M) logarithms, and (B, M, M) weights: row j mixes the filters before the step for model j.
+    """
+    with np.errstate(divide="ignore"):
+        joint = np.log(transition) + log_probability[:, :, None]  # before, after
+    after = log_sum(joint, 1)
+    weights = np.exp(joint - after[:, None, :])
+    return np.maximum(after, np.log(smallest)), weights.swapaxes(1, 2)
+
+
+def weigh_models(
+    log_probability: FloatArray, log_likelihood: FloatArray, smallest: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the logarithms of the posterior of the models, (B, M), and of the likelihood of all, (B,).
+
+    Args:
+        log_probability: (B, M) logarithms of the prior.
+        log_likelihood: (B, M) of a measurement in each model.
+        smallest: smaller probabilities count as this one.
+    """
+    joint = log_probability + log_likelihood
+    total = log_sum(joint, 1)
+    return np.maximum(joint - total[:, None], np.log(smallest)), total
 
 
 class IMMFilter(TrackFilter):
@@ -61,11 +113,8 @@ class IMMFilter(TrackFilter):
         count = len(filters)
         times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
         self._stationary = times / times.sum()
-        self._rates = (np.ones((count, count)) / (count - 1) - np.eye(count) * count / (count - 1)) / times[
-            :, None
-        ]
-
-        self._last: tuple[float, FloatArray] | None = None  # transition of the last time step
+        others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
+        self._chain = ModelChain(others / times[:, None])
 
     @property
     def probabilities(self) -> FloatArray:
@@ -74,13 +123,7 @@ class IMMFilter(TrackFilter):
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
-        if np.ndim(dt) == 0:
-            step = float(dt)
-            if self._last is None or self._last[0] != step:
-                self._last = step, expm(self._rates * step)
-            return self._last[1]
-        steps, inverse = np.unique(dt, return_inverse=True)
-        return np.asarray(expm(self._rates * steps[:, None, None])[inverse])
+        return self._chain.transition(dt)
 
     def _begin(self, tracks: int) -> None:
         for one in self.filters:
@@ -98,34 +141,30 @@ class IMMFilter(TrackFilter):
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
-        transition = self.transition(dt)
-        with np.errstate(divide="ignore"):
-            joint = np.log(transition) + self._log_probabilities[:, :, None]  # before, after
-        after = logsumexp(joint, axis=1)
-        weights = np.exp(joint - after[:, None, :])
+        after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
         mixed = [
             merged(
                 [
                     resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
                     for other in self.filters
                 ],
-                weights[:, :, j],
+                weights[:, j],
             )
             for j, one in enumerate(self.filters)
         ]
         for one, start in zip(self.filters, mixed, strict=True):
             one._set(*start)
             one._predict(dt)
-        self._log_probabilities = np.maximum(after, np.log(SMALLEST))
+        self._log_probabilities = after
         self._merge()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         self.nis = self._merged_nis(measurement, noise)
         for one in self.filters:
             one._update(measurement, noise)
-        joint = self._log_probabilities + np.stack([one.log_likelihood for one in self.filters], axis=-1)
-        self.log_likelihood = logsumexp(joint, axis=-1)
-        self._log_probabilities = np.maximum(joint - self.log_likelihood[:, None], np.log(SMALLEST))
+        self._log_probabilities, self.log_likelihood = weigh_models(
+            self._log_probabilities, np.stack([one.log_likelihood for one in self.filters], axis=-1), SMALLEST
+        )
         self._merge()
 
     def _merged_nis(self, measurement: FloatArray, noise: FloatArray | None) -> FloatArray:
@@ -179,16 +218,12 @@ def resized(
 def merged(
     parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of mixtures of normal distributions.
+    """Return mean and covariance of one mixture of normal distributions for each track.
 
     Args:
         parts: M means (B, n) and covariances (B, n, n).
         weights: (B, M), rows that sum to 1.
     """
-    mean = sum(weights[:, i, None] * part[0] for i, part in enumerate(parts))
-    matrix = np.zeros_like(parts[0][1])
-    for i, (state, covariance) in enumerate(parts):
-        difference = state - mean
-        spread = covariance + difference[:, :, None] * difference[:, None, :]
-        matrix += weights[:, i, None, None] * spread
-    return np.asarray(mean), matrix
+    state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+    mean, matrix = mixture(state, covariance, weights[:, None])
+    return mean[:, 0], matrix[:, 0]

@@ -142,23 +142,25 @@ def propagate(
     step_noise: FloatArray,
     intensity: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Predicted estimates, (B, n), and covariances F P F' + Q, (B, n, n).
+    """Predicted estimates, (..., n), and covariances F P F' + Q, (..., n, n).
+
+    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ; of a coordinated turn,
+    whose axes depend on each other, there is one block, and m = n.
 
     Args:
-        state, covariance: (B, n) and (B, n, n).
-        transition, step_noise: of one axis, (m, m) or (B, m, m).
+        state, covariance: (..., n) and (..., n, n).
+        transition, step_noise: of one block, (m, m) or (..., m, m).
         intensity: (d,) of the process noise.
     """
-    tracks, size = state.shape
-    m = transition.shape[-1]
-    d = size // m
+    size, m = state.shape[-1], transition.shape[-1]
+    lead, d = state.shape[:-1], size // m
     transposed = transition.swapaxes(-1, -2)
-    shape = (-1, m) if transition.ndim == 2 else (tracks, -1, m)  # one product if the steps are equal
-    state = (state.reshape(shape) @ transposed).reshape(tracks, size)
-    half = (covariance.reshape(shape) @ transposed).reshape(tracks, size, size)  # P F'
-    full = (half.swapaxes(1, 2).reshape(shape) @ transposed).reshape(tracks, d, m, d, m)
+    shape = (-1, m) if transition.ndim == 2 else (*lead, -1, m)  # one product if the steps are equal
+    state = (state.reshape(shape) @ transposed).reshape(*lead, size)
+    half = (covariance.reshape(shape) @ transposed).reshape(*lead, size, size)  # P F'
+    full = (half.swapaxes(-1, -2).reshape(shape) @ transposed).reshape(*lead, d, m, d, m)
     for axis in range(d):
-        full[:, axis, :, axis] += intensity[axis] * step_noise
-    full = full.reshape(tracks, size, size)
+        full[..., axis, :, axis, :] += intensity[axis] * step_noise
+    full = full.reshape(*lead, size, size)
     # rounding errors that are not symmetric would grow in corrections along other axes than x and y
-    return state, 0.5 * (full + full.swapaxes(1, 2))
+    return state, 0.5 * (full + full.swapaxes(-1, -2))

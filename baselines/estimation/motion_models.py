@@ -1,9 +1,10 @@
-"""Constant velocity, acceleration and jerk (CV, CA, CJ) in d dimensions, for real time steps.
+"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated
+turns.
 
 The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with
 m = 2, 3, 4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise
 drives the highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking
-and Navigation", section 6.2 (continuous noise) and 6.3 (discrete noise).
+and Navigation", section 6.2 (continuous noise), 6.3 (discrete noise) and 11.7 (turns).
 """
 
 from dataclasses import dataclass
@@ -116,3 +117,38 @@ class MotionModel:
                 scale = power * factorial(m - 1 - row) * factorial(m - 1 - column)
                 matrix[..., row, column] = steps**power / scale
         return matrix
+
+
+def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
+    """Return the transition matrices (..., 4, 4) of coordinated turns with known turn rates.
+
+    The state is [x, vx, y, vy]. White acceleration drives a turn as it drives CV, see `turn_noise`.
+
+    Args:
+        rates: turn rates [rad/s], anticlockwise positive, 0 is straight motion.
+        dt: time steps [s], of a shape that broadcasts with the rates.
+    """
+    angle = rates * dt
+    safe = np.where(rates == 0.0, 1.0, rates)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    matrix = np.zeros((*angle.shape, 4, 4))
+    matrix[..., 0, 0] = matrix[..., 2, 2] = 1.0
+    matrix[..., 0, 1] = matrix[..., 2, 3] = np.where(rates == 0.0, dt, sine / safe)
+    matrix[..., 2, 1] = np.where(rates == 0.0, 0.0, (1.0 - cosine) / safe)
+    matrix[..., 0, 3] = -matrix[..., 2, 1]
+    matrix[..., 1, 1] = matrix[..., 3, 3] = cosine
+    matrix[..., 3, 1], matrix[..., 1, 3] = sine, -sine
+    return matrix
+
+
+def turn_noise(density: float, dt: FloatArray) -> FloatArray:
+    """Return the covariances (..., 4, 4) of the process noise of coordinated turns.
+
+    Args:
+        density: spectral density of the white acceleration [m^2/s^3].
+        dt: (...) time steps [s].
+    """
+    model = MotionModel("CV", 2, density)
+    matrix = np.zeros((*dt.shape, 4, 4))
+    matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)
+    return matrix

@@ -1,9 +1,11 @@
-"""Corrections by one component of a measurement: Gaussian, and robust against outliers.
+"""Weights of measurements: of the Kalman filter, and of filters that are robust against outliers.
 
-A component with the error variance r is predicted with the variance m; y is the innovation. With the column c
-of the covariance P of the state that belongs to it, every method corrects the state by c y a and P by -c c'
-b, with factors a and b of its own. The Gaussian filter has a = b = 1 / (m + r). Outliers of a sensor are
-taken for independent along the principal axes of the covariance of a measurement.
+A measurement is used component by component. Let y be the innovation of a component, m the variance of its
+prediction, r the variance of its error, and c the column of the covariance P of the state that belongs to it.
+Every method adds c y a to the state and subtracts c c' b from P; the methods differ in the factors a and b.
+The Kalman filter has a = b = 1 / (m + r). The components lie along the principal axes of the covariance of a
+measurement, and a `Robust` method assumes that outliers of different components are independent;
+`WholeStudentT` weighs all components of a measurement alike.
 
 The log-likelihood is that of the innovation. For Student-t it is exact, for Huber that of its density with
 the scale of the innovation. Correntropy and gate have a bounded loss, which has no density: theirs compare
@@ -112,8 +114,7 @@ class StudentT(Robust):
 
     Attributes:
         degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
-        of a
-            measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
+            of a measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
 
     Raises:
         ArgumentError: nu is out of range.
@@ -145,6 +146,45 @@ class StudentT(Robust):
         mean = (share * precision).sum(-1) / norm
         spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
         return Factors(mean, mean - squares * spread, largest + np.log(norm))
+
+
+class Weighed(NamedTuple):
+    """Weights of whole measurements, (...) each.
+
+    Attributes:
+        weight: of the measurement: its variances are divided by it.
+        log_likelihood: of the innovation.
+        nis: squared innovation in units of its covariance.
+    """
+
+    weight: FloatArray
+    log_likelihood: FloatArray
+    nis: FloatArray
+
+
+@dataclass(frozen=True)
+class WholeStudentT:
+    """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
+
+    The weight is the expected precision of the measurement, relative to the assumed one, given the
+    innovation, and at most 1: Lange, Little & Taylor 1989, eq. (4).
+
+    Attributes:
+        freedom: degrees of freedom nu.
+    """
+
+    freedom: float
+
+    def weigh(self, innovation: FloatArray, spread: FloatArray) -> Weighed:
+        """Return the weights for innovations (..., 2) [m] and their scale matrices (..., 2, 2) [m^2]."""
+        a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+        x, y = innovation[..., 0], innovation[..., 1]
+        determinant = a * c - b * b
+        nis = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant
+        shape = np.log1p(nis / self.freedom) * (0.5 * self.freedom + 1.0)
+        log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
+        weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
+        return Weighed(weight, log_likelihood, nis)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely.
 
-A history is the present turn rate, the age of its mode and a filter (`turn_filters`). At every position it
+A history is the present turn rate, the age of its mode and a filter (`turns`). At every position it
 goes on or changes, with probabilities by a law of the durations. Histories that change to the same turn rate
 at the same position are merged, and the most probable ones are kept, as in `beam_filters`.
 """
@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.turn_filters import correct, mixtures, predict_turns, start_filters
-from baselines.estimation.turn_imm import TurnModel
-from baselines.recordings.flights.batch import Batch, measurement_covariances
-from baselines.recordings.flights.labels import STRAIGHT
+from baselines.estimation.batch import Batch
+from baselines.estimation.mixture import mixture
+from baselines.estimation.turns import STRAIGHT, TurnModel, start_turns, step_turns
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -60,24 +59,21 @@ def run_turn_beam(
     settings = TurnModel() if model is None else model
     beam = TurnHistories() if histories is None else histories
     omega, modes = np.radians(settings.rates), settings.modes
-    present, steps = batch.present, batch.steps
+    steps = batch.steps
     now = _begin(batch, settings, beam)
     output = np.empty((*batch.times.shape, 3))
     for k in range(len(output)):
         if k:
             now = _branch(now, steps[k], settings, beam)
-            moved = predict_turns(
-                now.state, now.covariance, omega[now.model], settings.acceleration, steps[k]
+            after = step_turns(
+                batch, batch.positions[k], steps[k], now.state, now.covariance, omega[now.model],
+                np.exp(now.log_weight), settings,
+            )  # fmt: skip
+            log_weight = now.log_weight + after.log_likelihood
+            now = _keep(
+                now._replace(state=after.state, covariance=after.covariance, log_weight=log_weight),
+                beam.branches,
             )
-            mean = (np.exp(now.log_weight)[..., None] * moved[0]).sum(1)
-            noise = measurement_covariances(mean[:, 2:], batch.across, batch.timing)
-            used = present[k][:, None]
-            z = np.where(used, batch.positions[k], 0.0)
-            state, covariance, likelihood = correct(*moved, z, noise, settings.freedom)
-            state = np.where(used[..., None], state, moved[0])
-            covariance = np.where(used[..., None, None], covariance, moved[1])
-            log_weight = now.log_weight + np.where(used, likelihood, 0.0)
-            now = _keep(Histories(state, covariance, now.model, now.age, log_weight), beam.branches)
         weights = np.exp(now.log_weight)
         for mode in range(3):
             output[k, :, mode] = np.where(modes[now.model] == mode, weights, 0.0).sum(1)
@@ -89,7 +85,7 @@ def _begin(batch: Batch, model: TurnModel, beam: TurnHistories) -> Histories:
     tracks, count = batch.times.shape[1], len(model.rates)
     age = np.where(model.modes == STRAIGHT, *beam.shortest)
     return Histories(
-        *start_filters(batch, count), np.tile(np.arange(count), (tracks, 1)), np.tile(age, (tracks, 1)),
+        *start_turns(batch, count), np.tile(np.arange(count), (tracks, 1)), np.tile(age, (tracks, 1)),
         np.tile(np.log(model.start), (tracks, 1)),
     )  # fmt: skip
 
@@ -117,7 +113,7 @@ def _branch(now: Histories, steps: FloatArray, model: TurnModel, beam: TurnHisto
     shared = joint / np.where(total > 0.0, total, 1.0)[..., None]
     shared[..., 0] += total == 0.0
     ages = (shared[:, count:] * now.age[:, None]).sum(2)
-    state, covariance = mixtures(now.state, now.covariance, shared)
+    state, covariance = mixture(now.state, now.covariance, shared)
     with np.errstate(divide="ignore"):
         goes_on = now.log_weight + np.log1p(-ends) + np.log1p(-changes)
         log_weight = np.concatenate([goes_on, np.log(total)], axis=1)

@@ -1,11 +1,13 @@
 """A recorded flight: measured positions in metres, the aircraft's own track angle, and what was left out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.estimation.batch import Batch
 from baselines.recordings.flights.tiers import Tier
 from baselines.recordings.projection import Projection, centred_projection
 from hybrid_env.checks import ArgumentError
@@ -111,3 +113,17 @@ def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -
     ]
     found[1:-1] = np.maximum(*off) < ON_A_LINE
     return found
+
+
+def stack_flights(flights: Sequence[Flight]) -> Batch:
+    """Return the pieces of flights as one batch."""
+    pieces = tuple((k, *piece) for k, flight in enumerate(flights) for piece in flight.pieces)
+    total = max(end - first for _, first, end in pieces)
+    times, positions = np.empty((total, len(pieces))), np.full((total, len(pieces), 2), np.nan)
+    for column, (k, first, end) in enumerate(pieces):
+        count = end - first
+        times[:count, column], times[count:, column] = flights[k].times[first:end], flights[k].times[end - 1]
+        positions[:count, column] = flights[k].positions[first:end]
+    tiers = [flights[k].tier for k, _, _ in pieces]
+    across, timing = np.array([[one.across, one.timing] for one in tiers]).T
+    return Batch(pieces, times, positions, across, timing)

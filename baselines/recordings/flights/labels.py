@@ -13,21 +13,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.estimation.batch import Batch
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.recordings.flights.batch import Batch, local_velocities, measurement_covariances, stack_flights
-from baselines.recordings.flights.flight import Flight
+from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT
+from baselines.recordings.flights.flight import Flight, stack_flights
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-STRAIGHT, LEFT, RIGHT = 0, 1, 2
 MODE_NAMES = ("straight", "left", "right")
 
 START_DEVIATIONS = (200.0, 5.0)  # of velocity and acceleration at the start [m/s, m/s^2]
 OWN_WINDOW = 10.0  # time over which the rate of the own track angle is taken [s]
+NEIGHBOURS = 3  # positions before and after that give the velocity of the noise model
 LONGEST_WEIGHT = 3.0  # steps; time in longer gaps is not scored
 
 
@@ -147,12 +148,24 @@ def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
 
 def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
     """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
-    noises = measurement_covariances(local_velocities(batch), batch.across, batch.timing)
+    noises = batch.noise(local_velocities(batch))
     model = MotionModel("CA", 2, jerk)
     filtered = run_filter(
         KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises
     )
     return np.asarray(smooth(model, filtered, batch.times).states)
+
+
+def local_velocities(batch: Batch) -> FloatArray:
+    """Return the mean velocity (T, B, 2) [m/s] from three positions before to three after; 0 when padded."""
+    total, tracks = batch.times.shape
+    last = batch.present.sum(0) - 1
+    rows = np.arange(total)[:, None]
+    before, after = np.clip(rows - NEIGHBOURS, 0, last), np.clip(rows + NEIGHBOURS, 0, last)
+    which = np.arange(tracks)
+    moved = batch.positions[after, which] - batch.positions[before, which]
+    passed = batch.times[after, which] - batch.times[before, which]
+    return np.asarray(moved / np.where(passed > 0.0, passed, np.inf)[..., None])
 
 
 def make_labels(

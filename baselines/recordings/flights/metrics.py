@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight
-from baselines.recordings.flights.labels import STRAIGHT, Labels
+from baselines.recordings.flights.labels import Labels
 from baselines.scoring.scores import Scores, Statistic, quotient, ratio
 
 IntArray = NDArray[np.int64]

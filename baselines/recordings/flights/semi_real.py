@@ -15,8 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.flights.batch import stack_flights
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.labels import LONGEST_WEIGHT, LabelRules, Labels, smoothed_states
 from baselines.rules.decider import Decider
 from baselines.rules.tracker import OnlineTracker

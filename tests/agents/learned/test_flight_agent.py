@@ -10,7 +10,7 @@ from agents.learned.flight_decider import FlightAgent
 from agents.learned.flight_inputs import flight_inputs
 from agents.learned.policy_file import save_policy
 from baselines.estimation.turn_imm import run_turn_imm
-from baselines.recordings.flights.batch import stack_flights
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS
 from baselines.recordings.flights.tracks import FlightTracks

@@ -2,12 +2,13 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
+from baselines.estimation.batch import Batch
 from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
-from baselines.estimation.turn_filters import correct, predict_turns, start_filters
-from baselines.estimation.turn_imm import TurnModel, run_turn_imm
-from baselines.recordings.flights.batch import Batch, stack_flights
-from baselines.recordings.flights.labels import STRAIGHT
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.estimation.turns import START_SPEED, STRAIGHT, TurnModel
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS
 
@@ -40,6 +41,23 @@ def test_without_information_the_posterior_is_the_law_of_durations():
         assert np.abs(share - found[row]).max() < 4.5 * np.sqrt(0.25 / draws)
 
 
+def literal_step(state, covariance, omega, density, dt, z, noise, freedom):
+    """Return a coordinated turn [x, y, vx, vy] after dt and a Student t measurement, from matrix exponentials."""
+    rates = np.zeros((4, 4))
+    rates[0, 2] = rates[1, 3] = 1.0
+    rates[2, 3], rates[3, 2] = -omega, omega
+    matrix = expm(rates * dt)
+    one_axis = density * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
+    state = matrix @ state
+    covariance = matrix @ covariance @ matrix.T + np.kron(one_axis, np.eye(2))
+    innovation, spread = z - state[:2], covariance[:2, :2] + noise
+    nis = innovation @ np.linalg.inv(spread) @ innovation
+    log_likelihood = -0.5 * np.log(np.linalg.det(spread)) - 0.5 * (freedom + 2.0) * np.log1p(nis / freedom)
+    weight = min((freedom + 2.0) / (freedom + nis), 1.0)
+    gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + noise / weight)
+    return state + gain @ innovation, covariance - gain @ covariance[:2], log_likelihood
+
+
 def test_all_histories_of_a_few_positions():
     # every sequence of modes has a filter of its own; merging histories is the only difference
     generator = np.random.default_rng(3)
@@ -53,17 +71,17 @@ def test_all_histories_of_a_few_positions():
     share = np.array([[0.0, 0.5, 0.5], [0.9, 0.0, 0.1], [0.9, 0.1, 0.0]])
     weights = np.zeros(3)
     for sequence in itertools.product(range(3), repeat=5):
-        state, covariance = start_filters(batch, 1)
+        state = np.concatenate([positions[0], (positions[1] - positions[0]) / times[1]])
+        covariance = np.diag([4.0, 4.0, START_SPEED**2, START_SPEED**2])
         log_weight = np.log([0.9, 0.05, 0.05][sequence[0]])
         for row, (last, mode) in enumerate(itertools.pairwise(sequence), 1):
-            step = np.diff(times)[row - 1 : row]
-            ends = -np.expm1(-leave[last] * step[0])
+            step = times[row] - times[row - 1]
+            ends = -np.expm1(-leave[last] * step)
             log_weight += np.log(1.0 - ends if mode == last else ends * share[last, mode])
-            state, covariance = predict_turns(state, covariance, omega[[mode]], model.acceleration, step)
-            state, covariance, likelihood = correct(
-                state, covariance, positions[row, None], 4.0 * np.eye(2)[None], model.freedom
+            state, covariance, likelihood = literal_step(
+                state, covariance, omega[mode], model.acceleration, step, positions[row], 4.0 * np.eye(2), 5.0
             )
-            log_weight += float(likelihood[0, 0])
+            log_weight += likelihood
         weights[sequence[-1]] += np.exp(log_weight)
     np.testing.assert_allclose(found, weights / weights.sum(), atol=0.01)
 

@@ -9,8 +9,9 @@ import pytest
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
-from baselines.estimation.turn_imm import TurnModel, run_turn_imm
-from baselines.recordings.flights.batch import stack_flights
+from baselines.estimation.turn_imm import run_turn_imm
+from baselines.estimation.turns import TurnModel
+from baselines.recordings.flights.flight import stack_flights
 from baselines.recordings.flights.labels import (
     LEFT,
     RIGHT,

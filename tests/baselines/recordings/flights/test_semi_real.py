@@ -8,7 +8,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.recordings.flights.labels import STRAIGHT
+from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.metrics import count_flight, figures
 from baselines.recordings.flights.semi_real import (
     WORLD,

@@ -1,0 +1,141 @@
+"""Filters of coordinated turns with known turn rates: their settings, their start, and one step of them.
+
+The states are [x, vx, y, vy]; see `motion_models.turn_transition`. The covariance of a measurement is
+across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t, see
+`robust.WholeStudentT`. `turn_imm` and `turn_beam` run these filters.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.estimation.batch import Batch
+from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.kalman import propagate
+from baselines.estimation.motion_models import turn_noise, turn_transition
+from baselines.estimation.robust import WholeStudentT
+
+FloatArray = NDArray[np.float64]
+
+STRAIGHT, LEFT, RIGHT = 0, 1, 2
+START_SPEED = 100.0  # standard deviation of each component of the velocity at the start [m/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnModel:
+    """Settings of the filters; chosen for the largest agreement on simulated flights.
+
+    Attributes:
+        rates: turn rates [deg/s], straight motion first, anticlockwise positive.
+        acceleration: spectral density of the white acceleration [m^2/s^3].
+        straight, turn: mean time in straight motion and in a turn [s].
+        within: mean time between two turn rates of one direction [s].
+        freedom: degrees of freedom nu of the Student t.
+    """
+
+    rates: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, -0.75, -1.5, -3.0)
+    acceleration: float = 0.2
+    straight: float = 60.0
+    turn: float = 40.0
+    within: float = 15.0
+    freedom: float = 5.0
+
+    @property
+    def modes(self) -> NDArray[np.int64]:
+        """(M,) straight, left or right, of each model."""
+        rates = np.array(self.rates)
+        return np.where(rates > 0.0, LEFT, np.where(rates < 0.0, RIGHT, STRAIGHT))
+
+    @property
+    def start(self) -> FloatArray:
+        """(M,) probabilities of the models at the start of a piece: straight motion is likely."""
+        others = len(self.rates) - 1
+        return np.array([0.9, *[0.1 / others] * others]) if others else np.ones(1)
+
+    @property
+    def generator(self) -> FloatArray:
+        """(M, M) rates of change between the models [1/s]; rows sum to 0."""
+        modes = self.modes
+        matrix = np.zeros((len(modes), len(modes)))
+        for i, one in enumerate(modes):
+            for j, other in enumerate(modes):
+                if i == j:
+                    continue
+                if one == STRAIGHT:
+                    matrix[i, j] = 1.0 / self.straight / (modes != STRAIGHT).sum()
+                elif other == one:
+                    matrix[i, j] = 1.0 / self.within / max((modes == one).sum() - 1, 1)
+                else:  # most turns end in straight motion
+                    share = 0.9 if other == STRAIGHT else 0.1 / (modes == other).sum()
+                    matrix[i, j] = share / self.turn
+        return np.asarray(matrix - np.diag(matrix.sum(1)))
+
+
+class TurnStep(NamedTuple):
+    """K filters of each of B pieces after a position; where there is none, they are only predicted.
+
+    Attributes:
+        state, covariance: (B, K, 4) and (B, K, 4, 4).
+        log_likelihood: (B, K) of the position, 0 without one.
+        mean: (B, 4) of all filters before the position.
+        spread: (B, 2, 2) covariance of the innovation of this mean, in each filter on average.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    log_likelihood: FloatArray
+    mean: FloatArray
+    spread: FloatArray
+
+
+def start_turns(batch: Batch, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return states (B, K, 4) and covariances (B, K, 4, 4) of K equal filters at the first positions."""
+    tracks = batch.times.shape[1]
+    velocity = (batch.positions[1] - batch.positions[0]) / (batch.times[1] - batch.times[0])[:, None]
+    state = np.stack([batch.positions[0], velocity], axis=2).reshape(tracks, 1, 4)
+    covariance = np.zeros((tracks, count, 4, 4))
+    covariance[..., ::2, ::2] = batch.noise(velocity)[:, None]
+    covariance[..., 1, 1] = covariance[..., 3, 3] = START_SPEED**2
+    return np.repeat(state, count, axis=1), covariance
+
+
+def step_turns(
+    batch: Batch,
+    position: FloatArray,
+    dt: FloatArray,
+    state: FloatArray,
+    covariance: FloatArray,
+    rates: FloatArray,
+    weights: FloatArray,
+    model: TurnModel,
+) -> TurnStep:
+    """Predict the filters to the next position of each piece and correct them by it.
+
+    Args:
+        batch: the pieces.
+        position: (B, 2) [m], NaN after the end of a piece.
+        dt: (B,) time since the last position [s].
+        state, covariance: after the position before, (B, K, 4) and (B, K, 4, 4).
+        rates: (K,) or (B, K) turn rates of the filters [rad/s].
+        weights: (B, K) probabilities of the filters.
+        model: settings.
+    """
+    step = dt[:, None]
+    state, covariance = propagate(
+        state, covariance, turn_transition(rates, step), turn_noise(model.acceleration, step), np.ones(1)
+    )
+    mean = (weights[..., None] * state).sum(1)
+    noise = batch.noise(mean[:, 1::2])
+    spread = (weights[..., None, None] * covariance[..., ::2, ::2]).sum(1) + noise
+    used = ~np.isnan(position[:, :1])
+    measured = np.where(used, position, 0.0)[:, None]
+    after = correct(
+        state, covariance, measured, principal_noise(noise[:, None]), WholeStudentT(model.freedom)
+    )
+    return TurnStep(
+        np.where(used[..., None], after.state, state),
+        np.where(used[..., None, None], after.covariance, covariance),
+        np.where(used, after.log_likelihood, 0.0), mean, spread,
+    )  # fmt: skip
