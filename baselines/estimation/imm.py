@@ -1,9 +1,11 @@
-"""The interacting multiple model (IMM) filter, and that of kinematic models with states of different size.
+"""The interacting multiple model (IMM) filter, and its steps for filters of any kind.
 
 Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients": `ModelChain`, `mix_models`, `mixture.mixture` and `weigh_models` are its steps for any filters,
-also for those of turns (`turn_imm`). The states of CV, CA and CJ have different sizes: a model takes over from another one what both
-have, and a derivative that only it has is distributed as at the start of a track, with mean 0 and the
+coefficients": `ModelChain`, `mix_models`, `mixture.mixture` and `weigh_models` are its steps, also for the
+filters of turns (`turn_imm`).
+
+`IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are
+mixed. A derivative that only one of them has is distributed as at the start of a track, with mean 0 and the
 variance of its `start_deviations`. That is a distribution of the object's motion, so that the filter is
 consistent; a variance of 0 would make it blind to the first seconds of a manoeuvre (Granstrom, Willett &
 Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states").

@@ -42,7 +42,7 @@ def test_without_information_the_posterior_is_the_law_of_durations():
 
 
 def literal_step(state, covariance, omega, density, dt, z, noise, freedom):
-    """Return a coordinated turn [x, y, vx, vy] after dt and a Student t measurement, from matrix exponentials."""
+    """Return a coordinated turn [x, y, vx, vy] after dt and a measurement with a Student t distribution."""
     rates = np.zeros((4, 4))
     rates[0, 2] = rates[1, 3] = 1.0
     rates[2, 3], rates[3, 2] = -omega, omega
