@@ -58,14 +58,15 @@ class Plan:
         """
         from agents.training.recipe import load_recipe, recipe_names
 
-        known = rules(self.task.switches)
-        if name in self.deciders and name not in known:
-            raise reject("deciders", name, ", ".join(known))
-        if name in self.agents and (name in recipe_names() or name.endswith(".yml")):
-            return load_recipe(name, self.task.env_id)
-        if name in self.agents and name != SHIPPED and not Path(name).is_dir():
-            allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipe_names())}"
-            raise reject("agents", name, allowed)
+        if name in self.agents:
+            recipes = recipe_names()
+            if name in recipes or name.endswith(".yml"):
+                return load_recipe(name, self.task.env_id)
+            if name != SHIPPED and not Path(name).is_dir():
+                allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipes)}"
+                raise reject("agents", name, allowed)
+        elif name not in rules(self.task.switches):
+            raise reject("deciders", name, ", ".join(rules(self.task.switches)))
         return find_family(name, self.task.options)
 
     def check(self) -> None:
