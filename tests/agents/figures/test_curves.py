@@ -7,7 +7,7 @@ import pytest
 
 from agents.figures.canvas import save_figure
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import STYLES
+from agents.figures.decider_colours import decider_style
 
 TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])
 TIME = Axis("ticks", (0.0, 60.0))
@@ -15,7 +15,7 @@ REWARD = Axis("reward", (0.0, 1.0), levels=(0.5,))
 
 
 def curve(name, values, **more):
-    return Curve(name, STYLES[name], TICKS, np.array(values), **more)
+    return Curve(name, decider_style(name), TICKS, np.array(values), **more)
 
 
 CURVES = [
@@ -80,7 +80,7 @@ def test_points_without_a_value_have_hollow_markers_in_the_strip_and_the_last_on
 
 
 def test_levels_that_are_not_reached_are_marked_at_the_edge():
-    styles = [STYLES["MSPRT"], STYLES["gap rule"]]
+    styles = [decider_style("MSPRT"), decider_style("gap rule")]
     panel = Panel("", TIME, REWARD, CURVES[:1], unreached={0.9: ("90 % not reached", styles)})
     [axes] = curve_figure([[panel]], (6.0, 4.0)).axes
     marks = [line for line in axes.lines if len(line.get_xdata()) == 1 and line.get_xdata()[0] == 1.0]
