@@ -35,7 +35,7 @@ def split_threshold(name: str) -> tuple[str, float | None]:
 
 def policy_folder(name: str, switches: str) -> Path:
     """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
-    if name == SHIPPED:
+    if name == SHIPPED and switches in SHIPPED_FOLDERS:
         return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
     return Path(name or os.devnull)
 
