@@ -95,7 +95,7 @@ def load_decider(name: str, options: Any) -> Decider:
     """Return the decider of a name with an optional threshold, see `find_decider`.
 
     Raises:
-        ArgumentError: see `find_decider`, or the environment has not the options that the decider needs.
+        ArgumentError: see `find_decider`, or the environment lacks the options that the decider needs.
     """
     if getattr(options, "actions", "all") != "all":
         raise reject("actions", options.actions, "'all': deciders declare hypotheses")

@@ -238,8 +238,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
 
     Args:
         axes, tau: see `ConstantStepFilter`.
-        window: number of innovations in H_0. A short window follows a manoeuvre soon, a long one has a
-            steadier gain. The filter adapts after two windows.
+        window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
+            a steadier gain. The filter adapts after two windows.
         smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.
     """
 
