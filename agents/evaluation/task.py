@@ -170,7 +170,7 @@ class Task(ABC):
 
     @abstractmethod
     def check_episodes(self, name: str, episodes: int) -> None:
-        """Raise `ArgumentError` for so many episodes that they fill the memory; `name` is the argument."""
+        """Raise `ArgumentError` if the episodes would fill the memory; `name` is the argument."""
 
     @abstractmethod
     def batch(self) -> int:
@@ -296,7 +296,7 @@ def sweep(
         thresholds: to use instead of those of the family.
 
     Raises:
-        ArgumentError: so many episodes that they would fill the memory.
+        ArgumentError: the episodes would fill the memory.
     """
     task.check_episodes("episodes", episodes)
     used = family.thresholds if thresholds is None else tuple(thresholds)

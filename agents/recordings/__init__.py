@@ -4,6 +4,6 @@
 of a recording afterwards, row by row. `file_arguments` and `many_files` read files, `figure` and `html_map`
 draw, `command` writes everything.
 
-May import: `hybrid_env`, `baselines`, and `agents.interface`, `learned`, `evaluation`, `training`; no other
-study.
+May import: `hybrid_env`, `baselines`, and `interface`, `figures`, `learned`, `evaluation` and `training` of
+`agents`; no other study.
 """
