@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from agents.reproduction.canvas import DARK_GREY, GREY, TRUTH, label_lines, new_figure, style_map
-from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
+from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
-from baselines.papers.novospaskyi.tables import NOISE_NAMES, as_published
+from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
 RADAR = "#AA3377"
@@ -121,7 +121,7 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     names = [cell.row for cell in (*thesis, *sound)]
     rows = np.arange(len(names), dtype=np.float64)
     ours = rows[: len(thesis)]
-    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *FILTERS)])
+    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *THESIS)])
     axes.barh(
         ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,

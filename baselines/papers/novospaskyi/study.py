@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
+from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
 from hybrid_env.checks import check_integer, reject

@@ -13,8 +13,7 @@ from baselines.estimation.robust import Gate, Huber, MaximumCorrentropy, Student
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter
-from baselines.papers.novospaskyi.g_h import GHFilter
-from baselines.papers.novospaskyi.moving_average import moving_average
+from baselines.papers.novospaskyi.filters import GHFilter, moving_average
 from hybrid_env.checks import ArgumentError
 
 CV = MotionModel("CV", 2, 1.0)

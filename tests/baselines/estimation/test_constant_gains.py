@@ -12,8 +12,7 @@ from baselines.papers.adaptive import (
     products,
     published_gain,
 )
-from baselines.papers.novospaskyi.g_h import GHFilter
-from baselines.papers.novospaskyi.moving_average import moving_average
+from baselines.papers.novospaskyi.filters import GHFilter, moving_average
 
 
 def test_g_h_equals_filterpy_on_100_random_problems():

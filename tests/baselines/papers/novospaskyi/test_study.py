@@ -12,7 +12,7 @@ import pytest
 
 from agents.interface.parallel import Workers
 from baselines.papers.novospaskyi import reproduce, tables
-from baselines.papers.novospaskyi.published import METRICS, TABLES, TEST_ERRORS, UNFILTERED
+from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED
 from hybrid_env.checks import ArgumentError
 
 ROOT = Path(__file__).parents[4]
