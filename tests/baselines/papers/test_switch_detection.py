@@ -7,7 +7,7 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from baselines.papers import golubkov2020
-from baselines.papers.switch_detection import detect_switch
+from baselines.papers.golubkov2020 import detect_switch
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
