@@ -12,8 +12,7 @@ from rich.table import Table
 
 from agents.evaluation.registry import load_decider
 from agents.evaluation.task import Task
-from agents.figures.timelines import UNDECIDED
-from agents.figures.tracks import TrackRecord
+from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements

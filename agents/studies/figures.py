@@ -11,8 +11,7 @@ from agents.evaluation.task import Task
 from agents.evaluation.unknown import EQUAL_WRONG_CHANGES
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import DeciderStyle, decider_styles
-from agents.figures.timelines import IntArray
-from agents.figures.tracks import recording_figure
+from agents.figures.tracks import IntArray, recording_figure
 from agents.studies.comparison import Comparison, Entry
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import MODE_NAMES, Labels

@@ -8,8 +8,7 @@ from agents.evaluation.evaluate import evaluate
 from agents.evaluation.statement_curve import ROWS, sweep_statements
 
 from agents.figures.decider_colours import decider_style
-from agents.figures.timelines import UNDECIDED, runs
-from agents.figures.tracks import track_figure
+from agents.figures.tracks import UNDECIDED, runs, track_figure
 from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
 

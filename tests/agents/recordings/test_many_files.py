@@ -10,8 +10,7 @@ import pytest
 from agents.cli import main
 from agents.interface.output_files import write_table
 from agents.recordings.command import Track
-from agents.recordings.file_arguments import FileArguments, object_folders
-from agents.recordings.many_files import Report, work_on_files
+from agents.recordings.files import FileArguments, Report, object_folders, work_on_files
 from hybrid_env.checks import ArgumentError, reject
 
 ROWS = 60
