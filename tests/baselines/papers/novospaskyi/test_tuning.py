@@ -8,7 +8,8 @@ from optuna.distributions import FloatDistribution, IntDistribution
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.papers.novospaskyi.filters import CONTENDERS, GHFilter
+from baselines.papers.g_h import GHFilter
+from baselines.papers.novospaskyi.filters import CONTENDERS
 from baselines.papers.novospaskyi.tables import memory, steady_gains
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
