@@ -28,9 +28,10 @@ from baselines.papers.reproduction import (
     table_row,
 )
 from baselines.recordings.ate import Tracks, track_ate
+from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import check_array, check_flag, check_integer, reject
 from hybrid_env.core.banks.published import begin_published, follow_published
-from hybrid_env.core.compilation import compiled, prepare
+from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within
 from hybrid_env.simulation import Simulation, simulate
@@ -174,10 +175,8 @@ def filter_known_modes(
     runs, total = values.shape[:2]
     found = Estimates(np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)))
     for run in range(runs):
-        arguments = values[run], starts[run], known, filters, Estimates(*(array[run] for array in found))
-        if run == 0:
-            prepare(_filter_run, *arguments)
-        _filter_run(*arguments)
+        of_run = Estimates(*(array[run] for array in found))
+        run_compiled(_filter_run, values[run], starts[run], known, filters, of_run)
     return Estimates(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
 
 

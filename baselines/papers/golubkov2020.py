@@ -23,21 +23,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import logsumexp
 
-from baselines.estimation.recording import Filters, check_recording, make_filters
+from baselines.estimation.recording import check_recording, make_filters
+from baselines.estimation.restarted_filters import (
+    RestartModel,
+    begin_restarted,
+    restart_arrays,
+    step_restarted,
+)
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
+from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
-from hybrid_env.core.banks.bank import IDENTITY, bank_arrays, estimate_of
-from hybrid_env.core.banks.published import (
-    PublishedBank,
-    begin_published,
-    covariance_published,
-    published_of_block,
-    step_published,
-)
-from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.limits import check_within, distinct_radii
 from hybrid_env.simulation import Simulation, simulate
 
@@ -57,6 +56,7 @@ PUBLISHED_DELAY = 12
 """Delay of the published realisation [ticks]."""
 
 PERCENTILES = (5, 25, 50, 75, 95)
+RUNS_AT_ONCE = 256  # bounds the memory
 HORIZON = 60
 """Length of the turn in the identification study [ticks]."""
 
@@ -89,51 +89,6 @@ class Detection(NamedTuple):
     upper: float
     lower: float
     accepted: NDArray[np.int64]
-
-
-@compiled
-def _ratios_of_run(
-    measurements: FloatArray,
-    start: FloatArray,
-    nominal: Filters,
-    started: PublishedBank,
-    published_root: bool,
-    log_ratios: FloatArray,
-) -> None:
-    """Write ln lambda_k, (T, M), of one run. `nominal` provides the straight filter, `started` T banks."""
-    bank, radii, model = nominal
-    total = measurements.shape[0]
-    hypotheses = bank.hypotheses.size
-    x, vx, y, vy = start
-    begin_published(bank, 0, (x, vx, y, vy), IDENTITY, radii, model)
-    determinants = np.zeros((total, hypotheses))  # sum of ln |Sigma_1| - ln |Sigma_0|
-    before = np.zeros(total)  # nominal log-likelihood when filter j starts
-    log_psi = np.empty((total, hypotheses))
-    measurement = np.zeros((2, LANES))
-    straight = bank.hypotheses[0]
-    for k in range(total):
-        measurement[:, 0] = measurements[k]
-        before[k] = straight.log_likelihood[0]
-        anchor, covariance = estimate_of(bank.hypotheses, 0, 0), covariance_published(bank, 0, 0)
-        begin_published(published_of_block(started, k), 0, anchor, covariance, radii, model)
-        step_published(bank, 0, 1, measurement, model)
-        for j in range(k + 1):
-            running = published_of_block(started, j)
-            step_published(running, 0, 1, measurement, model)
-            for h in range(1, hypotheses):
-                # ln psi_j, eq. (7): log-likelihood ratio of a turn that begins at tick j to the straight line
-                log_psi[j, h] = running.hypotheses[h].log_likelihood[0] - (
-                    straight.log_likelihood[0] - before[j]
-                )
-                if published_root:
-                    determinants[j, h] += 2.0 * (
-                        running.innovations[h].log_variance[0] - bank.innovations[0].log_variance[0]
-                    )
-                    log_psi[j, h] += determinants[j, h]
-        for h in range(1, hypotheses):
-            largest = log_psi[: k + 1, h].max()
-            mean = np.exp(log_psi[: k + 1, h] - largest).sum() / (k + 1.0)
-            log_ratios[k, h] = largest + math.log(mean)
 
 
 def detect_switch(
@@ -179,20 +134,48 @@ def detect_switch(
     if not isinstance(modes, (Sequence, np.ndarray)) or len(modes) == 0:
         raise reject("tested", tested, f"one or more hypotheses from 1 to {hypotheses - 1}")
     chosen = np.array([check_integer("tested", mode, 1, hypotheses - 1) for mode in modes])
-    nominal = make_filters(bank_radii, tau, process_variance, measurement_variance)
+    model = make_filters(bank_radii, tau, process_variance, measurement_variance).model
     upper, lower = sprt_thresholds(alpha, beta)
     margin = check_positive("margin", margin, allow_zero=True)
     root = check_flag("published_root", published_root)
 
-    axes = len(nominal.bank.covariances)
-    started = bank_arrays(PublishedBank, bank_radii.size, axes, total)
     log_ratios = np.full((len(values), total, hypotheses), np.nan)
-    for run, recording in enumerate(values):
-        arguments = recording, starts[run], nominal, started, root, log_ratios[run]
-        if run == 0:
-            prepare(_ratios_of_run, *arguments)
-        _ratios_of_run(*arguments)
+    for first in range(0, len(values), RUNS_AT_ONCE):
+        part = slice(first, first + RUNS_AT_ONCE)
+        log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
     return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
+
+
+def _log_ratios(
+    values: FloatArray, starts: FloatArray, radii: FloatArray, model: FilterModel, published_root: bool
+) -> FloatArray:
+    """Return ln lambda_k of the turns, (n, T, M - 1), from measurements (n, T, 2) and starts (n, 4)."""
+    runs, total = values.shape[:2]
+    rule = RestartModel(radii, total, True, True, math.inf, 0.0, model)  # the statement never changes
+    filters = restart_arrays(runs, 2 * radii.size + 1, total)
+    for run, start in enumerate(starts):
+        run_compiled(begin_restarted, filters, run, 0, np.concatenate([start, IDENTITY]), rule)
+    log_ratios = np.empty((runs, total, 2 * radii.size))
+    determinants = np.zeros(filters.started["log_likelihood"].shape)  # sum of ln |Sigma_1| - ln |Sigma_0|
+    starts_of = np.arange(determinants[0, 0].size).reshape(determinants.shape[2:])
+    for k in range(total):
+        run_compiled(step_restarted, filters, values[:, k], rule)
+        log_ratios[:, k] = filters.log_ratios[:, 1:]
+        if published_root:
+            straight = filters.stated_filters[:, None, None]
+            determinants += _log_determinants(filters.started, model)
+            determinants -= _log_determinants(straight, model)[..., :1]
+            determinants[..., starts_of > k] = 0.0
+            log_psi = filters.started["log_likelihood"] - straight["log_likelihood"][..., :1] + determinants
+            log_psi[..., starts_of > k] = -np.inf
+            log_ratios[:, k] = logsumexp(log_psi[:, 1:], axis=(2, 3)) - math.log(k + 1.0)
+    return log_ratios
+
+
+def _log_determinants(filters: NDArray[Any], model: FilterModel) -> FloatArray:
+    """Return ln |Sigma| - ln |R| of the last tick: Sigma = R^2 / (R - P) on each axis, P corrected."""
+    x, y = (filters["covariance"][..., entry, :] for entry in (0, 13))
+    return -np.log(1.0 - x / model.variance_x) - np.log(1.0 - y / model.variance_y)
 
 
 def _decide(
