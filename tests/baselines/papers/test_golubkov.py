@@ -8,11 +8,11 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from agents.cli import main
-from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from baselines.papers.golubkov2020 import detect_switch
 from baselines.papers.reproduction import Cell, study_interval
+from baselines.rules.decisions import evaluate
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
