@@ -4,7 +4,6 @@ import builtins
 import csv
 import gzip
 import os
-import pickle
 
 import numpy as np
 import pandas as pd
@@ -218,19 +217,6 @@ def test_output_folders(tmp_path):
     assert FileArguments(files=files[:1], out=tmp_path / "all").folders() == [tmp_path / "all"]
     with pytest.raises(ArgumentError, match=r"a.csv and .*a.gpx both have the output folder"):
         FileArguments(files=(files[0], tmp_path / "a.gpx")).folders()
-
-
-def test_a_file_is_tracked_as_in_another_process(tmp_path):
-    path = tmp_path / "walk.csv"
-    write(path)
-    work = Track(files=(), picture=False).track_file
-    reports = [
-        one(path, tmp_path / name)
-        for name, one in (("here", work), ("sent", pickle.loads(pickle.dumps(work))))
-    ]
-    assert reports[0].lines == reports[1].lines
-    assert "60 rows; 1 object; tick 0.1 s" in reports[0].lines[0]
-    assert contents(tmp_path / "here") == contents(tmp_path / "sent")
 
 
 def work(path, folder):

@@ -3,14 +3,9 @@
 A small study: tests/agents/reproduction.
 """
 
-import json
+import itertools
 import math
 import os
-import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,25 +17,13 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.papers.g_h import GHFilter
 from baselines.papers.novospaskyi import reproduce, tables
 from baselines.papers.novospaskyi.filters import CONTENDERS
+from baselines.papers.novospaskyi.study import one_by_one
 from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, memory, steady_gains
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
 
-ROOT = Path(__file__).parents[3]
 SPACE = {"q": FloatDistribution(1e-3, 1e3, log=True), "window": IntDistribution(1, 9)}
 START = {"q": 1.0, "window": 5}
-SCRIPT = """
-import json, sys
-from pathlib import Path
-from agents.interface.parallel import Workers
-from baselines.papers.novospaskyi import reproduce
-
-if __name__ == "__main__":
-    folder, workers = Path(sys.argv[1]), int(sys.argv[2])
-    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=Workers(workers).results)
-    values = [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
-    (folder / "result.json").write_text(json.dumps(values))
-"""
 
 
 def cost(parameters):
@@ -153,32 +136,27 @@ def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
         reproduce(folder=tmp_path / "file")
 
 
-def start(script, folder, workers):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    arguments = [sys.executable, str(script), str(folder), str(workers)]
-    return subprocess.Popen(arguments, env=environment, cwd=folder)
+def values(folder, run):
+    """Everything that a small study gives."""
+    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=run)
+    return [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
+
+
+def killed(calls, on_done):
+    """A run that fails like a killed process after some calls."""
+    yield from itertools.islice(one_by_one(calls, on_done), 5)
+    raise KilledError
 
 
 @pytest.mark.study
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_killed_run_resumes_with_the_same_bytes(tmp_path, workers):
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
-    whole, parts = tmp_path / "whole", tmp_path / "parts"
-    for folder in (whole, parts):
-        folder.mkdir()
-    assert start(script, whole, 1).wait() == 0
-    tuned = parts / "point-mass"
-    for enough in (20, 60):
-        process = start(script, parts, workers)
-        while process.poll() is None and sum(file.stat().st_size for file in tuned.glob("*")) < enough * 120:
-            time.sleep(0.02)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    assert not (parts / "result.json").exists()
-    assert start(script, parts, workers).wait() == 0
-    assert (parts / "result.json").read_bytes() == (whole / "result.json").read_bytes()
-    assert len(json.loads((whole / "result.json").read_text())) > 100
+def test_a_killed_study_goes_on_to_the_same_values(tmp_path, workers):
+    expected = values(tmp_path / "whole", one_by_one)
+    assert len(expected) > 100
+    for _ in range(2):
+        with pytest.raises(KilledError):
+            values(tmp_path / "parts", killed)
+    assert values(tmp_path / "parts", Workers(workers).results) == expected
 
 
 @pytest.mark.study
