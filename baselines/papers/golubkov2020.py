@@ -151,6 +151,7 @@ def _log_ratios(
 ) -> FloatArray:
     """Return ln lambda_k of the turns, (n, T, M - 1), from measurements (n, T, 2) and starts (n, 4)."""
     runs, total = values.shape[:2]
+    ticks = np.ascontiguousarray(values.swapaxes(0, 1))
     rule = RestartModel(radii, total, True, True, math.inf, 0.0, model)  # the statement never changes
     filters = restart_arrays(runs, 2 * radii.size + 1, total)
     for run, start in enumerate(starts):
@@ -158,8 +159,8 @@ def _log_ratios(
     log_ratios = np.empty((runs, total, 2 * radii.size))
     determinants = np.zeros(filters.started["log_likelihood"].shape)  # sum of ln |Sigma_1| - ln |Sigma_0|
     starts_of = np.arange(determinants[0, 0].size).reshape(determinants.shape[2:])
-    for k in range(total):
-        run_compiled(step_restarted, filters, values[:, k], rule)
+    for k, measured in enumerate(ticks):
+        run_compiled(step_restarted, filters, measured, rule)
         log_ratios[:, k] = filters.log_ratios[:, 1:]
         if published_root:
             straight = filters.stated_filters[:, None, None]
