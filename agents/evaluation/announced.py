@@ -16,8 +16,7 @@ from agents.evaluation.shifted_worlds import shifted_worlds
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.decider_colours import decider_styles
-from agents.figures.timelines import UNDECIDED
-from agents.figures.tracks import TrackRecord
+from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
 from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
