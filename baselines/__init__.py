@@ -5,7 +5,7 @@ the detector of Golubkov 2020 and a beam of histories.
 `OnlineTracker` puts a rule behind a live sensor.
 """
 
-from baselines.estimation.recording import first_estimate
+from baselines.recordings.arrays import first_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.beam import BeamDecider
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider

@@ -1,4 +1,4 @@
-"""Weights of measurements: of the Kalman filter, and of filters that are robust against outliers.
+"""How much a measurement counts, in the Kalman filter and in filters that are robust against outliers.
 
 A measurement is used component by component. Let y be the innovation of a component, m the variance of its
 prediction, r the variance of its error, and c the column of the covariance P of the state that belongs to it.

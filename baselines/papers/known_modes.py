@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
+from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from hybrid_env.checks import check_array, check_flag, reject
 from hybrid_env.core.banks.published import begin_published, follow_published
 from hybrid_env.core.compilation import compiled, prepare

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.recording import Filters, check_recording, make_filters
+from baselines.recordings.arrays import Filters, check_recording, make_filters
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.banks.bank import IDENTITY, bank_arrays, estimate_of

@@ -9,5 +9,9 @@ fitted to `posterior_paths`, `refiltering` has filters of its own, whose anchors
 `hybrid_env.HybridTrackQuickestEnv`; `restarted` and `beam` filter the `measurements` themselves; `statements`
 records what a decider states. `tracker` puts a rule behind a live sensor, `start` begins its track.
 
-May import: `hybrid_env`, `baselines.estimation`. Never `agents`.
+Rules that filter have compiled filters of their own, beside the bank of the environment: `component_filters`,
+`restarted_filters` and `beam_filters`.
+
+May import: `hybrid_env`, `baselines.estimation`, `baselines.scoring`. Never `baselines.recordings`,
+`baselines.papers` or `agents`.
 """

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.beam_filters import (
+from baselines.rules.beam_filters import (
     BeamModel,
     Branches,
     begin_branches,

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.beam_filters import FIRST
 from baselines.rules.beam import BeamDecider, BeamState
+from baselines.rules.beam_filters import FIRST
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare

@@ -77,6 +77,11 @@ class Decider(ABC):
             `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
         """
 
+    @property
+    def class_name(self) -> str:
+        """Name of the user's class, for messages."""
+        return type(self).__name__
+
     def observe(self, tracks: Any) -> NDArray[Any]:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
         return np.asarray(tracks.take_rows())
@@ -162,6 +167,11 @@ class Adapted(Decider):
 
     def __init__(self, model: Any):
         self.model = model
+
+    @property
+    def class_name(self) -> str:
+        """Name of the class of the object."""
+        return type(self.model).__name__
 
     def predict(
         self,

@@ -14,14 +14,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.component_filters import (
+from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
+from baselines.rules.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
     anchor_rows,
     joint_posterior,
     stated_covariance,
 )
-from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout

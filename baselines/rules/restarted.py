@@ -11,15 +11,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.restarted_filters import (
+from baselines.rules.decider import Actions, Decider
+from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
+from baselines.rules.restarted_filters import (
     RestartedFilters,
     RestartModel,
     begin_restarted,
     restart_arrays,
     step_restarted,
 )
-from baselines.rules.decider import Actions, Decider
-from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from hybrid_env.checks import check_choice, check_integer, check_positive
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.quickest_options import QuickestOptions

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT
+from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT, Batch
 from baselines.recordings.flights.flight import Flight, stack_flights
 
 FloatArray = NDArray[np.float64]

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.flights.flight import Flight, clean_flight
-from baselines.recordings.flights.tiers import UNUSABLE, tier_of
+from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
 from hybrid_env.checks import ArgumentError, reject
 
 GAP = 600.0

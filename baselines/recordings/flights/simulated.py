@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from baselines.estimation.turns import STRAIGHT
-from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.flight import Flight, Tier
 from baselines.recordings.flights.labels import LabelRules, Labels, label_pieces, make_labels
-from baselines.recordings.flights.tiers import Tier
 from baselines.recordings.projection import Projection
 
 FloatArray = NDArray[np.float64]

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
-from baselines.estimation.turn_imm import TurnEstimates
+from baselines.estimation.turns import Batch, TurnEstimates
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.rollout import rollout
 from hybrid_env.observation import LOG_FLOOR, QuickestLayout

@@ -10,10 +10,10 @@ from agents.comparison.flights_late import late_figures, late_modes
 from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
 
 from agents.learned.flight_decider import SHIPPED
-from baselines.recordings.flights import tiers
+from baselines.recordings.flights import flight
+from baselines.recordings.flights.flight import TIERS
 from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 from hybrid_env.checks import ArgumentError
 
 
@@ -96,7 +96,7 @@ def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source
 
 
 def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monkeypatch):
-    monkeypatch.setattr(tiers, "STRESSING", frozenset({"two:abc121:0"}))
+    monkeypatch.setattr(flight, "STRESSING", frozenset({"two:abc121:0"}))
     plan = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), tuple(TIERS), "native", ("imm",))
     result = compare_on_flights(plan, lambda text: None)
     assert result.groups == {"B": [0], "stress": [1]}

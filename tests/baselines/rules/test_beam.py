@@ -5,12 +5,12 @@ import itertools
 
 import numpy as np
 import pytest
-from baselines.rules.metrics import measure_statements
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
 from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
+from baselines.scoring.statements import measure_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from baselines.rules.metrics import measure_statements
 
-from baselines.rules.statements import Statements, record_statements
+from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
+from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv
 
 
@@ -22,12 +22,12 @@ def test_metrics_of_two_short_tracks():
     np.testing.assert_allclose(metrics.wrong_changes, [100.0, 0.0])
     np.testing.assert_allclose(metrics.reward, [(6 - 2) / 10, 0.7])
     assert metrics.stated_changes.tolist() == [4, 1]
-    assert metrics.true_changes.tolist() == [2, 1]
+    assert metrics.switches.tolist() == [2, 1]
     assert metrics.delays.tolist() == [1, 2]
     assert metrics.delay_tracks.tolist() == [0, 0]
     assert metrics.missed.tolist() == [0, 0]  # the last switch of the second track may still be detected
-    assert metrics.mean_delay == 1.5
-    assert metrics.change_ratio == 5 / 3
+    assert metrics.value("delay") == 1.5
+    assert metrics.value("change_ratio") == pytest.approx(5 / 3)
 
 
 def literal_metrics(true, stated):
@@ -54,14 +54,14 @@ def test_delays_and_misses_equal_those_of_a_literal_loop(seed):
     pairs = sorted(zip(metrics.delays.tolist(), metrics.delay_tracks.tolist(), strict=True))
     assert pairs == found
     assert metrics.missed.tolist() == missed
-    assert metrics.missed_share == sum(missed) / (sum(missed) + len(found))
+    assert metrics.value("missed") == pytest.approx(sum(missed) / (sum(missed) + len(found)))
     delays = [delay for delay, _ in found]
     np.testing.assert_allclose(metrics.delay_quantiles(0.5, 0.9), np.quantile(delays, [0.5, 0.9]))
 
 
 def test_a_track_without_switches_has_no_delay():
     metrics = measure_statements(Statements(np.zeros((5, 2), int), np.zeros((5, 2), int)))
-    assert np.isnan([metrics.mean_delay, metrics.missed_share, metrics.change_ratio]).all()
+    assert np.isnan([metrics.value(name) for name in ("delay", "missed", "change_ratio")]).all()
     assert np.isnan(metrics.delay_quantiles(0.5)).all()
     np.testing.assert_array_equal(metrics.reward, 1.0)
 

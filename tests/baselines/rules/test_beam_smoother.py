@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from baselines.estimation.beam_filters import FIRST, LATER
 from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.beam_filters import FIRST, LATER
 from baselines.rules.beam_smoother import BeamSmoother, BranchTable, carry_past
 from baselines.rules.statements import record_statements
 from hybrid_env import QuickestOptions
