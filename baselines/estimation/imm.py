@@ -42,7 +42,7 @@ class ModelChain:
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of them."""
         powers = np.exp(self._values * np.asarray(dt)[..., None])
-        return np.maximum(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0)
+        return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
 
 
 def mix_models(
