@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.task import Levels, Metric, Recorded, Task
 from baselines.rules.decider import UNKNOWN, rules
-from baselines.rules.statements import record_together
+from baselines.rules.rollout import record_together
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level
 from baselines.scoring.statements import COLUMNS, STATISTICS, Statements, measure_statements

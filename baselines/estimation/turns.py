@@ -6,8 +6,9 @@ across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a
 columns of arrays, so that filters run over all of them at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,18 @@ class Batch(NamedTuple):
     def steps(self) -> FloatArray:
         """(T, B) time since the last position [s], 0 for the first one."""
         return np.diff(self.times, axis=0, prepend=self.times[:1])
+
+    def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
+        """Return values (T, B) as those of each flight, (n,); 0 outside of the pieces.
+
+        Args:
+            values: at every position of every piece.
+            lengths: number n of positions of each flight.
+        """
+        flights = [np.zeros(length, values.dtype) for length in lengths]
+        for column, (k, first, end) in enumerate(self.pieces):
+            flights[k][first:end] = values[: end - first, column]
+        return flights
 
     def noise(self, velocities: FloatArray) -> FloatArray:
         """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2].

@@ -29,6 +29,3 @@ class FlightCusumDecider(CusumDecider):
 
     name, task = "cusum", FLIGHTS
     default = 3.5
-
-    def __init__(self, threshold: float = 3.5):
-        super().__init__(threshold)

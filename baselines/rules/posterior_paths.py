@@ -1,13 +1,13 @@
 """Simulated paths of the posterior within segments without an early decision, and its calibration."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations, RowRule
-from baselines.rules.msprt import mode_types, read_error_probability
+from baselines.rules.msprt import By, mode_types, read_error_probability, rewarded
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
@@ -36,7 +36,7 @@ class PosteriorPaths:
     log_error_probability: FloatArray
     correct: NDArray[np.bool_]
     length: NDArray[np.int64]
-    by: Literal["hypothesis", "type"]
+    by: By
 
 
 class Never(RowRule):
@@ -68,7 +68,7 @@ def simulate_posterior_paths(
     last = (
         world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
     )
-    by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
+    by = rewarded(world)
     n = len(world.radii)
     kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
     shape = (episodes * world.segments, last)

@@ -87,14 +87,8 @@ class RefilteringDecider(Decider):
         """
         raise NotImplementedError
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """See `Decider.predict`. The state holds the filters and is changed in place."""
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state holds the filters and is changed in place."""
         rows = np.asarray(observation)
         tracks, layout = len(rows), self.layout
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)

@@ -80,7 +80,4 @@ class FlightTracks:
                 stated[now.step - 1] = now.actions
             if now.step == len(stated):
                 break
-        flights = [np.zeros(length, np.int64) for length in lengths]
-        for column, (k, first, end) in enumerate(self.batch.pieces):
-            flights[k][first:end] = stated[: end - first, column]
-        return flights
+        return self.batch.unstack(stated, lengths)

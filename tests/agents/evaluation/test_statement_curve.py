@@ -22,7 +22,7 @@ from agents.evaluation.statement_deciders import statement_family
 
 from agents.evaluation import statement_curve
 from baselines import ThresholdDecider, measure_statements, record_statements
-from baselines.rules.statements import Statements
+from baselines.rules.rollout import Statements
 from hybrid_env import ArgumentError
 from hybrid_env.quickest_options import QuickestOptions
 

@@ -28,7 +28,7 @@ from baselines.rules.metrics import measure_statements
 from agents.cli import main
 from agents.interface.parallel import Workers
 from baselines.rules import seeds
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.quickest_options import QuickestOptions
 

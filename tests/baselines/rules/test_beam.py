@@ -8,7 +8,7 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.statements import measure_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv

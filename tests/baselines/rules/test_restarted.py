@@ -8,7 +8,7 @@ from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
 from baselines.papers.switch_detection import detect_switch
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.simulation import simulate
 
