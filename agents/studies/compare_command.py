@@ -152,10 +152,9 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
         from agents.figures.canvas import save_figure
         from agents.figures.tracks import track_figure
         from agents.studies.episodes import Episodes
-        from agents.studies.figures import comparison_figure
 
-        save_figure(comparison_figure(result), folder / "compare.png")
         plan, task = result.plan, result.plan.task
+        save_figure(task.figure(result.seed_groups, plan.curves), folder / "compare.png")
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):

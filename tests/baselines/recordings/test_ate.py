@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from declared_episodes import declared
 
 from baselines import SPRTDecider, first_estimate, track_ate
+from baselines.rules.decisions import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS
@@ -68,9 +68,9 @@ def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_enviro
 )
 def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation(alpha, accuracy, ticks):
     # 9,000 segments: standard errors of at most .004 and .1 tick; tolerances .012 and .6
-    decisions = declared(SPRTDecider(alpha), 1500, seed=123)
-    assert decisions["correct"].mean() == pytest.approx(accuracy, abs=0.012)
-    assert decisions["ticks"].mean() == pytest.approx(ticks, abs=0.6)
+    decisions = evaluate(SPRTDecider(alpha), episodes=1500, seed=123)
+    assert decisions.correct.mean() == pytest.approx(accuracy, abs=0.012)
+    assert decisions.ticks.mean() == pytest.approx(ticks, abs=0.6)
 
 
 def test_a_batch_of_runs_equals_separate_runs():

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from declared_episodes import declared
 from scipy import stats
 
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
+from baselines.rules.decisions import evaluate
 from baselines.rules.posterior_paths import (
     PosteriorPaths,
     calibration,
@@ -74,9 +74,9 @@ def test_lower_delay_cost_gives_a_stricter_boundary():
 def test_bayes_risk_earns_at_least_as_much_as_constant_thresholds():
     paths = simulate_posterior_paths(1000, 10**9, bank="anchor_aware")
     bayes_risk = BayesRiskDecider(stopping_boundary(paths, 0.02), paths.by)
-    reward = declared(bayes_risk, 1000, bank="anchor_aware")["reward"].mean(1)
+    reward = evaluate(bayes_risk, episodes=1000, bank="anchor_aware").reward.mean(1)
     for alpha in (0.1, 0.03, 0.01):
-        constant = declared(MSPRTDecider(alpha), 1000, bank="anchor_aware")["reward"].mean(1)
+        constant = evaluate(MSPRTDecider(alpha), episodes=1000, bank="anchor_aware").reward.mean(1)
         gain = reward - constant
         assert gain.mean() > -4 * gain.std() / math.sqrt(gain.size)
 

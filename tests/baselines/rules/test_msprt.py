@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from declared_episodes import declared
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
+from baselines.rules.decisions import evaluate
 from baselines.rules.msprt import error_and_best, type_posteriors
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
@@ -51,9 +51,9 @@ def test_type_posteriors_sum_over_hypotheses():
 @pytest.mark.parametrize("alpha", [0.2, 0.02])
 def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact(alpha):
     # the oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli 1994)
-    decisions = declared(MSPRTDecider(alpha), 1500, bank="oracle")
-    decided = decisions["forced"] == 0.0
-    errors, count = int((decisions["correct"][decided] == 0.0).sum()), int(decided.sum())
+    decisions = evaluate(MSPRTDecider(alpha), episodes=1500, bank="oracle")
+    decided = ~decisions.forced
+    errors, count = int((~decisions.correct[decided]).sum()), int(decided.sum())
     assert errors / count < alpha + 4 * math.sqrt(alpha * (1 - alpha) / count)
     assert errors / count > 0.3 * alpha  # the overshoot of one tick is small
 
