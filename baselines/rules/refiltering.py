@@ -203,7 +203,6 @@ def fit_calibrated_anchor(
     seed: int,
     rounds: int = 2,
     alpha: float = 0.05,
-    on_progress: Callable[[float], None] | None = None,
     robust: bool = False,
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
@@ -214,15 +213,12 @@ def fit_calibrated_anchor(
         seed: of the first episode.
         rounds: the first round declares with the stated covariance, later rounds with the last fit.
         alpha: error probability at which the decider declares.
-        on_progress: called with the finished share.
         robust: see `RefilteringDecider`.
     """
     prior: AnchorPrior | None = None
     for k in range(rounds):
         decider = CalibratedAnchorDecider(world, prior, alpha, robust)
         prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
-        if on_progress is not None:
-            on_progress((k + 1) / rounds)
     assert prior is not None
     return prior
 
