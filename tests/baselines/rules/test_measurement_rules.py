@@ -1,4 +1,4 @@
-"""Rules that filter the measurements: in any units, and agreement of the restarted filters with literal loops."""
+"""Rules that filter the measurements, in any units; restarted filters agree with literal loops."""
 
 import math
 
