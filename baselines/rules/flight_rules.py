@@ -1,9 +1,7 @@
 """The rules on recorded flights: those for unknown switches, with other filters and thresholds."""
 
-from typing import Any
-
 from baselines.rules.change_detection import CusumDecider
-from baselines.rules.decider import FLIGHTS, DeciderFamily
+from baselines.rules.decider import FLIGHTS
 from baselines.rules.threshold import ThresholdDecider
 
 
@@ -11,11 +9,6 @@ class FlightThresholdDecider(ThresholdDecider):
     """The threshold on the probabilities of the IMM filter over turn rates."""
 
     name, task = "imm", FLIGHTS
-
-    @classmethod
-    def family(cls, options: Any) -> DeciderFamily:
-        """Return the rule at any threshold; there are no options."""
-        return DeciderFamily(cls.title, cls.symbol, (), cls.default, cls)
 
 
 class FlightBeamDecider(FlightThresholdDecider):
