@@ -1,7 +1,8 @@
 """What decides from rows or measurements: classical rules for every task, and the live tracker.
 
 `decider` has the base class of every rule and agent, and finds a rule by its name; a new rule is one file.
-`rollout` is the loop around environment and decider, and records statements; `decisions` records declarations.
+`rollout` is the loop around environment and decider, and records statements; `decisions` records
+declarations.
 
 Announced switches: `sprt`, `msprt` and `fixed_time` read rows of `hybrid_env.HybridTrackEnv`, `bayes_risk` is
 fitted to `posterior_paths`, `refiltering` has filters of its own, whose anchors have the distribution of

@@ -16,5 +16,6 @@ environment.
     stated = tracks.statements(FlightThresholdDecider(0.6), [len(flights[0].times)])
     scores = score_flights("imm", flights, labels, stated)
 
-May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never `agents`.
+May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never
+`agents`.
 """
