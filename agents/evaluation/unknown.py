@@ -14,7 +14,7 @@ from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
-from baselines.rules.statements import record_together
+from baselines.rules.rollout import record_together
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
 from baselines.scoring.statements import COLUMNS, STATISTICS, StatementMetrics, Statements, measure_statements
