@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
-from hybrid_env.core.records import SEGMENT_COLUMNS
+from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
 from hybrid_env.limits import (
     check_initial_error,
@@ -21,6 +22,7 @@ from hybrid_env.limits import (
     distinct_radii,
 )
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
+from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import Sensor, check_sensors, parse_sensors, sensor_table
 
@@ -67,6 +69,19 @@ class ModelOptions:
     Raises:
         ArgumentError: an option has a value that is not allowed.
     """
+
+    switches: ClassVar[Literal["announced", "unknown"]]
+    """Whether the moments of the switches are announced."""
+    layout_class: ClassVar[type[Layout]]
+    """Class of the layout of the observation."""
+    tick_names: ClassVar[tuple[str, ...]]
+    """Fields of the current tick, in the order of `info`."""
+    hypothesis_field: ClassVar[str]
+    """The field of every hypothesis that `info` contains."""
+    first_action: ClassVar[str]
+    """Meaning of action 0, for messages."""
+    traced: ClassVar[bool]
+    """Whether the kernel can store the ticks of a step, which may be more than one."""
 
     radii: tuple[float, ...] = (5.0,)
     speed: float = 2.0
@@ -123,6 +138,14 @@ class ModelOptions:
     @property
     def bank_class(self) -> type:
         """Class of the bank."""
+        raise NotImplementedError
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
+        raise NotImplementedError
+
+    def largest(self, trace_rows: int) -> dict[str, int]:
+        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
         raise NotImplementedError
 
     @property
@@ -198,8 +221,8 @@ class WorldOptions(ModelOptions):
         ArgumentError: an option has a value that is not allowed.
     """
 
-    switches: ClassVar[Literal["announced", "unknown"]] = "announced"
-    """Whether the moments of the switches are announced."""
+    switches, layout_class, tick_names = "announced", Layout, TICK_NAMES
+    hypothesis_field, first_action, traced = "log_likelihood", "wait", True
 
     scheme: str | Scheme = "random"
     bank: str = "published"
@@ -274,6 +297,29 @@ class WorldOptions(ModelOptions):
         """Number of segments of an episode."""
         assert not isinstance(self.scheme, str)
         return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """See `ModelOptions.bounds`."""
+        longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
+        return {
+            "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_variance": (0.0, np.inf),
+            "previous": (0.0, 1.0),
+            "ticks": (0.0, longest),
+            "ticks_left": (0.0, longest),
+            "speed": (0.0, np.inf),
+            "anchor_xx": (0.0, np.inf),
+            "anchor_vv": (0.0, np.inf),
+        }
+
+    def largest(self, trace_rows: int) -> dict[str, int]:
+        """See `ModelOptions.largest`."""
+        modes, longest = self.hypotheses, self.longest_segment
+        return {
+            "segment": self.segments - 1, "true_mode": modes - 1, "active_mode": modes - 1,
+            "length": longest, "tick": longest, "trace_length": trace_rows,
+        }  # fmt: skip
 
     def parameters(self) -> NDArray[Any]:
         """See `ModelOptions.parameters`."""

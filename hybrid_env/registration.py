@@ -7,8 +7,7 @@ from gymnasium.envs.registration import load_env_creator, register, registry
 
 from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
-from hybrid_env.vector_env import HybridTrackVectorEnv
-from hybrid_env.worlds.track_vector_env import TrackVectorEnv
+from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},

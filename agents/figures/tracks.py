@@ -22,7 +22,7 @@ from agents.figures.timelines import (
     runs,
     wrong_patch,
 )
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name, shade
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
 
 FloatArray = NDArray[np.float64]
 

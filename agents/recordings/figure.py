@@ -12,7 +12,7 @@ from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from agents.recordings.tracked import TrackedRecording
-from hybrid_env.rendering.modes import mode_colour
+from hybrid_env.rendering.evidence import mode_colour
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agents.figures.canvas import new_canvas
 from agents.figures.curve_labels import label_curves
-from hybrid_env.rendering.modes import mode_colour
+from hybrid_env.rendering.evidence import mode_colour
 
 DPI = 110
 GREY = "#9a9a9a"

@@ -19,7 +19,7 @@ from agents.reproduction.canvas import (
 )
 from baselines.papers.reproduction import Reproduction
 from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 TYPE_NAMES = ("straight", "left turn", "right turn")
 

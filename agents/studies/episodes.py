@@ -17,10 +17,10 @@ from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements
+from hybrid_env.env import TrackEnv
+from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
-from hybrid_env.rendering.modes import mode_name
-from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.worlds.track_env import TrackEnv
+from hybrid_env.rendering.window import Renderer
 
 
 class OneTrack:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from baselines.recordings.chunks import recorded_pass
 from baselines.recordings.imm_pass import make_chunks
 from hybrid_env.core.banks.imm import ImmModel
+from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.live import SQUARE
 
 FloatArray = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.bank import bank_arrays
 from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
 
 FloatArray = NDArray[np.float64]

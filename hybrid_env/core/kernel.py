@@ -14,7 +14,6 @@ from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, likeliest, mode_type
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import (
@@ -24,7 +23,7 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
-from hybrid_env.core.true_object import begin_motion, move, move_lane
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")

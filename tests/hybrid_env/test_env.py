@@ -19,7 +19,7 @@ from hybrid_env import (
     Sensor,
 )
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.worlds.world import World
+from hybrid_env.world import World
 
 
 def play(env, policy, seed):

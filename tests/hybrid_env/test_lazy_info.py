@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
-from hybrid_env.worlds.lazy_info import LazyInfo
+from hybrid_env.vector_env import LazyInfo
 
 
 def lazy(calls, further=()):

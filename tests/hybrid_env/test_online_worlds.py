@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
-from hybrid_env.worlds.live import OnlineQuickestWorld, OnlineWorld
-from hybrid_env.worlds.quickest_world import QuickestWorld
-from hybrid_env.worlds.world import World
+from hybrid_env.live import OnlineQuickestWorld, OnlineWorld
+from hybrid_env.world import World
 
-WORLDS = {OnlineWorld: (World, WorldOptions()), OnlineQuickestWorld: (QuickestWorld, QuickestOptions())}
+WORLDS = {OnlineWorld: WorldOptions(), OnlineQuickestWorld: QuickestOptions()}
 
 
 @pytest.mark.parametrize("kind", WORLDS)
 def test_arrays_and_spaces_are_those_of_the_environment(kind):
-    of_env, options = WORLDS[kind]
-    online, world = kind(options), of_env(options, 1)
+    options = WORLDS[kind]
+    online, world = kind(options), World(options, 1)
     assert {name: (array.dtype, array.shape) for name, array in online.arrays().items()} == {
         name: (array.dtype, array.shape) for name, array in world.arrays().items()
     }
@@ -28,7 +27,7 @@ def test_arrays_and_spaces_are_those_of_the_environment(kind):
 )
 @pytest.mark.parametrize("value", [-1, 3, 2**62])
 def test_a_state_with_a_mode_out_of_range_is_refused(kind, field, value):
-    world = kind(WORLDS[kind][1])
+    world = kind(WORLDS[kind])
     arrays = dict(world.arrays())
     arrays["blocks"] = arrays["blocks"].copy()
     arrays["blocks"][field][0, 0] = value
@@ -38,7 +37,7 @@ def test_a_state_with_a_mode_out_of_range_is_refused(kind, field, value):
 
 @pytest.mark.parametrize("kind", WORLDS)
 def test_more_segments_and_ticks_than_an_episode_has_are_allowed(kind):
-    world = kind(WORLDS[kind][1])
+    world = kind(WORLDS[kind])
     world.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4), -1)
     world.begin_segment(5)
     for k in range(2000):

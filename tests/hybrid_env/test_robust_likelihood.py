@@ -15,7 +15,7 @@ from hybrid_env import (
     WorldOptions,
 )
 from hybrid_env.core.banks.kalman import student_log_likelihood, student_weight
-from hybrid_env.worlds.live import OnlineWorld
+from hybrid_env.live import OnlineWorld
 
 FREEDOM, TAU, Q, R = 4.0, 0.1, 0.001, 0.1
 H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])

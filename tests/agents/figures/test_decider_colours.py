@@ -18,7 +18,7 @@ from agents.figures.decider_colours import (
 )
 from hybrid_env import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 RADII = tuple(map(float, range(1, 11)))
 VISION = {
