@@ -240,6 +240,12 @@ def test_objects_in_other_units_are_far_inside_the_range(name, bank):
         soak(scaled, tracks=16, ticks=2000, seed=1)
 
 
+SENSED = {
+    "missed": 0.2, "noise": "student_t 3",
+    "sensors": [
+        {"variance": 0.2, "period": 2}, {"variance": 0.1, "position": (4.0, 0.0), "range": 6.0}
+    ],
+}  # fmt: skip
 UNITLESS = (
     "log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "ticks", "ticks_left",
     "log_error_probability", "displacement_along", "displacement_across", "anchor_xx",
@@ -248,11 +254,12 @@ UNITLESS = (
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware", "oracle"])
 @pytest.mark.parametrize(("length", "time"), [(1e3, 1e-3), (1e-3, 60.0), (1e5, 1e5)])
-def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time):
+@pytest.mark.parametrize("measured", [{}, SENSED], ids=["one sensor", "sensors"])
+def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time, measured):
     # P := I has units; the bank therefore carries its covariance over
     options = {
         "radii": (3.0, 5.0), "speed": 2.0, "tau": 0.1, "process_variance": 0.001, "measurement_variance": 0.1,
-        "initial_error": (0.3, 0.02), "bank": bank, "reset_covariance": False,
+        "initial_error": (0.3, 0.02), "bank": bank, "reset_covariance": False, **measured,
     }  # fmt: skip
     envs = [HybridTrackVectorEnv(16, **one) for one in (options, unit_scales(options, length, time))]
     layout = Layout(5)

@@ -130,14 +130,6 @@ def test_exact_correctness_requires_the_radii_of_the_scheme_in_the_bank():
     assert WorldOptions(scheme="L50r3", correctness="type").hypotheses == 3
 
 
-@pytest.mark.parametrize(
-    "arguments", [{"num_envs": 0}, {"num_envs": 2.0}, {"autoreset_mode": "soon"}, {"trace_rows": -1}]
-)
-def test_the_vector_environment_rejects_invalid_arguments(arguments):
-    with pytest.raises(ArgumentError, match=next(iter(arguments))):
-        HybridTrackVectorEnv(**({"num_envs": 1} | arguments))
-
-
 @pytest.mark.parametrize("hypotheses", [0, 1, 2, 4])
 def test_a_layout_requires_an_odd_number_of_hypotheses(hypotheses):
     with pytest.raises(ArgumentError, match="hypotheses="):
