@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import Chunks, PassOutput, imm_pass, make_chunks, prepare_pass
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.banks.bank import bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, ImmModel
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.records import LANES
 
 FloatArray = NDArray[np.float64]
@@ -57,7 +57,7 @@ def chunks_at(
     return make_chunks(values, [begins[a:b] for _, a, b in places])
 
 
-def recorded_pass(chunks: Chunks, radii: FloatArray, model: ImmModel) -> PassOutput:
+def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
     """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none.
 
     Args:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baselines.recordings.chunks import recorded_pass
 from baselines.recordings.imm_pass import make_chunks
-from hybrid_env.core.banks.imm import ImmModel
+from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -57,7 +57,7 @@ def first_state(
     chunks = make_chunks([backwards])
     variances = np.broadcast_to(options.variances, 2)
     radii, M = np.array(options.radii), options.hypotheses
-    model = ImmModel(
+    model = FilterModel(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
         hazard / (M - 1),
     )  # fmt: skip

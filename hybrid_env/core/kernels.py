@@ -17,7 +17,14 @@ from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
-from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, set_anchor
+from hybrid_env.core.kernel import (
+    HAS_DECISION,
+    begin_bank,
+    chosen_mode,
+    follow_irregular,
+    set_anchor,
+    step_irregular,
+)
 from hybrid_env.core.observation_row import (
     compare_hypotheses,
     write_expected_displacement,
@@ -55,9 +62,9 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
     if decided and not setting.merged:
-        operations.follow_irregular(bank, 0, block.active_mode[0], block, setting)
+        follow_irregular(bank, 0, block.active_mode[0], block, setting)
     else:
-        operations.step_irregular(bank, FIRST, LAST, block, setting)
+        step_irregular(bank, FIRST, LAST, block, setting)
     if not decided:
         scratch, row = arrays.scratch[0], arrays.observations[0]
         compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)

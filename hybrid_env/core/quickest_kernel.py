@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.imm import begin_imm, imm_model, imm_of_block, step_imm, step_imm_irregular
+from hybrid_env.core.banks.bank import filter_model
+from hybrid_env.core.banks.imm import begin_imm, imm_of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.kernel import TERMINATED, invalid_action
 from hybrid_env.core.noise import integer_below, uniform
@@ -116,7 +117,7 @@ def step_lanes(bank: Any, block: Any, first: int, last: int, arrays: Any, settin
     if setting.irregular:
         step_imm_irregular(bank, block, first, last, arrays.radii, setting)
     else:
-        step_imm(bank, block, first, last, arrays.radii, imm_model(setting, 1.0))
+        step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0))
 
 
 @inlined
