@@ -34,9 +34,6 @@ class OnlineTrack(World):
     announced: ClassVar[bool]
     environment: ClassVar[str]
 
-    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
-        super().__init__(options, tracks, trace_rows, threads)
-
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
         super()._bind(parameters, *arrays)

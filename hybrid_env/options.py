@@ -4,6 +4,7 @@ import dataclasses
 import difflib
 import functools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
@@ -111,6 +112,14 @@ class ModelOptions:
         fix("likelihood", parse_likelihood(self.likelihood))
         check_sensors(self.sensors, self.variances.tolist())
         fix("initial_error", check_initial_error(self.initial_error))
+
+    def _check_ratios(self, radii: Iterable[float]) -> None:
+        """Check the ratios of all options, with the radii of the bank and of the object."""
+        assert isinstance(self.initial_error, tuple)
+        check_ratios(
+            sorted(radii), self.speed, self.tau, self.process_variance, self.variances.tolist(),
+            self.initial_error[1],
+        )  # fmt: skip
 
     @classmethod
     def of(cls, **options: Any) -> Self:
@@ -250,7 +259,6 @@ class WorldOptions(ModelOptions):
 
     def _check_radii_of_scheme(self) -> None:
         """Check the radii of bank and scheme, and the ratios of all options."""
-        assert isinstance(self.initial_error, tuple)
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
         missing = sorted(of_scheme - set(self.radii))
@@ -258,10 +266,7 @@ class WorldOptions(ModelOptions):
             shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
             allowed = f"radii that include {shown} of the scheme, or correctness='type'"
             raise reject("radii", self.radii, allowed)
-        check_ratios(
-            sorted(of_scheme | set(self.radii)), self.speed, self.tau, self.process_variance,
-            self.variances.tolist(), self.initial_error[1],
-        )  # fmt: skip
+        self._check_ratios(of_scheme | set(self.radii))
 
     @property
     def bank_class(self) -> type:

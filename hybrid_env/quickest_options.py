@@ -17,7 +17,7 @@ from hybrid_env.durations import (
     parse_durations,
     remaining_probabilities,
 )
-from hybrid_env.limits import check_ratios, check_ticks, check_within
+from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
@@ -67,11 +67,7 @@ class QuickestOptions(ModelOptions):
             fix("hazard", check_number("hazard", self.hazard, allowed))
             if not 0.0 <= self.hazard <= largest:
                 raise reject("hazard", self.hazard, allowed)
-        assert isinstance(self.initial_error, tuple)
-        check_ratios(
-            self.radii, self.speed, self.tau, self.process_variance, self.variances.tolist(),
-            self.initial_error[1],
-        )  # fmt: skip
+        self._check_ratios(self.radii)
 
     @property
     def bank_class(self) -> type:

@@ -21,24 +21,21 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
-_ENTRY_POINTS = ("hybrid_env.env:HybridTrackEnv", "hybrid_env.vector_env:HybridTrackVectorEnv")
-_OTHER_ENTRY_POINTS = {
-    "HybridTrackEasy-v0": (
-        "hybrid_env.easy_env:HybridTrackEasyEnv",
-        "hybrid_env.easy_env:HybridTrackEasyVectorEnv",
-    ),
+_CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv")) | {
+    "HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv"),
     "HybridTrackQuickest-v0": (
-        "hybrid_env.quickest_env:HybridTrackQuickestEnv",
-        "hybrid_env.vector_env:HybridTrackQuickestVectorEnv",
+        "quickest_env:HybridTrackQuickestEnv",
+        "vector_env:HybridTrackQuickestVectorEnv",
     ),
 }
+"""Module and class of the single and of the vector environment of each id."""
 
 
 def register_environments() -> None:
     """Register every id that is not registered yet."""
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
-            single, vector = _OTHER_ENTRY_POINTS.get(env_id, _ENTRY_POINTS)
+            single, vector = (f"hybrid_env.{name}" for name in _CLASSES[env_id])
             register(id=env_id, entry_point=single, vector_entry_point=vector, kwargs=options)
 
 
@@ -82,7 +79,7 @@ def environment_options(env_id: str) -> type[ModelOptions]:
 
 def check_env_id(env_id: str) -> None:
     """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
-    _check_env_id(env_id, _ENTRY_POINTS[1], _OTHER_ENTRY_POINTS["HybridTrackEasy-v0"][1])
+    _check_env_id(env_id, "hybrid_env.vector_env:HybridTrackVectorEnv", "hybrid_env.easy_env:")
 
 
 def _check_env_id(env_id: str, *vector_entry_points: str) -> None:

@@ -66,7 +66,7 @@ class World(ReadOnlyAttributes):
     decisions: NDArray[np.int64]
     decision_flags: NDArray[np.bool_]
 
-    def __init__(self, options: Any, tracks: int, trace_rows: int = 0, threads: int = 1):
+    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if trace_rows and not options.traced:
             raise reject("trace_rows", trace_rows, "0: info describes every tick")
         self.options = options

@@ -25,15 +25,13 @@ from hybrid_env.core.cached_files import cache_name, cached_files, drop_stale_fi
 
 config: Any = numba.config  # filled at run time
 
-OPTIONS: Any = {"error_model": "numpy", "nogil": True}
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+"""Options of all functions. C never calls one."""
 
 inlined: Any = njit(**OPTIONS, inline="always")
 """Decorator of a scalar formula or a part of a loop, which numba inlines before it infers types."""
 
-CALLEE_OPTIONS: Any = OPTIONS | {"no_cfunc_wrapper": True}
-"""Options of functions that only compiled functions call, and C never."""
-
-internal: Any = register_jitable(**CALLEE_OPTIONS)
+internal: Any = register_jitable(**OPTIONS)
 """Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
 

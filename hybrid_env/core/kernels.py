@@ -126,6 +126,37 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
     return 0
 
 
+# An entry only calls one function: numba would compile what both the entry, which Python calls, and another
+# function call twice.
+
+
+@internal
+def _advance_published(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = published_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
+
+
+@internal
+def _advance_aware(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = aware_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
+
+
+@internal
+def _advance_quickest(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = imm_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
+    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
+
+
 @compiled
 def advance_published(address: int, command: int) -> int:
     """Step every track, or with `RESET` begin a new episode on every track whose action is not 0.
@@ -142,31 +173,19 @@ def advance_published(address: int, command: int) -> int:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
         is outside the space, -1 - i; then no track is stepped. On a live sensor 0.
     """
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = published_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_published(address, command)
 
 
 @compiled
 def advance_aware(address: int, command: int) -> int:
     """Like `advance_published`, with the anchor-aware bank."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = aware_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_aware(address, command)
 
 
 @compiled
 def advance_quickest(address: int, command: int) -> int:
     """Like `advance_published`, with unknown switch moments; a statement is not an event."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = imm_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
-    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_quickest(address, command)
 
 
 KERNELS: dict[type, Any] = {

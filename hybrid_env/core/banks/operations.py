@@ -23,7 +23,7 @@ from numba.extending import overload
 
 from hybrid_env.core.banks import anchor_aware as aware
 from hybrid_env.core.banks import published
-from hybrid_env.core.compilation import CALLEE_OPTIONS
+from hybrid_env.core.compilation import OPTIONS
 
 OPERATIONS: dict[type, tuple[Callable[..., Any], ...]] = {
     published.PublishedBank: (
@@ -45,7 +45,7 @@ def _operation(number: int) -> Any:
         raise NotImplementedError("compiled code only")
 
     # not strict: the names of the arguments may differ
-    @overload(operation, jit_options=CALLEE_OPTIONS, strict=False)
+    @overload(operation, jit_options=OPTIONS, strict=False)
     def select(bank, *arguments):  # type: ignore[no-untyped-def]
         return OPERATIONS[bank.instance_class][number]
 
