@@ -1,9 +1,7 @@
-"""Announced switches: the mode of every segment is declared once; decisions, rewards and their metrics."""
+"""Announced switches: the mode of every segment is declared once."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,167 +11,25 @@ from rich.table import Table
 
 from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
+from agents.evaluation.curves import Groups, chosen, curves, means
 from agents.evaluation.shifted_worlds import shifted_worlds
 from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.figures.curves import Axis, Panel
+from agents.figures.decider_colours import decider_styles
+from agents.figures.timelines import UNDECIDED
+from agents.figures.tracks import TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.rollout import rollout
+from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
+from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import (
-    NOT_REACHED,
-    Scores,
-    Statistic,
-    at_level,
-    interpolated,
-    mean,
-    quotient,
-    ratio,
-)
-from hybrid_env.checks import check_integer, reject
-from hybrid_env.registration import make_vector_env
+from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean
+from hybrid_env.rendering.evidence import mode_name
+from hybrid_env.rendering.history import History
 
-FloatArray = NDArray[np.float64]
-LARGEST_BATCH = 700_000_000  # bytes
-LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
-
+ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 ACCURACY_LEVELS = (0.95, 0.98)
-DECIDED = {
-    "correct": np.bool_, "type_correct": np.bool_, "ticks": np.int64, "forced": np.bool_,
-    "decided_true_mode": np.int64, "decided_mode": np.int64, "decided_length": np.int64,
-    "decided_squared_error": np.float64,
-}  # fmt: skip
-"""What `info` tells of a decision."""
-
-RMSE = Statistic(("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length)))
-ERROR_AFTER = {
-    "correct": ratio("wrong_after_correct", "after_correct"),
-    "wrong": ratio("wrong_after_wrong", "after_wrong"),
-}
-"""Error rates after a correct and after a wrong decision in the episode."""
-
-
-@dataclass(frozen=True)
-class Decisions:
-    """All decisions in E episodes with K segments each, as arrays of shape (E, K).
-
-    Attributes:
-        correct: the decision is correct as defined by the reward, exactly or by type.
-        type_correct: the type (straight, left or right) is correct.
-        ticks: decision time within the segment, in ticks.
-        forced: the segment ended without a declaration.
-        true_mode, decided_mode: indices into the bank.
-        length: of the segment, in ticks.
-        squared_error: of the estimated position, summed over the segment [m^2].
-        delay_cost: per tick.
-    """
-
-    correct: NDArray[np.bool_]
-    type_correct: NDArray[np.bool_]
-    ticks: NDArray[np.int64]
-    forced: NDArray[np.bool_]
-    true_mode: NDArray[np.int64]
-    decided_mode: NDArray[np.int64]
-    length: NDArray[np.int64]
-    squared_error: FloatArray
-    delay_cost: float
-
-    @cached_property
-    def reward(self) -> FloatArray:
-        """Reward of each segment, (E, K)."""
-        return np.where(self.correct, 1.0, -1.0) - self.delay_cost * self.ticks
-
-    @property
-    def figures(self) -> FloatArray:
-        """Figures of each episode, (E, 11), see `COLUMNS`."""
-        previous, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
-        shares = [
-            one.mean(1) for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)
-        ]
-        sums = [self.squared_error.sum(1), self.length.sum(1)]
-        after = [(wrong & previous).sum(1), previous.sum(1), (wrong & ~previous).sum(1), (~previous).sum(1)]
-        return np.stack([*shares, *sums, *after], axis=1)
-
-
-COLUMNS = (
-    "accuracy", "type_accuracy", "ticks", "reward", "forced", "squared_error", "length",
-    "wrong_after_correct", "after_correct", "wrong_after_wrong", "after_wrong",
-)  # fmt: skip
-"""Figures of an episode: means over its segments, then sums."""
-
-
-def evaluate(
-    decider: Any,
-    env_id: str = "hybrid_env:HybridTrack-v0",
-    episodes: int = 1000,
-    seed: int = 0,
-    on_progress: Callable[[float], None] | None = None,
-    **options: Any,
-) -> Decisions:
-    """Run a decider on the episodes with seeds seed, seed + 1, ..., each exactly once.
-
-    All deciders face the same episodes: trajectories and noise do not depend on the decisions.
-
-    Args:
-        decider: see `baselines.rules.decider.Decider`.
-        env_id: registered id.
-        episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
-        seed: of the first episode.
-        on_progress: called repeatedly with the fraction of finished segments.
-        options: environment options that override those of the id.
-
-    Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses.
-    """
-    task = AnnouncedTask(env_id, options)
-    task.check_episodes("episodes", episodes)
-    size, batches = task.batch(), []
-    for first in range(0, episodes, size):
-        count = min(size, episodes - first)
-
-        def show(share: float, finished: int = first, width: int = count) -> None:
-            if on_progress is not None:
-                on_progress((finished + width * share) / episodes)
-
-        batches.append(_evaluate_batch(decider, env_id, count, seed + first, show, options))
-    arrays = {
-        field.name: np.concatenate([getattr(batch, field.name) for batch in batches])
-        for field in dataclasses.fields(Decisions)
-        if field.name != "delay_cost"
-    }
-    return Decisions(**arrays, delay_cost=task.options.delay_cost)
-
-
-def _evaluate_batch(
-    decider: Any,
-    env_id: str,
-    episodes: int,
-    seed: int,
-    on_progress: Callable[[float], None],
-    options: dict[str, Any],
-) -> Decisions:
-    env = make_vector_env(env_id, episodes, tick_info=False, **options)
-    if env.options.actions != "all":
-        raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
-    segments = env.options.segments
-    recorded: dict[str, NDArray[Any]] = {
-        name: np.zeros((episodes, segments), kind) for name, kind in DECIDED.items()
-    }
-    finished = np.zeros(episodes, np.int64)  # recorded decisions of each track
-    unfinished = np.ones(episodes, np.bool_)
-    for now in rollout(env, decider, seed, unfinished):
-        decided = now.info.get("_decided_mode") if now.step else None
-        if decided is None:
-            continue
-        new = np.flatnonzero(decided & unfinished)
-        for name, array in recorded.items():
-            array[new, finished[new]] = now.info[name][new]
-        finished[new] += 1
-        unfinished[:] = finished < segments
-        on_progress(float(finished.sum()) / recorded["ticks"].size)
-        if not unfinished.any():
-            break
-    names = [name.removeprefix("decided_") if name != "decided_mode" else name for name in recorded]
-    return Decisions(**dict(zip(names, recorded.values(), strict=True)), delay_cost=env.options.delay_cost)
+ERROR = Statistic(("accuracy",), lambda accuracy: 1.0 - accuracy, share=True)
 
 
 @dataclass(frozen=True)
@@ -212,12 +68,11 @@ class AnnouncedTask(Task):
 
     def check_episodes(self, name: str, episodes: int) -> None:
         """See `Task.check_episodes`."""
-        check_integer(name, episodes, maximum=max(1, LARGEST_RESULT // self.options.segments))
+        check_episodes(name, episodes, self.options)
 
     def batch(self) -> int:
         """See `Task.batch`."""
-        bytes_per_episode = 2500 + 2800 * self.options.hypotheses  # measured, with a network
-        return max(1, LARGEST_BATCH // bytes_per_episode)
+        return batch_size(self.options)
 
     def record(
         self,
@@ -230,7 +85,7 @@ class AnnouncedTask(Task):
         """See `Task.record`."""
         (decider,) = deciders
         options = {**self.given, **changes}
-        decisions = _evaluate_batch(decider, self.env_id, episodes, seed, on_progress, options)
+        decisions = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, options)
         modes = {"true_mode": decisions.true_mode.ravel(), "decided_mode": decisions.decided_mode.ravel()}
         return [Recorded(decisions.figures, modes)]
 
@@ -284,3 +139,102 @@ class AnnouncedTask(Task):
             cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
             table.add_row(escape(one.name), *cells)
         return [table]
+
+    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+        """Return accuracy and mean reward against mean decision time.
+
+        The accuracy axis is logarithmic in the error rate, so that 98 % and 99 % are distinguishable. No
+        error among n segments is drawn as half an error. A hollow marker at the right edge means that the
+        decider does not reach the accuracy level.
+        """
+        first = next(iter(groups.values()))[0].scores
+        least = 0.5 / (first.episodes * self.options.segments)
+        times, wrong, rewards = (list(chosen(groups, one)) for one in (mean("ticks"), ERROR, mean("reward")))
+        best, worst = max(rewards), min(rewards)
+        ticks = Axis("mean decision time, ticks", (0.0, 1.05 * max([30.0, *times, *_ends(groups)])))
+        error = Axis(
+            "accuracy, % of segments",
+            (max(0.6, 1.1 * max(wrong)), min(0.8e-3, 0.8 * max(min(wrong), least))),
+            {error: f"{100 * (1 - error):g}" for error in ERRORS},
+            log=True,
+            levels=tuple(1.0 - level for level in ACCURACY_LEVELS),
+        )
+        reward = Axis(
+            "mean reward per segment", (min(-0.4 * abs(best), best - 0.5, worst - 0.08), best + 0.08)
+        )
+        return [
+            Panel(
+                "Accuracy against mean decision time", ticks, error,
+                curves(groups, mean("ticks"), ERROR, (-np.inf, least)),
+                unreached=_unreached(groups, complete),
+            ),
+            Panel(
+                f"Mean reward per segment, delay cost {self.options.delay_cost:g} per tick", ticks, reward,
+                curves(groups, mean("ticks"), mean("reward"), (-np.inf, -np.inf)),
+            ),
+        ]  # fmt: skip
+
+    @property
+    def length(self) -> int:
+        """Number of decisions."""
+        return int(self.options.segments)
+
+    def done(self, history: History) -> int:
+        """See `Task.done`."""
+        return len(history.decisions)
+
+    def fill(self, table: Table, history: History) -> None:
+        """Add one row for each decision."""
+        for name in ("segment", "true mode", "decided mode", "decision"):
+            table.add_column(name)
+        table.add_column("ticks", justify="right")
+        for number, decision in enumerate(history.decisions, start=1):
+            verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
+            table.add_row(
+                str(number),
+                mode_name(decision.true_mode, self.options.radii),
+                mode_name(decision.mode, self.options.radii),
+                verdict + (", forced" if decision.forced else ""),
+                f"{decision.ticks} of {decision.length}",
+            )
+
+    def track_record(self, history: History, **common: Any) -> TrackRecord:
+        """Return the declarations: statements from their tick to the end of the segment."""
+        decisions, stated = history.decisions, history.stated
+        lengths, ticks, correct = (
+            np.array([getattr(one, key) for one in decisions]) for key in ("length", "ticks", "correct")
+        )
+        switches = np.cumsum(lengths) - lengths
+        since = np.arange(len(stated)) - np.repeat(switches, lengths)
+        rewards = np.where(correct, 1.0, -1.0) - self.options.delay_cost * ticks
+        return TrackRecord(
+            **common,
+            modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated),
+            right=np.repeat(correct, lengths),
+            marks=switches + ticks - 1,
+            switches=switches,
+            summary=f"{rewards.mean():+.2f}",
+        )
+
+
+def _ends(groups: Groups) -> list[float]:
+    """Return the mean decision times up to which curves are shown: to an accuracy of 99.8 %."""
+    found = []
+    for group in groups.values():
+        ticks, accuracy = means(group, mean("ticks")), means(group, mean("accuracy"))
+        found.append(float(np.interp(0.998, accuracy, ticks)) if accuracy.max() > 0.9 else float(ticks.max()))
+    return found
+
+
+def _unreached(groups: Groups, complete: bool) -> dict[float, tuple[str, list[Any]]]:
+    """Return the styles of the deciders that do not reach an accuracy level at any threshold.
+
+    Unless the curves are complete, only the first decider was scored at all thresholds.
+    """
+    styles, whole = decider_styles(groups), list(groups)[: None if complete else 1]
+    found = {}
+    for level in ACCURACY_LEVELS:
+        missing = [name for name in whole if means(groups[name], mean("accuracy")).max() < level]
+        if missing:
+            found[1.0 - level] = f"{100 * level:g} % not reached", [styles[name] for name in missing]
+    return found

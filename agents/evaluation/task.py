@@ -7,17 +7,22 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
+from agents.evaluation.curves import Groups
+from agents.figures.curves import Panel, curve_figure
+from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import DeciderFamily, as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
-from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
+from hybrid_env.rendering.history import History
 
 FloatArray = NDArray[np.float64]
+FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
 
@@ -70,6 +75,7 @@ class Task(ABC):
         metrics: figures of a decider at one threshold, in the order of tables.
         further: other figures at one threshold, for JSON.
         goal: figure that thresholds are selected for.
+        episode_word: what an episode is called in the note of figures.
         notes: lines that explain the metrics below a table.
         paired: how `against` compares, as a word for headings.
         reference: name of the rule that others are compared with.
@@ -85,6 +91,7 @@ class Task(ABC):
     metrics: ClassVar[tuple[Metric, ...]]
     further: ClassVar[Mapping[str, Statistic]] = {}
     goal: ClassVar[str] = "reward"
+    episode_word: ClassVar[str] = "episodes"
     notes: ClassVar[str] = ""
     paired: ClassVar[str]
     reference: ClassVar[str]
@@ -106,6 +113,20 @@ class Task(ABC):
         """Name of the environment in titles."""
         return self.env_id.rpartition(":")[2]
 
+    @property
+    def figure_title(self) -> str:
+        """Title of the figure of a comparison."""
+        variances = " and ".join(f"{variance:g}" for variance in self.options.variances)
+        return f"{self.title}: {self.options.hypotheses} hypotheses, R = {variances} m²"
+
+    @property
+    def figure_note(self) -> str:
+        """Text below the figure of a comparison."""
+        return (
+            f"Filled markers: thresholds selected on other {self.episode_word}. "
+            "Arrows: the curve continues outside the axes."
+        )
+
     @abstractmethod
     def size(self, episodes: int) -> str:
         """Return a number of episodes in words, for titles."""
@@ -113,10 +134,9 @@ class Task(ABC):
     def shifted(self) -> dict[str, dict[str, Any]]:
         """Return name and changed options of the environments of a distribution shift, the nominal one first.
 
-        Raises:
-            ArgumentError: the task has none.
+        Without any, there are no random worlds either.
         """
-        raise reject("shifted", True, f"no --shifted or --drawn in {self.title}")
+        return {}
 
     @property
     @abstractmethod
@@ -173,6 +193,42 @@ class Task(ABC):
             mine, reference: scores.
             chosen, of_reference: indices of their selected thresholds.
             curves: whether both have whole operating curves.
+        """
+
+    @abstractmethod
+    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+        """Return the operating curves of deciders, see `agents.evaluation.curves`.
+
+        Args:
+            groups: the deciders, the reference first.
+            complete: whether those after the first were scored at all thresholds.
+        """
+
+    def figure(self, groups: Groups, complete: bool) -> Figure:
+        """Return the figure of a comparison, see `panels`."""
+        panels = self.panels(groups, complete)
+        return curve_figure([panels], FIGURE_SIZE, self.figure_title, self.figure_note)
+
+    @property
+    @abstractmethod
+    def length(self) -> int:
+        """Length of an episode, in units of `done`."""
+
+    @abstractmethod
+    def done(self, history: History) -> int:
+        """Return the progress of the running episode: the number of decisions or of statements."""
+
+    @abstractmethod
+    def fill(self, table: Table, history: History) -> None:
+        """Add columns and rows about an episode that has just ended."""
+
+    @abstractmethod
+    def track_record(self, history: History, **common: Any) -> TrackRecord:
+        """Return what was declared or stated in an episode, for a figure.
+
+        Args:
+            history: the episode.
+            common: the other attributes of the record.
         """
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:

@@ -2,23 +2,31 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.table import Table
 
+from agents.evaluation.curves import Groups, chosen, curves
 from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.figures.curves import Axis, Panel
+from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
 from baselines.rules.statements import record_together
 from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import Scores, at_level
-from baselines.scoring.statements import COLUMNS, STATISTICS, Statements, measure_statements
+from baselines.scoring.scores import Scores, at_level, mean
+from baselines.scoring.statements import COLUMNS, STATISTICS, StatementMetrics, Statements, measure_statements
 from hybrid_env.checks import check_integer
+from hybrid_env.rendering.evidence import mode_name
+from hybrid_env.rendering.history import History
 
 LARGEST_BATCH = 1_000_000  # statements, which need about 200 MB with 20 thresholds
 LARGEST_RESULT = 100_000_000  # statements of one threshold
 MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stores their delays
 QUANTILES = (0.5, 0.9)  # of the delays of detected switches
+RATES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 EQUAL_WRONG_CHANGES = 2.0
 """Wrong changes per 1,000 ticks at which delays are compared."""
 EQUAL = {
@@ -54,6 +62,7 @@ class UnknownTask(Task):
     notes: ClassVar = NOTES
     paired: ClassVar = "ratio"
     reference: ClassVar = "threshold"
+    episode_word: ClassVar = "tracks"
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500
     selection_episodes: ClassVar = 300
@@ -118,3 +127,104 @@ class UnknownTask(Task):
             return {}
         names = ("full_delay", "delay")
         return {"ratio_to_reference": {name: mine.ratio(reference, EQUAL[name]) for name in names}}
+
+    @property
+    def figure_title(self) -> str:
+        """See `Task.figure_title`."""
+        return f"{super().figure_title}, segments of {self.options.law} ticks"
+
+    @property
+    def figure_note(self) -> str:
+        """See `Task.figure_note`."""
+        return f"{super().figure_note} A switch that is not detected counts until the end of its segment."
+
+    def panels(self, groups: Groups, complete: bool) -> list[Panel]:
+        """Return mean delay and mean reward against wrong changes per 1,000 ticks.
+
+        The delay of a switch that is not detected is that to the end of its segment. Otherwise a strict
+        threshold would detect only the easiest switches and seem quick. A dashed line marks the rate at which
+        delays are compared.
+        """
+        wrong = mean("wrong_changes")
+        rates = [EQUAL_WRONG_CHANGES, *(rate for rate in chosen(groups, wrong) if rate > 0.0)]
+        low, high = min(rates) / 3.0, max(rates) * 3.0
+        axis = Axis(
+            "wrong changes per 1,000 ticks",
+            (low, high),
+            {rate: f"{rate:g}" for rate in RATES if low <= rate <= high},
+            minor=True,
+            log=True,
+            levels=(EQUAL_WRONG_CHANGES,),
+        )
+        reward = f"Mean reward, a wrong change costs {self.options.change_cost:g} ticks"
+        found = []
+        for title, label, name in (
+            ("Delay against wrong changes", "mean delay of a switch, ticks", "full_delay"),
+            (reward, "mean reward of a tick", "reward"),
+        ):
+            shown = [
+                value
+                for group in groups.values()
+                for one in group
+                for rate, value in zip(
+                    one.scores.curve(wrong), one.scores.curve(STATISTICS[name]), strict=True
+                )
+                if min(rates) / 1.7 <= rate <= high
+            ]
+            margin = 0.06 * (max(shown) - min(shown))
+            limits = min(shown) - margin, max(shown) + margin
+            lines = curves(groups, wrong, STATISTICS[name], (0.0, -np.inf))
+            found.append(Panel(title, axis, Axis(label, limits), lines))
+        return found
+
+    @property
+    def length(self) -> int:
+        """Number of ticks."""
+        return int(self.options.ticks)
+
+    def done(self, history: History) -> int:
+        """See `Task.done`."""
+        return len(history.trace)
+
+    def fill(self, table: Table, history: History) -> None:
+        """Add one row for each segment, and metrics of the episode."""
+        true, stated = history.true_modes, history.stated
+        right = true == stated
+        wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
+        metrics = self._of_episode(history)
+        table.caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
+        table.add_column("segment")
+        table.add_column("true mode")
+        for name in ("ticks", "ticks until stated", "right", "wrong changes"):
+            table.add_column(name, justify="right")
+        bounds = [*history.switches.tolist(), len(true)]
+        for number, (first, end) in enumerate(pairwise(bounds), start=1):
+            inside = right[first:end]
+            table.add_row(
+                str(number),
+                mode_name(int(true[first]), self.options.radii),
+                str(end - first),
+                str(inside.argmax()) if inside.any() else "[red]never[/]",
+                f"{inside.mean():.0%}",
+                str(wrong[first:end].sum()),
+            )
+
+    def track_record(self, history: History, **common: Any) -> TrackRecord:
+        """Return the statements."""
+        stated, metrics = history.stated, self._of_episode(history)
+        delay = metrics.value("delay")
+        delayed = "no switch detected" if np.isnan(delay) else f"mean delay {delay:.1f} ticks"
+        wrong = round(1e-3 * len(stated) * float(metrics.wrong_changes[0]))
+        return TrackRecord(
+            **common,
+            modes=stated,
+            right=history.true_modes == stated,
+            marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])),
+            switches=None,
+            summary=f"{100 * metrics.right[0]:.1f} % of the ticks right, {delayed}, "
+            f"{wrong} changes to a wrong mode, mean reward {metrics.reward[0]:.3f}",
+        )
+
+    def _of_episode(self, history: History) -> StatementMetrics:
+        statements = Statements(history.true_modes[:, None], history.stated[:, None])
+        return measure_statements(statements, self.options.change_cost)

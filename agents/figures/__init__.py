@@ -7,5 +7,5 @@
 - `timelines`: modes over time as bars.
 - `tracks`: a track with the decisions or statements of deciders, and a recorded flight.
 
-May import: `hybrid_env` and `agents.interface`.
+May import: `hybrid_env`, `agents.interface`, and the rules of `baselines`, which name their colours.
 """

@@ -10,107 +10,30 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
-from agents.evaluation.registry import SHIPPED, find_family
+from agents.evaluation.curves import Selected
+from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
 from agents.studies.continuation import Continuation, weights_digest
+from agents.studies.plan import Plan
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import reject
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Settings of a comparison.
-
-    Attributes:
-        task: what is decided, in which environment.
-        deciders: names of classical rules; the first is the reference.
-        agents: recipes to train, 'shipped', or run folders.
-        episodes: number of episodes that all figures are reported on.
-        seed: of the first of them.
-        selection_episodes: number of separate episodes for the selection of thresholds.
-        steps: environment steps of each training; None takes the number in the recipe.
-        training_seeds: number of agents trained per recipe.
-        accuracy: of the thresholds that reach this accuracy, the one with the shortest mean decision time is
-            selected; None selects the threshold with the largest mean reward.
-        curves: False scores all deciders but the reference at their selected threshold only.
-    """
-
-    task: Task
-    deciders: tuple[str, ...]
-    agents: tuple[str, ...]
-    episodes: int
-    seed: int
-    selection_episodes: int
-    steps: int | None = None
-    training_seeds: int = 1
-    accuracy: float | None = None
-    curves: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all deciders."""
-        return (*self.deciders, *self.agents)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Plain values of the settings."""
-        others = {name: value for name, value in vars(self).items() if name != "task"}
-        return {"env_id": self.task.env_id, "options": dict(self.task.given)} | others
-
-    def family(self, name: str) -> Any:
-        """Return the family of a decider, or the recipe of an agent still to be trained.
-
-        Raises:
-            ArgumentError: the name or an option is unknown, or a policy is for another number of hypotheses.
-        """
-        from agents.training.recipe import load_recipe, recipe_names
-
-        known = rules(self.task.switches)
-        if name in self.deciders and name not in known:
-            raise reject("deciders", name, ", ".join(known))
-        if name in self.agents and (name in recipe_names() or name.endswith(".yml")):
-            return load_recipe(name, self.task.env_id)
-        if name in self.agents and name != SHIPPED and not Path(name).is_dir():
-            allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipe_names())}"
-            raise reject("agents", name, allowed)
-        return find_family(name, self.task.options)
-
-    def check(self) -> None:
-        """Raise `ArgumentError` for a name that is unknown, or too many episodes."""
-        self.task.check_episodes("episodes", self.episodes)
-        self.task.check_episodes("selection-episodes", self.selection_episodes)
-        for name in self.names:
-            self.family(name)
-
-    def calls(self) -> list[tuple[str, int]]:
-        """Return name and training seed of everything that is scored."""
-        found = []
-        for name in self.names:
-            trained = not isinstance(self.family(name), DeciderFamily)
-            found += [(name, number) for number in range(self.training_seeds if trained else 1)]
-        return found
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
-    """Results of one decider.
+class Entry(Selected):
+    """Results of one decider on the reported episodes.
 
     Attributes:
         decider: its name in the plan.
-        scores: on the reported episodes.
-        chosen: index of the threshold that was selected on the selection episodes.
         selected: the goal of the task at that threshold, on the selection episodes.
         folder: run folder of an agent that was trained.
     """
 
     decider: str
-    scores: Scores
-    chosen: int
     selected: float
     folder: Path | None = None
 
@@ -315,7 +238,7 @@ def score(
         continuation.save(key, *saved)
         display.remove_task(bar)
     scores, chosen, selected = saved
-    return Entry(name, scores, chosen, selected, run_folder)
+    return Entry(scores, chosen, name, selected, run_folder)
 
 
 def _score(

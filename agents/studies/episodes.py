@@ -1,7 +1,7 @@
 """Episodes of a decider on one track: played for a window or an animation, or recorded for a figure."""
 
+import dataclasses
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from typing import Any
 
 import gymnasium as gym
@@ -12,14 +12,10 @@ from rich.table import Table
 
 from agents.evaluation.registry import load_decider
 from agents.evaluation.task import Task
-from agents.figures.timelines import UNDECIDED
 from agents.figures.tracks import TrackRecord
-from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import rollout
-from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env.env import TrackEnv
-from hybrid_env.rendering.evidence import mode_name
-from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
+from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import Renderer
 
 
@@ -61,10 +57,10 @@ class Episodes:
         changes: options of the environment that it needs.
 
     Attributes:
+        task: what is decided, with these options.
         env: environment with the render mode "rgb_array".
         name: of the decider.
         decider: the decider.
-        length: of an episode, in units of `done`.
 
     Raises:
         ArgumentError: the decider is unknown, or not for this environment.
@@ -76,8 +72,7 @@ class Episodes:
         assert isinstance(env, TrackEnv)
         self.env, self.name = env, name or task.reference
         self.decider = load_decider(self.name, env.options) if decider is None else decider
-        self.announced = task.switches == ANNOUNCED
-        self.length = env.options.segments if self.announced else env.options.ticks
+        self.task = dataclasses.replace(task, given=options)
 
     @property
     def history(self) -> History:
@@ -88,7 +83,7 @@ class Episodes:
     @property
     def done(self) -> int:
         """Progress of the running episode: number of decisions or of statements."""
-        return len(self.history.decisions if self.announced else self.history.trace)
+        return self.task.done(self.history)
 
     def renderer(self, human: bool) -> Renderer:
         """Return a renderer with the evidence of the decider, of a window if `human`."""
@@ -112,8 +107,7 @@ class Episodes:
     def table(self, title: str) -> Table:
         """Return a table of the episode that has just ended."""
         table = Table(title=escape(title), title_justify="left", caption_justify="left")
-        fill = _fill_decisions if self.announced else _fill_statements
-        fill(table, self.history, self.env.options)
+        self.task.fill(table, self.history)
         return table
 
     def record(self, name: str, seed: int) -> TrackRecord:
@@ -127,85 +121,12 @@ class Episodes:
         """
         for _ in self.play(seed, lambda: None):
             pass
-        history, columns = self.history, TRACE_INDEX
-        trace, true, stated = history.trace, history.true_modes, history.trace[:, ACTIVE].astype(np.int64)
+        history, trace = self.history, self.history.trace
         positions = {
-            key: trace[:, [columns[f"{key}x"], columns[f"{key}y"]]] for key in ("", "measured_", "estimate_")
+            key: trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]]
+            for key in ("", "measured_", "estimate_")
         }
-        common: dict[str, Any] = {
-            "name": name, "truth": positions[""], "measurements": positions["measured_"], "true_modes": true,
-            "estimates": positions["estimate_"],
-        }  # fmt: skip
-        if not self.announced:
-            return TrackRecord(
-                **common,
-                modes=stated,
-                right=true == stated,
-                marks=np.flatnonzero(np.diff(stated, prepend=stated[:1])),
-                switches=None,
-                summary=_summary(true, stated, self.env.options.change_cost),
-            )
-        decisions = history.decisions
-        lengths, ticks, correct = (
-            np.array([getattr(one, key) for one in decisions]) for key in ("length", "ticks", "correct")
-        )
-        switches = np.cumsum(lengths) - lengths
-        since = np.arange(len(trace)) - np.repeat(switches, lengths)
-        rewards = np.where(correct, 1.0, -1.0) - self.env.options.delay_cost * ticks
-        return TrackRecord(
-            **common,
-            modes=np.where(since < np.repeat(ticks, lengths), UNDECIDED, stated),
-            right=np.repeat(correct, lengths),
-            marks=switches + ticks - 1,
-            switches=switches,
-            summary=f"{rewards.mean():+.2f}",
-        )
-
-
-def _summary(true: NDArray[np.int64], stated: NDArray[np.int64], change_cost: float) -> str:
-    metrics = measure_statements(Statements(true[:, None], stated[:, None]), change_cost)
-    right, reward = f"{100 * metrics.right[0]:.1f} %", f"{metrics.reward[0]:.3f}"
-    mean_delay = metrics.value("delay")
-    delay = "no switch detected" if np.isnan(mean_delay) else f"mean delay {mean_delay:.1f} ticks"
-    wrong = round(1e-3 * len(true) * float(metrics.wrong_changes[0]))
-    return f"{right} of the ticks right, {delay}, {wrong} changes to a wrong mode, mean reward {reward}"
-
-
-def _fill_decisions(table: Table, history: History, options: Any) -> None:
-    """Add one row for each decision."""
-    for name in ("segment", "true mode", "decided mode", "decision"):
-        table.add_column(name)
-    table.add_column("ticks", justify="right")
-    for number, decision in enumerate(history.decisions, start=1):
-        verdict = "[green]correct[/]" if decision.correct else "[red]wrong[/]"
-        table.add_row(
-            str(number),
-            mode_name(decision.true_mode, options.radii),
-            mode_name(decision.mode, options.radii),
-            verdict + (", forced" if decision.forced else ""),
-            f"{decision.ticks} of {decision.length}",
-        )
-
-
-def _fill_statements(table: Table, history: History, options: Any) -> None:
-    """Add one row for each segment, and metrics of the episode."""
-    true, stated = history.true_modes, history.trace[:, ACTIVE].astype(np.int64)
-    right = true == stated
-    wrong = (np.diff(stated, prepend=stated[:1]) != 0) & ~right
-    metrics = measure_statements(Statements(true[:, None], stated[:, None]), options.change_cost)
-    table.caption = f"right {metrics.right[0]:.1%}, reward {metrics.reward[0]:.3f} per tick"
-    table.add_column("segment")
-    table.add_column("true mode")
-    for name in ("ticks", "ticks until stated", "right", "wrong changes"):
-        table.add_column(name, justify="right")
-    bounds = [*history.switches.tolist(), len(true)]
-    for number, (first, end) in enumerate(pairwise(bounds), start=1):
-        inside = right[first:end]
-        table.add_row(
-            str(number),
-            mode_name(int(true[first]), options.radii),
-            str(end - first),
-            str(inside.argmax()) if inside.any() else "[red]never[/]",
-            f"{inside.mean():.0%}",
-            str(wrong[first:end].sum()),
-        )
+        return self.task.track_record(
+            history, name=name, truth=positions[""], measurements=positions["measured_"],
+            true_modes=history.true_modes, estimates=positions["estimate_"],
+        )  # fmt: skip

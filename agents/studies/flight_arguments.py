@@ -36,8 +36,7 @@ class FlightArguments:
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
-        from agents.studies.figures import flight_figure
-        from agents.studies.flights_report import flight_tables, flights_json
+        from agents.studies.flights_report import flight_figure, flight_tables, flights_json
         from agents.studies.flights_study import compare_on_flights, steps
         from baselines.recordings.flights.metrics import STATISTICS
         from hybrid_env.checks import reject

@@ -1,16 +1,22 @@
-"""Tables and JSON of the comparison on recorded flights."""
+"""Tables, JSON and pictures of the comparison on recorded flights."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import bounds_cell, new_table
 from agents.evaluation.flights import METRICS
 from agents.evaluation.task import Metric
+from agents.figures.timelines import IntArray
+from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
 from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.labels import MODE_NAMES, Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
@@ -197,3 +203,10 @@ def _group_json(result: FlightComparison, decider: str, rows: list[int]) -> dict
             "value": finite(less.value), "interval": finite([less.low, less.high])
         }  # fmt: skip
     return found
+
+
+def flight_figure(flight: Flight, labels: Labels, stated: Mapping[str, IntArray], title: str) -> Figure:
+    """A flight with its labels, and with the statements (n,) of each decider; see `recording_figure`."""
+    shown = np.where(labels.scored, labels.modes, len(MODE_NAMES))
+    kilometres, minutes = flight.positions / 1000.0, flight.times / 60.0
+    return recording_figure(kilometres, minutes, flight.pieces, shown, stated, MODE_NAMES, title)

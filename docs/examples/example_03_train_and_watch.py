@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from agents.evaluation.announced import evaluate
 from agents.learned.policy import PolicyDecider
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines import SPRTDecider
+from baselines.rules.decisions import evaluate
 
 torch.set_num_threads(1)
 steps = 400_000

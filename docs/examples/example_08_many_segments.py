@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 import hybrid_env
-from agents.evaluation.announced import evaluate
 from baselines import MSPRTDecider, SPRTDecider
+from baselines.rules.decisions import evaluate
 
 tracks = 16_667
 envs = gym.make_vec("hybrid_env:HybridTrack-v0", num_envs=tracks, tick_info=False)

@@ -113,6 +113,11 @@ class History:
         """Store the mode that is stated at the current tick."""
         self._traces[-1][-1, ACTIVE] = mode
 
+    @property
+    def stated(self) -> NDArray[np.int64]:
+        """Declared or stated mode of each tick, (ticks,)."""
+        return np.asarray(self.trace[:, ACTIVE].astype(np.int64))
+
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
         self._evidence[-1][-1] = evidence

@@ -9,7 +9,6 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from agents.evaluation.announced import evaluate
 from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_and_best
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
@@ -19,6 +18,7 @@ from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.estimation.component_filters import stated_covariance
 from baselines.rules.decider import ANNOUNCED
+from baselines.rules.decisions import evaluate
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"

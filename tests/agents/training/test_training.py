@@ -9,7 +9,6 @@ import torch
 from small_training import KINDS, QUICK, SCHEME, SMALL_PPO, log_often, small_run
 
 from agents.cli import main
-from agents.evaluation.announced import evaluate
 from agents.evaluation.registry import load_decider
 from agents.learned.families import learned_family
 from agents.training.learning_curve import environment_curve
@@ -19,6 +18,7 @@ from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run, resume_run
 from baselines import measure_statements
 from baselines.rules import seeds
+from baselines.rules.decisions import evaluate
 from baselines.rules.statements import record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError

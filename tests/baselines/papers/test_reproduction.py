@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from agents.cli import main
-from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from baselines.papers.reproduction import Cell, study_interval
+from baselines.rules.decisions import evaluate
 from hybrid_env.checks import ArgumentError
 
 RUNS = 400  # of the quick tests; the table of the documentation has 1000

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agents.evaluation.announced import evaluate
 from baselines import SPRTDecider, first_estimate, track_ate
+from baselines.rules.decisions import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS

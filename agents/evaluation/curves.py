@@ -1,0 +1,87 @@
+"""Operating curves: what the figure of a comparison shows of each task; `agents.figures` draws it.
+
+Deciders that differ only in their training seed are drawn as one curve, the mean of theirs, with their range
+as the band. The other bands are 95 % bootstrap confidence intervals over episodes.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.figures.curves import Curve
+from agents.figures.decider_colours import DeciderStyle, decider_styles
+from baselines.scoring.scores import Scores, Statistic
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Selected:
+    """Scores of a decider, and the threshold selected for it.
+
+    Attributes:
+        scores: at all its thresholds, or at the selected one.
+        chosen: index of the threshold that was selected on other episodes.
+    """
+
+    scores: Scores
+    chosen: int
+
+
+Groups = Mapping[str, Sequence[Selected]]
+"""Deciders by name; those of one name differ only in their training seed."""
+
+
+def chosen(groups: Groups, statistic: Statistic) -> Iterator[float]:
+    """Return a statistic of every decider at its selected threshold."""
+    return (float(one.scores.curve(statistic)[one.chosen]) for group in groups.values() for one in group)
+
+
+def means(group: Sequence[Selected], statistic: Statistic) -> FloatArray:
+    """Return the mean of a statistic over training seeds at each threshold, (K,)."""
+    return np.asarray(np.mean([one.scores.curve(statistic) for one in group], axis=0))
+
+
+def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float]) -> list[Curve]:
+    """Return one curve for each name.
+
+    Args:
+        groups: the deciders.
+        x, y: statistics on the axes.
+        above: points whose x is not larger are left out, and y is at least the second number.
+    """
+    styles = decider_styles(groups)
+    found = [_curve(name, group, x, y, above, styles[name]) for name, group in groups.items()]
+    return [curve for curve in found if np.size(curve.x)]
+
+
+def _curve(
+    name: str,
+    group: Sequence[Selected],
+    x: Statistic,
+    y: Statistic,
+    above: tuple[float, float],
+    style: DeciderStyle,
+) -> Curve:
+    places = means(group, x)
+    shown = np.flatnonzero(places > above[0])
+    points = [tuple(next(chosen({name: [one]}, statistic)) for statistic in (x, y)) for one in group]
+    return Curve(
+        name if len(group) == 1 else f"{name}, {len(group)} seeds",
+        style,
+        places[shown],
+        np.maximum(means(group, y)[shown], above[1]),
+        bounds=np.maximum(_band(group, y, shown), above[1]),
+        selected=[(place, max(value, above[1])) for place, value in points if place > above[0]],
+    )
+
+
+def _band(group: Sequence[Selected], statistic: Statistic, shown: NDArray[np.int64]) -> FloatArray:
+    """Return (2, K) bounds of a statistic: over training seeds, or over episodes for a single decider."""
+    if len(group) > 1:
+        values = np.array([one.scores.curve(statistic) for one in group])[:, shown]
+        return np.array([values.min(0), values.max(0)])
+    estimates = [group[0].scores.estimate(statistic, index) for index in shown.tolist()]
+    return np.array([[one.low, one.high] for one in estimates]).reshape(-1, 2).T

@@ -1,0 +1,67 @@
+"""Decisions for announced switches, and figures of every episode."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.scoring.scores import Statistic, quotient, ratio
+
+FloatArray = NDArray[np.float64]
+
+RMSE = Statistic(("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length)))
+ERROR_AFTER = {
+    "correct": ratio("wrong_after_correct", "after_correct"),
+    "wrong": ratio("wrong_after_wrong", "after_wrong"),
+}
+"""Error rates after a correct and after a wrong decision in the episode."""
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """All decisions in E episodes with K segments each, as arrays of shape (E, K).
+
+    Attributes:
+        correct: the decision is correct as defined by the reward, exactly or by type.
+        type_correct: the type (straight, left or right) is correct.
+        ticks: decision time within the segment, in ticks.
+        forced: the segment ended without a declaration.
+        true_mode, decided_mode: indices into the bank.
+        length: of the segment, in ticks.
+        squared_error: of the estimated position, summed over the segment [m^2].
+        delay_cost: per tick.
+    """
+
+    correct: NDArray[np.bool_]
+    type_correct: NDArray[np.bool_]
+    ticks: NDArray[np.int64]
+    forced: NDArray[np.bool_]
+    true_mode: NDArray[np.int64]
+    decided_mode: NDArray[np.int64]
+    length: NDArray[np.int64]
+    squared_error: FloatArray
+    delay_cost: float
+
+    @cached_property
+    def reward(self) -> FloatArray:
+        """Reward of each segment, (E, K)."""
+        return np.where(self.correct, 1.0, -1.0) - self.delay_cost * self.ticks
+
+    @property
+    def figures(self) -> FloatArray:
+        """Figures of each episode, (E, 11), see `COLUMNS`."""
+        previous, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
+        shares = [
+            one.mean(1) for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)
+        ]
+        sums = [self.squared_error.sum(1), self.length.sum(1)]
+        after = [(wrong & previous).sum(1), previous.sum(1), (wrong & ~previous).sum(1), (~previous).sum(1)]
+        return np.stack([*shares, *sums, *after], axis=1)
+
+
+COLUMNS = (
+    "accuracy", "type_accuracy", "ticks", "reward", "forced", "squared_error", "length",
+    "wrong_after_correct", "after_correct", "wrong_after_wrong", "after_wrong",
+)  # fmt: skip
+"""Figures of an episode: means over its segments, then sums."""
