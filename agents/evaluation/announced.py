@@ -12,14 +12,14 @@ from rich.table import Table
 from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
 from agents.evaluation.curves import Groups, chosen, curves, means
-from agents.evaluation.shifted_worlds import shifted_worlds
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
+from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
 from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
+from baselines.rules.rollout import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean

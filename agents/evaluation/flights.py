@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation.registry import SHIPPED, find_decider, policy_folder, split_threshold
+from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
 from agents.evaluation.task import Metric
-from agents.learned.families import learned_family
 from baselines.estimation.turn_beam import run_turn_beam
 from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.flight import SCORED, TIERS, Flight, stack_flights

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.parallel import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from agents.studies.flight_arguments import FlightArguments
 from baselines.rules import seeds

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.parallel import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, check_number, reject
@@ -152,9 +152,8 @@ class Evaluate(WorldArguments, ParallelArguments):
 
     def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> dict[str, Any]:
         """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
-        from agents.evaluation.drawn_worlds import draw_worlds
         from agents.evaluation.registry import find_family
-        from agents.evaluation.shifted_worlds import NOMINAL
+        from agents.evaluation.worlds import NOMINAL, draw_worlds
         from agents.interface.progress import progress_display
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 

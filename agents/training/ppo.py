@@ -20,11 +20,16 @@ from agents.evaluation.tasks import task_of
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ACTORS, ActorDecider, save_actor
 from agents.learned.policy_file import first_line
-from agents.training.checkpoint import check_scalars
+from agents.training.checkpoint import (
+    check_random_state,
+    check_scalars,
+    check_tracks,
+    random_state,
+    set_random_state,
+)
 from agents.training.ppo_log import Events, MetricsWriter, plain_values, without_tracebacks_of_threads
 from agents.training.run import Run, TrainingProgress
 from agents.training.settings import PPOSettings, learning_rate_schedule
-from agents.training.state import check_random_state, check_tracks, random_state, set_random_state
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily

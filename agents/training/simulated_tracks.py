@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from agents.evaluation.tasks import task_of
 from agents.learned.statement_decider import StatementDecider
-from agents.learned.statement_inputs import count_ages, statement_inputs
-from agents.training.expected_reward import Batch
+from agents.learned.statement_net import count_ages, statement_inputs
 from agents.training.settings import StatementSettings
-from agents.training.statements import StatementRun
+from agents.training.statements import Batch, StatementRun
 from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout

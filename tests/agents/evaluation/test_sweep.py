@@ -9,9 +9,9 @@ from agents.evaluation.task import sweep
 from agents.evaluation.tasks import task_of
 from agents.evaluation.unknown import UnknownTask
 from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, record_statements
-from baselines.rules import decisions
+from baselines.rules import rollout
 from baselines.rules.decider import DeciderFamily
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import ArgumentError
 
 ANNOUNCED = AnnouncedTask("hybrid_env:HybridTrack-v0", {"scheme": "random 3x20-40"})
@@ -87,6 +87,6 @@ def test_so_many_episodes_that_they_fill_the_memory_are_refused():
     for options in (UNKNOWN.given, {"durations": "uniform 1"}):
         with pytest.raises(ArgumentError, match="episodes=1000000 "):
             sweep(UnknownTask(UNKNOWN.env_id, options), family(0.5), 1_000_000, 0)
-    most = decisions.LARGEST_RESULT // 3
+    most = rollout.LARGEST_RESULT // 3
     with pytest.raises(ArgumentError, match="episodes="):
         sweep(ANNOUNCED, FIXED, most + 1, 0)

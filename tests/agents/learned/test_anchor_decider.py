@@ -18,7 +18,7 @@ from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"

@@ -5,7 +5,7 @@ import io
 from given_scores import ANNOUNCED, announced_scores
 from rich.console import Console
 
-from agents.evaluation.shifted_worlds import NOMINAL
+from agents.evaluation.worlds import NOMINAL
 from agents.studies.shifts import Shift, shift_table
 
 DECIDERS = (

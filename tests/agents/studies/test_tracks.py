@@ -8,7 +8,7 @@ from agents.figures.decider_colours import decider_style
 from agents.figures.tracks import UNDECIDED, runs, track_figure
 from agents.studies.episodes import Episodes
 from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from baselines.scoring.statements import measure_statements
 
 ENV = "hybrid_env:HybridTrack-v0"

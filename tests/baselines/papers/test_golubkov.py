@@ -12,7 +12,7 @@ from baselines import SPRTDecider
 from baselines.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from baselines.papers.golubkov2020 import detect_switch
 from baselines.papers.reproduction import Cell, study_interval
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import SPRTDecider, first_estimate, track_ate
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS

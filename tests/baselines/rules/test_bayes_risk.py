@@ -8,13 +8,13 @@ from scipy import stats
 
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
-from baselines.rules.decisions import evaluate
 from baselines.rules.posterior_paths import (
     PosteriorPaths,
     calibration,
     simulate_posterior_paths,
     summarise_calibration,
 )
+from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 
 DRIFT, LAST, COST = 0.35, 60, 0.02

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from baselines import FixedTimeDecider, SPRTDecider
-from baselines.rules import decisions as recording
 from baselines.rules import rollout
-from baselines.rules.decisions import evaluate
 from baselines.rules.refiltering import KeptCovarianceDecider
+from baselines.rules.rollout import evaluate
 from baselines.scoring.decisions import COLUMNS, RMSE, Decisions
 from baselines.scoring.scores import Scores
 from hybrid_env import HybridTrackEnv, WorldOptions
@@ -77,7 +76,7 @@ def test_so_many_episodes_that_they_fill_the_memory_are_refused():
 def test_batches_do_not_change_decisions(monkeypatch):
     shares, found = [], []
     for size in (700_000_000, 100_000):
-        monkeypatch.setattr(recording, "LARGEST_BATCH", size)
+        monkeypatch.setattr(rollout, "LARGEST_BATCH", size)
         found.append(evaluate(SPRTDecider(0.01), ENV, episodes=30, seed=3, on_progress=shares.append))
     for field in dataclasses.fields(found[0]):
         np.testing.assert_array_equal(getattr(found[0], field.name), getattr(found[1], field.name))

@@ -7,8 +7,8 @@ import pytest
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
-from baselines.rules.decisions import evaluate
 from baselines.rules.msprt import error_and_best, type_posteriors
+from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 
