@@ -158,10 +158,13 @@ class Evaluate(WorldArguments, ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
-        worlds = task.shifted() if self.shifted else {NOMINAL: {}}
+        shifted = task.shifted()
+        for flag in ("shifted", "drawn"):
+            if getattr(self, flag) and not shifted:
+                raise reject(flag, getattr(self, flag), f"no value in {task.title}")
+        worlds = shifted if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
         if self.drawn:
-            task.shifted()  # refuses a task without random worlds
             worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
         for name in deciders:
             find_family(name, task.options)

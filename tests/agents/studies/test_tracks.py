@@ -2,20 +2,23 @@
 
 import numpy as np
 import pytest
-from agents.comparison.tracks import record_track
-from agents.evaluation.deciders import DeciderFamily
-from agents.evaluation.evaluate import evaluate
-from agents.evaluation.statement_curve import ROWS, sweep_statements
 
+from agents.evaluation.tasks import task_of
 from agents.figures.decider_colours import decider_style
 from agents.figures.tracks import UNDECIDED, runs, track_figure
-from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider
-from hybrid_env.quickest_options import QuickestOptions
+from agents.studies.episodes import Episodes
+from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
+from baselines.rules.decisions import evaluate
+from baselines.scoring.statements import measure_statements
 
 ENV = "hybrid_env:HybridTrack-v0"
 RADII = (5.0,)
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
 STATED = {"ticks": 150, "durations": "uniform 20-40"}
+
+
+def record_track(name, rule, env_id, seed, **options):
+    return Episodes(task_of(env_id, options), name, rule).record(name, seed)
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +49,10 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
 
 
 def test_a_recorded_track_agrees_with_the_evaluation(stated):
-    family = DeciderFamily("x", "p", (0.6,), 0.6, ThresholdDecider)
-    metrics = sweep_statements(family, QuickestOptions(**STATED), 4, 10).metrics[0]
+    metrics = measure_statements(record_statements(ThresholdDecider(0.6), 4, 10, **STATED))
     first, second = stated
     np.testing.assert_array_equal(first.right, first.modes == first.true_modes)
-    assert first.right.mean() == pytest.approx(metrics.rows[2, ROWS.index("right")])
+    assert first.right.mean() == pytest.approx(metrics.right[2])
     assert first.summary.startswith(f"{100 * first.right.mean():.1f} % of the ticks right, mean delay ")
     assert np.hypot(*np.diff(first.truth, axis=0).T).max() < 0.4  # 2 m/s for .1 s, twice
     assert 0.5 < (first.measurements - first.truth).std() / np.sqrt(0.1) < 1.5

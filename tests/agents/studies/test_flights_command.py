@@ -4,17 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from agents.comparison.command import Compare
-from agents.comparison.flights_forms import FORMS
-from agents.comparison.flights_late import late_figures, late_modes
-from agents.comparison.flights_study import FlightPlan, compare_on_flights, group_flights
 
-from agents.learned.flight_decider import SHIPPED
+from agents.evaluation.flights import FlightTask
+from agents.evaluation.registry import policy_folder
+from agents.studies.compare_command import Compare
+from agents.studies.flights_study import compare_on_flights, late_modes
 from baselines.recordings.flights import tiers
 from baselines.recordings.flights.labels import label_flights
+from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import simulate_flights
 from baselines.recordings.flights.tiers import TIERS
+from baselines.rules.decider import FLIGHTS
 from hybrid_env.checks import ArgumentError
+
+BOTH = ("two:abc120:0", "two:abc121:0")
+SHIPPED = policy_folder("shipped", FLIGHTS)
 
 
 @pytest.fixture
@@ -37,7 +41,7 @@ def source(tmp_path):
 
 def test_flights_are_compared(tmp_path, source, capsys):
     out = tmp_path / "out"
-    Compare(flights=("two:abc120:0", "two:abc121:0"), source=source, out=out).run()
+    Compare(flights=BOTH, source=source, out=out).run()
     result = json.loads((out / "flights.json").read_text())
     assert set(result["tiers"]["B"]) == {"imm", "imm:0.8", "cusum", "beam", "agent", "agent:8"}
     assert result["tiers"]["B"]["imm"]["agreement"] > 0.8
@@ -47,37 +51,42 @@ def test_flights_are_compared(tmp_path, source, capsys):
 
 
 def test_labels_that_are_stated_late(source):
-    flights = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), ("B",), "native", ("imm",)).read()
+    flights = FlightTask(source, BOTH, ("B",), "native").read()
     labels = label_flights(flights)
-    (found,) = late_figures({"B": [0, 1]}, flights, labels, labels, labels)
-    assert found.truth == 1.0
     steps = np.concatenate([np.diff(flight.times) for flight in flights])
-    one, two = found.late
-    assert steps.min() <= one.delay < two.delay <= 2.0 * steps.max()
-    assert one.agreement > two.agreement > 0.9
+    found = []
+    for count in (0, 1, 2):
+        late = [late_modes(*pair, count) for pair in zip(flights, labels, strict=True)]
+        scores = score_flights("late", flights, labels, late)
+        found.append({name: float(scores.curve(STATISTICS[name])[0]) for name in ("agreement", "delay")})
+    now, one, two = found
+    assert (now["agreement"], now["delay"]) == (1.0, 0.0)
+    assert steps.min() <= one["delay"] < two["delay"] <= 2.0 * steps.max()
+    assert one["agreement"] > two["agreement"] > 0.9
     modes = late_modes(flights[0], labels[0], 1)
     np.testing.assert_array_equal(modes[1:], labels[0].modes[:-1])  # a flight of one piece
     assert modes[0] == labels[0].modes[0]
 
 
 def test_tiers_together_are_named_by_those_that_are_there(source):
-    plan = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), ("B",), "native", ("imm",))
-    one, other = plan.read()
+    task = FlightTask(source, BOTH, ("B",), "native")
+    result = compare_on_flights(task, {"imm": "IMM"}, lambda text: None)
+    assert list(result.groups) == ["B"]
+    one, other = result.flights
     other = replace(other, tier=TIERS["C"])
-    assert group_flights([one, other]) == {"B": [0], "C": [1], "B+C": [0, 1]}
+    assert replace(result, flights=[one, other]).groups == {"B": [0], "C": [1], "B+C": [0, 1]}
     third = replace(other, tier=TIERS["A"])
-    assert group_flights([one, other, third])["A-C"] == [2, 0, 1]
-    assert list(group_flights([one])) == ["B"]
+    assert replace(result, flights=[one, other, third]).groups["A-C"] == [2, 0, 1]
 
 
 def test_an_agent_is_named_by_its_folder(tmp_path, source):
-    flights = FlightPlan(source, ("two:abc120:0",), ("B",), "native", ("agent",)).read()
-    run = FORMS["native"].run(flights)
-    (shipped,), (same,) = run("agent:2"), run(f"{SHIPPED}:2")
+    task = FlightTask(source, BOTH[:1], ("B",), "native")
+    state = task.statements(task.read())
+    (shipped,), (same,) = state("agent:2"), state(f"{SHIPPED}:2")
     np.testing.assert_array_equal(shipped, same)
-    assert FORMS["native"].label(str(SHIPPED)) == str(SHIPPED)
+    assert task.label(str(SHIPPED)) == str(SHIPPED)
     with pytest.raises(ArgumentError, match="run="):
-        FORMS["native"].label(str(tmp_path))
+        task.label(str(tmp_path))
 
 
 def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source, capsys):
@@ -97,8 +106,8 @@ def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source
 
 def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monkeypatch):
     monkeypatch.setattr(tiers, "STRESSING", frozenset({"two:abc121:0"}))
-    plan = FlightPlan(source, ("two:abc120:0", "two:abc121:0"), tuple(TIERS), "native", ("imm",))
-    result = compare_on_flights(plan, lambda text: None)
+    task = FlightTask(source, BOTH, tuple(TIERS), "native")
+    result = compare_on_flights(task, {"imm": "IMM"}, lambda text: None)
     assert result.groups == {"B": [0], "stress": [1]}
     assert result.counted == [0]
     turns = sum(mode != 0 for *_, mode in result.labels[0].pieces)

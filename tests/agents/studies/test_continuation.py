@@ -1,12 +1,13 @@
 """A comparison that is interrupted and started again gives the results of an uninterrupted one."""
 
 import json
+import shlex
 
 import pytest
-from agents.comparison import study
-from agents.comparison.continuation import TRAINED, UNFINISHED
 
 from agents.cli import main
+from agents.studies import comparison
+from agents.studies.continuation import TRAINED, UNFINISHED
 from agents.training.run import Run
 
 LINE = (
@@ -16,8 +17,6 @@ LINE = (
 
 
 def run(folder, line=LINE):
-    import shlex
-
     return main([*shlex.split(line), str(folder)])
 
 
@@ -36,30 +35,29 @@ def uninterrupted(tmp_path_factory):
 def swept(monkeypatch):
     """Names of the deciders that are evaluated."""
     names = []
-    evaluate = study._sweep
+    evaluate = comparison.sweep
 
-    def sweep(family, *arguments, **keywords):
+    def sweep(task, family, *arguments, **keywords):
         names.append(family.name)
-        return evaluate(family, *arguments, **keywords)
+        return evaluate(task, family, *arguments, **keywords)
 
-    monkeypatch.setattr(study, "_sweep", sweep)
+    monkeypatch.setattr(comparison, "sweep", sweep)
     return names
 
 
-def interrupt_evaluation(monkeypatch, after):
-    """Interrupt after a number of deciders."""
-    original, count = study._entry, 0
+def interrupt(folder, after, line=LINE):
+    """Run a comparison that is interrupted after a number of deciders."""
+    original, entries = comparison.Entry, []
 
     def entry(*arguments):
-        nonlocal count
-        count += 1
-        if count > after:
+        if len(entries) == after:
             raise KeyboardInterrupt
-        return original(*arguments)
+        entries.append(original(*arguments))
+        return entries[-1]
 
-    patch = pytest.MonkeyPatch()
-    patch.setattr(study, "_entry", entry)
-    return patch
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "Entry", entry)
+        assert run(folder, line) == 130
 
 
 def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupted):
@@ -71,18 +69,16 @@ def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupt
 
 
 def test_an_interrupted_evaluation_goes_on(uninterrupted, tmp_path, monkeypatch, swept, capsys):
-    patch = interrupt_evaluation(monkeypatch, after=2)
-    assert run(tmp_path) == 130
-    patch.undo()
+    interrupt(tmp_path, 2)
     assert "the same command goes on" in capsys.readouterr().err
     kept = json.loads(results(tmp_path))
     assert kept["complete"] is False
     assert [entry["name"] for entry in kept["deciders"]] == ["ATE (SPRT)", "MSPRT"]
-    assert swept == ["ATE (SPRT)", "MSPRT", "ppo"]
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2 + ["ppo"] * 2  # selection and report
     swept.clear()
     monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
     assert run(tmp_path) == 0
-    assert swept == ["shipped"]
+    assert swept == ["shipped"] * 2
     assert results(tmp_path) == results(uninterrupted)
     assert not (tmp_path / UNFINISHED).exists()
 
@@ -90,14 +86,14 @@ def test_an_interrupted_evaluation_goes_on(uninterrupted, tmp_path, monkeypatch,
 def test_an_interrupted_training_goes_on(uninterrupted, tmp_path, monkeypatch):
     original = Run.between_updates
 
-    def interrupt(self):
+    def stop(self):
         original(self)
         if self.num_timesteps:
             self.save()
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "between_updates", interrupt)
+        patch.setattr(Run, "between_updates", stop)
         assert run(tmp_path) == 130
     (agent,) = (tmp_path / TRAINED).iterdir()
     assert (agent / "checkpoint.safetensors").is_file()
@@ -105,20 +101,16 @@ def test_an_interrupted_training_goes_on(uninterrupted, tmp_path, monkeypatch):
     assert results(tmp_path) == results(uninterrupted)
 
 
-def test_damaged_or_other_results_are_not_used(tmp_path, monkeypatch, swept):
+def test_damaged_or_other_results_are_not_used(tmp_path, swept):
     line = LINE.replace("--agents ppo shipped --steps 16384", "--agents")
-    patch = interrupt_evaluation(monkeypatch, after=1)
-    assert run(tmp_path, line) == 130
-    patch.undo()
+    interrupt(tmp_path, 1, line)
     swept.clear()
     first, second = sorted((tmp_path / UNFINISHED).iterdir())
     first.write_bytes(first.read_bytes()[:100])
     second.write_bytes(b"")
     assert run(tmp_path, line) == 0
-    assert swept == ["ATE (SPRT)", "MSPRT"]
-    patch = interrupt_evaluation(monkeypatch, after=1)
-    assert run(tmp_path, line) == 130
-    patch.undo()
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2
+    interrupt(tmp_path, 1, line)
     swept.clear()
     assert run(tmp_path, line.replace("--seed 5", "--seed 6")) == 0
-    assert swept == ["ATE (SPRT)", "MSPRT"]
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2

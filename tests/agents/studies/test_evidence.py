@@ -6,13 +6,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from agents.evaluation.deciders import load_decider
-from agents.evaluation.statement_deciders import RULES
-from agents.playing.episodes import DECISIONS, Episodes
 from gymnasium import spaces
 
+from agents.evaluation.registry import load_decider
+from agents.evaluation.tasks import task_of
 from agents.learned.policy import PolicyDecider, StatementPolicyDecider, make_policy
+from agents.studies.episodes import Episodes
 from baselines import BeamDecider
+from baselines.rules.decider import UNKNOWN, rules
 from hybrid_env import HybridTrackVectorEnv, Layout, QuickestLayout, WorldOptions
 
 RADII = (3.0, 5.0, 8.0)
@@ -26,11 +27,10 @@ def make_env(correctness="exact"):
 
 def ticks_of(env, decider, count=60):
     """Play, and yield observation, actions and evidence at each tick."""
-    evidence = getattr(decider, "evidence", DECISIONS.evidence)
     observation, _ = env.reset(seed=0)
     state, start = None, np.ones(TRACKS, np.bool_)
     for _ in range(count):
-        values = evidence(observation, state, start)
+        values = decider.evidence(observation, state, start)
         assert values.shape == (TRACKS, 7)
         actions, state = decider.predict(observation, state, start)
         yield observation, actions, values
@@ -100,9 +100,8 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
 def test_a_fixed_time_has_the_posterior_without_a_threshold():
     env = make_env()
     decider = load_decider("fixed:20", env.options)
-    assert not hasattr(decider, "evidence")
-    assert DECISIONS.panel.thresholds == ()
-    assert DECISIONS.panel.legend == ""
+    assert decider.panel().thresholds == ()
+    assert decider.panel().legend == ""
     for observation, _, values in ticks_of(env, decider, 25):
         np.testing.assert_allclose(values.sum(axis=1), 1.0)
         likeliest = Layout(7).read(observation, "log_ratio").argmax(-1)
@@ -147,16 +146,16 @@ def test_the_evidence_of_a_policy_is_its_probabilities():
     assert decider.panel().label == "probability (policy)"
 
 
-@pytest.mark.parametrize("name", [name for name in RULES if not name.startswith("beam")])
+@pytest.mark.parametrize("name", [name for name in rules(UNKNOWN) if not name.startswith("beam")])
 def test_other_rules_have_the_probabilities_of_the_bank(name):
     other = stating()
-    episodes = Episodes(STATED, {}, name)
+    episodes = Episodes(task_of(STATED), name)
     history = list(itertools.islice(episodes.play(0, lambda: None), 20))[-1]
     other.reset(seed=0)
     for _ in range(19):
         other.step(0)
     np.testing.assert_allclose(history.evidence, other.history.evidence, atol=1e-5)  # float32 rows
-    assert len(episodes.panel.thresholds) == (name == "threshold")
+    assert len(episodes.decider.panel().thresholds) == (name == "threshold")
 
 
 def test_the_evidence_of_a_beam_does_not_change_its_state():

@@ -2,19 +2,21 @@
 
 import csv
 
-import agents.playing.command
-import agents.playing.episodes
 import gymnasium as gym
 import numpy as np
 import pytest
-from agents.playing.animation import PALETTE_SIZE, palette_colours
-from agents.playing.command import Play
-from agents.playing.episodes import Episodes, task_of
 from PIL import Image, ImageSequence
 from rich.console import Console
 
 import hybrid_env  # noqa: F401
+from agents.evaluation.registry import load_decider
+from agents.evaluation.tasks import task_of
+from agents.studies import episodes, play_command
+from agents.studies.animation import PALETTE_SIZE, palette_colours
+from agents.studies.episodes import Episodes
+from agents.studies.play_command import Play
 from baselines.recordings.reading.read import read_recordings
+from baselines.rules.decider import as_decider
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.history import ACTIVE
@@ -57,25 +59,21 @@ def environment(env_id, **options):
 def played(env_id, name):
     """The environment after the episode of a decider, its panel, and the statements and true modes."""
     env = environment(env_id)
-    task = task_of(env_id)
-    decider = task.load(name, env.options)
-    evidence = getattr(decider, "evidence", task.evidence)
-    observe = getattr(decider, "observe", lambda world: world.observations)
+    decider = load_decider(name, env.options)
     _, info = env.reset(seed=3)
     state, start, terminated, modes = None, np.ones(1, np.bool_), False, []
     while not terminated:
-        rows = observe(env.world).copy()
-        env.history.set_evidence(evidence(rows, state, start)[0])
+        rows = decider.observe(env.world).copy()
+        env.history.set_evidence(decider.evidence(rows, state, start)[0])
         actions, state = decider.predict(rows, state, start)
         modes.append((int(actions[0]), info["true_mode"]))
         _, _, terminated, _, info = env.step(actions[0])
         start = np.zeros(1, np.bool_)
-    return env, decider.panel() if hasattr(decider, "panel") else task.panel, *np.array(modes).T
+    return env, decider.panel(), *np.array(modes).T
 
 
 def use(monkeypatch, decider):
-    task = agents.playing.episodes.DECISIONS._replace(load=lambda *_: decider)
-    monkeypatch.setattr(agents.playing.episodes, "DECISIONS", task)
+    monkeypatch.setattr(episodes, "load_decider", lambda *_: as_decider(decider))
 
 
 def test_a_gif_has_one_frame_for_each_reset_and_step_at_ten_per_second(tmp_path):
@@ -156,13 +154,13 @@ def test_the_table_shows_modes_decisions_and_times(tmp_path, capsys):
 
 
 def test_the_table_of_statements_has_a_row_for_each_segment():
-    episodes = Episodes(STATED, OPTIONS[STATED], "threshold")
-    assert len(list(episodes.play(3, lambda: None))) == 40
+    played_here = Episodes(task_of(STATED, OPTIONS[STATED]), "threshold")
+    assert len(list(played_here.play(3, lambda: None))) == 40
     _, _, stated, true = played(STATED, "threshold")
     bounds = [0, *(np.flatnonzero(np.diff(true)) + 1), len(true)]
     console = Console(width=200, record=True)
     with console.capture() as captured:
-        console.print(episodes.table("An episode"))
+        console.print(played_here.table("An episode"))
     lines = [line.split("│")[1:-1] for line in captured.get().splitlines() if line.startswith("│")]
     assert [int(line[2]) for line in lines] == np.diff(bounds).tolist()
     right = (stated == true).mean()
@@ -195,7 +193,7 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
         ({"out": "a.gif", "env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
         ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
         ({"out": "a.gif", "env": DECLARED, "ticks": 40}, r"^ticks=40 is not allowed"),
-        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'threshold', "),
+        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'beam', "),
         ({"out": "a.gif", "env": STATED, "decider": "threshold:2"}, r"^threshold=2.0 is not allowed"),
         ({"out": "a.gif", "env": STATED, "scheme": "S5"}, r"^scheme='S5' is not allowed"),
     ],
@@ -234,14 +232,14 @@ def test_the_error_for_a_full_disk_is_one_line(tmp_path, monkeypatch, name):
 
 
 def test_the_error_for_a_missing_display_names_the_alternative(monkeypatch):
-    monkeypatch.setattr(agents.playing.command, "display_available", lambda: False)
+    monkeypatch.setattr(play_command, "display_available", lambda: False)
     with pytest.raises(ArgumentError, match=r"^no window can be opened here: use --out FILE"):
         play()
 
 
 def test_an_episode_in_the_window_is_recorded(tmp_path, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(agents.playing.command, "FINAL_FRAMES", 1)
+    monkeypatch.setattr(play_command, "FINAL_FRAMES", 1)
     play(record=tmp_path / "episode.csv", scheme="S3", decider="ate")
     assert len(read_recordings(tmp_path / "episode.csv").recordings[0].positions) == 3
 
@@ -267,7 +265,7 @@ def test_the_palette_has_at_most_255_colours_for_every_bank(count):
 
 
 def test_a_gif_with_too_many_frames_is_refused_and_not_written(tmp_path, monkeypatch):
-    monkeypatch.setattr("agents.playing.animation.MAX_FRAMES", 5)
+    monkeypatch.setattr("agents.studies.animation.MAX_FRAMES", 5)
     with pytest.raises(ArgumentError, match="at most 5 frames"):
         play(out=tmp_path / "episode.gif")
     assert list(tmp_path.iterdir()) == []
