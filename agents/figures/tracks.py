@@ -245,7 +245,7 @@ def draw_timelines(
 
     Args:
         axes: to draw in.
-        edges: (T + 1,) begin of each of T ticks, and end of the last one.
+        edges: (T + 1,) beginning of each of T ticks, and end of the last one.
         rows: modes (T,) by name, from top to bottom: indices of `colours`, `UNDECIDED` or `NO_BAR`.
         colours: of the modes.
         xlabel: of the axis of time.

@@ -4,6 +4,6 @@
 of a recording afterwards, row by row. `files` has the flags of files and works on many of them, `figure`
 draws, `command` writes everything.
 
-May import: `hybrid_env`, `baselines`, and `agents.interface`, `figures`, `learned`, `evaluation`, `training`;
-no other study.
+May import: `hybrid_env`, `baselines`, and `interface`, `figures`, `learned`, `evaluation` and `training` of
+`agents`; no other study.
 """

@@ -3,6 +3,6 @@
 A paper is a study in `baselines.papers` and a file of the same name in `figures`, by which it is found and
 which draws its figures. `command` runs the studies, `report` writes their tables.
 
-May import: `hybrid_env`, `baselines`, and `agents.interface`, `figures`, `learned`, `evaluation`, `training`;
-no other study.
+May import: `hybrid_env`, `baselines`, and `interface`, `figures`, `learned`, `evaluation` and `training` of
+`agents`; no other study.
 """

@@ -103,10 +103,10 @@ def difference(result: FlightComparison, decider: str, rows: list[int]) -> Estim
 
 
 def late_table(result: FlightComparison, truth: Scores) -> Table:
-    """Figures of the labels, stated late."""
+    """Figures of the labels, stated some positions late."""
     table = new_table(
         "The labels themselves, stated late",
-        "Late: figures of a decider that states labels so many positions late.\n"
+        "Late: figures of a decider that states the labels this number of positions late.\n"
         "Truth: share of the time in which labels of twins are the true modes.",
     )
     table.add_column("tier")

@@ -1,15 +1,15 @@
-"""Weights of measurements: of the Kalman filter, and of filters that are robust against outliers.
+"""Corrections by a measurement: that of the Kalman filter, and some that are robust against outliers.
 
-A measurement is used component by component. Let y be the innovation of a component, m the variance of its
-prediction, r the variance of its error, and c the column of the covariance P of the state that belongs to it.
-Every method adds c y a to the state and subtracts c c' b from P; the methods differ in the factors a and b.
-The Kalman filter has a = b = 1 / (m + r). The components lie along the principal axes of the covariance of a
-measurement, and a `Robust` method assumes that outliers of different components are independent;
-`WholeStudentT` weighs all components of a measurement alike.
+The components of a measurement along the principal axes of its covariance are processed one after the other.
+Let y be the innovation of a component, m the variance of its prediction, r the variance of its error, and c
+the column of the covariance P of the state that belongs to it. Every method adds c y a to the state and
+subtracts c c' b from P; the methods differ in the factors a and b. For the Kalman filter a = b = 1 / (m + r).
+A `Robust` method assumes that outliers of different components are independent; `WholeStudentT` has one
+weight for all components of a measurement.
 
-The log-likelihood is that of the innovation. For Student-t it is exact, for Huber that of its density with
-the scale of the innovation. The gate has a bounded loss, which has no density: its log-likelihood
-compares motion models, not parameters of the loss.
+Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that
+of the density that belongs to the loss, with the scale of the innovation. The loss of the gate is bounded and
+belongs to no density: its log-likelihood compares motion models, not parameters of the loss.
 """
 
 from abc import ABC, abstractmethod

@@ -3,8 +3,8 @@ Kalman filter with known modes of table 2.
 
 The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s;
 alpha = beta = 0.001; natural logarithms; the filter starts at the exact x0; P := I at the start of every
-piece for tables 3 and 4, but P is carried over, from P = I at the beginning, for table 2. If several ratios
-exceed A, the largest wins. A piece without a decision counts its whole length and keeps q_A. A mode is
+segment for tables 3 and 4, but P is carried over, from P = I at the beginning, for table 2. If several ratios
+exceed A, the largest wins. A segment without a decision counts its whole length and keeps q_A. A mode is
 correct if its type is correct (straight, left or right); the radius does not count.
 
 Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3)

@@ -10,6 +10,6 @@ A piece is a part of a recording between two gaps or two switches. A chunk is wh
 `ate` is adaptive trajectory estimation, which decides the mode of each segment at known switch times: that of
 the papers, with the published bank on arrays of measured positions.
 
-May import: `hybrid_env`, `baselines.estimation`, `baselines.rules`. Never
-`baselines.papers` or `agents`.
+May import: `hybrid_env`, and `estimation`, `scoring` and `rules` of `baselines`. Never `baselines.papers` or
+`agents`.
 """

@@ -1,4 +1,4 @@
-"""The state at the begin of a recording, from its first measurements, seen backwards.
+"""The state at the beginning of a recording, from its first measurements, seen backwards.
 
 A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an
 error there passes on from piece to piece. A straight line through the first measurements is not good enough

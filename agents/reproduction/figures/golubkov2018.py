@@ -56,13 +56,13 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
     """Estimate over the true trajectory, and log-likelihood ratios with their thresholds."""
     figure, (map_axes, ratio_axes) = paper_figure(title, (13.0, 6.4), (1.0, 1.15))
     ends = np.cumsum(recording.lengths)
-    style_map(map_axes, "Trajectory; labels: true mode of each piece")
+    style_map(map_axes, "Trajectory; labels: true mode of each segment")
     map_axes.plot(*recording.measurements[RUN].T, ".", color=GREY, markersize=2.5, alpha=0.6, zorder=1)
     truth = recording.truth[RUN][:, [0, 2]]
     map_axes.plot(*truth.T, color=TRUTH, linewidth=3.4, zorder=2)
-    pieces = zip(ends, recording.lengths, recording.signed_radii, strict=True)
-    for number, (end, length, radius) in enumerate(pieces, start=1):
-        middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the piece beside its label
+    segments = zip(ends, recording.lengths, recording.signed_radii, strict=True)
+    for number, (end, length, radius) in enumerate(segments, start=1):
+        middle = truth[end - 3 * length // 4 : end - length // 4]  # the half of the segment beside its label
         map_axes.plot(*middle.T, color=TRUTH, linewidth=3.4, label=f"{number}: {_mode_label(radius)}")
     estimate = tracks.estimates[RUN][:, [0, 2]]
     modes = tracks.modes[RUN]
@@ -101,7 +101,7 @@ def _tracking_figure(title: str, recording: Any, tracks: Any, radii: Sequence[fl
 
 
 def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float], alpha: float) -> None:
-    """Log-likelihood ratio of every hypothesis to the active mode, up to the decision of each piece."""
+    """Log-likelihood ratio of every hypothesis to the active mode, up to the decision of each segment."""
     ratios = tracks.ratios[RUN]
     ticks = np.arange(1, len(ratios) + 1)
     for mode in range(2 * len(radii) + 1):
@@ -116,11 +116,11 @@ def _draw_ratios(axes: Any, recording: Any, tracks: Any, radii: Sequence[float],
     ends = np.cumsum(recording.lengths)
     for end in ends[:-1]:
         axes.axvline(end + 0.5, color="0.75", linewidth=0.8, zorder=0)
-    pieces = axes.secondary_xaxis("top")
-    pieces.set_xticks(ends - recording.lengths / 2, [str(number) for number in range(1, len(ends) + 1)])
-    pieces.tick_params(length=0, pad=-16)  # inside the axes
+    numbers = axes.secondary_xaxis("top")
+    numbers.set_xticks(ends - recording.lengths / 2, [str(number) for number in range(1, len(ends) + 1)])
+    numbers.tick_params(length=0, pad=-16)  # inside the axes
     axes.set(
-        title=f"Sequential tests of pieces 1 to {len(ends)}, each until its decision", xlabel="tick",
+        title=f"Sequential tests of segments 1 to {len(ends)}, each until its decision", xlabel="tick",
         ylabel="log-likelihood ratio to the active mode", xlim=(0, len(ratios)),
         ylim=(2.0 * lower, 2.0 * upper),
     )  # fmt: skip

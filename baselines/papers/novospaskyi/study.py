@@ -163,7 +163,7 @@ def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, d
 
 
 def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: int) -> dict[Any, Any]:
-    """Best parameters by name; a part goes on with the trials of the last one, so that progress is seen.
+    """Best parameters by name; each part continues the trials of the one before, so that progress is seen.
 
     Args:
         work: where the parts run.
@@ -182,7 +182,7 @@ def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: 
 
 
 def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
-    """Measurements of the test flights with so many seeds of the noise, run by run: N = runs x flights."""
+    """Measurements of the test flights with `runs` seeds of the noise, run by run: N = runs x flights."""
     parts = [measure(scans, noise, (seed, TEST_NOISE, run)) for run in range(runs)]
     return Tracks(
         *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks))
