@@ -23,12 +23,10 @@ from agents.training.learning_curve import LearningCurve
 from agents.training.settings import FlightSettings
 from agents.training.state import restore_generator
 from agents.training.statements import StatementRun
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.estimation.turns import TurnModel
-from baselines.recordings.flights.flight import stack_flights
+from baselines.estimation.turns import TurnModel, run_turn_imm
+from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import check_integer, reject

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
 from baselines.papers.reproduction import (
     Cell,
     Finding,
@@ -27,6 +26,7 @@ from baselines.papers.reproduction import (
     study_interval,
     table_row,
 )
+from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import check_array, check_flag, check_integer, reject

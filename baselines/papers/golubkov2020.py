@@ -25,15 +25,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
 
-from baselines.estimation.recording import check_recording, make_filters
-from baselines.estimation.restarted_filters import (
+from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
+from baselines.recordings.arrays import check_recording, make_filters
+from baselines.rules.measurements import run_compiled
+from baselines.rules.restarted_filters import (
     RestartModel,
     begin_restarted,
     restart_arrays,
     step_restarted,
 )
-from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
-from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.banks.bank import IDENTITY, FilterModel
