@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.dimensionless import ANCHOR_INPUTS
-from baselines.estimation.component_filters import stated_covariance
 from baselines.rules.anchor_prior import MIRROR
+from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
 from hybrid_env.observation import Layout
 

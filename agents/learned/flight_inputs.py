@@ -8,8 +8,7 @@ filter.
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
-from baselines.estimation.turn_imm import TurnEstimates
+from baselines.estimation.turns import Batch, TurnEstimates
 
 INPUTS = 16
 LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0

@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.chunks import fit_chunks, recorded_pass
-from baselines.recordings.imm_pass import Chunks, imm_pass, no_output, prepare_pass
+from baselines.recordings.imm_pass import (
+    Chunks,
+    fit_chunks,
+    imm_pass,
+    no_output,
+    prepare_pass,
+    recorded_pass,
+)
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError

@@ -9,11 +9,11 @@ from agents.evaluation.flights import FlightTask
 from agents.evaluation.registry import policy_folder
 from agents.studies.compare_command import Compare
 from agents.studies.flights_study import compare_on_flights, late_modes
-from baselines.recordings.flights import tiers
+from baselines.recordings.flights import flight as flight_module
+from baselines.recordings.flights.flight import TIERS
 from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 from baselines.rules.decider import FLIGHTS
 from hybrid_env.checks import ArgumentError
 
@@ -105,7 +105,7 @@ def test_the_semi_real_form_has_the_deciders_of_the_environment(tmp_path, source
 
 
 def test_stress_flights_are_a_tier_outside_of_the_totals(tmp_path, source, monkeypatch):
-    monkeypatch.setattr(tiers, "STRESSING", frozenset({"two:abc121:0"}))
+    monkeypatch.setattr(flight_module, "STRESSING", frozenset({"two:abc121:0"}))
     task = FlightTask(source, BOTH, tuple(TIERS), "native")
     result = compare_on_flights(task, {"imm": "IMM"}, lambda text: None)
     assert result.groups == {"B": [0], "stress": [1]}

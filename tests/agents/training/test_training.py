@@ -19,7 +19,7 @@ from agents.training.runs import make_run, resume_run
 from baselines import measure_statements
 from baselines.rules import seeds
 from baselines.rules.decisions import evaluate
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
 

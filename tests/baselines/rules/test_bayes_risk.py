@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 from scipy import stats
 
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
+from baselines.rules.decisions import evaluate
 from baselines.rules.posterior_paths import (
     PosteriorPaths,
     calibration,

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
+from baselines.rules.decisions import evaluate
 from baselines.rules.msprt import error_and_best, type_posteriors
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError

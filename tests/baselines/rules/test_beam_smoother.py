@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from baselines.estimation.beam_filters import FIRST, LATER
 from baselines.rules.beam import BeamDecider, hazards
+from baselines.rules.beam_filters import FIRST, LATER
 from baselines.rules.beam_smoother import BeamSmoother, BranchTable, carry_past
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from hybrid_env import QuickestOptions
 from hybrid_env.checks import ArgumentError
 

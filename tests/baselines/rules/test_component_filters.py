@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
 
-from baselines.estimation.component_filters import (
+from baselines.rules.component_filters import (
     LOG_OUTLIER_ODDS,
     OUTLIER_DISTANCE,
     OUTLIER_VARIANCE,

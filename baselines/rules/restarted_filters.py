@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.beam_filters import copy_filter, triangle
+from baselines.rules.beam_filters import copy_filter, triangle
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,

@@ -1,4 +1,4 @@
-"""Rules with a filter for every start tick agree with literal loops over matrix filters, in any units."""
+"""Rules that filter the measurements, in any units; restarted filters agree with literal loops."""
 
 import math
 
@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines.papers.switch_detection import detect_switch
+from baselines.papers.golubkov2020 import detect_switch
+from baselines.rules.beam import BeamDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.simulation import simulate
 
 TRIANGLE = np.triu_indices(4)
-RULES = (GLRDecider, MeanRatioDecider)
+RESTARTED = (GLRDecider, MeanRatioDecider)
+RULES = (*RESTARTED, BeamDecider)
 SHORT = {
     "ticks": 45,
     "durations": "uniform 8-15",
@@ -23,7 +25,7 @@ SHORT = {
 
 
 def run(decider, tracks=4, seed=3, **options):
-    """Return observations (T, N, width), statements (T, N) and log ratios (T, N, M) of a decider."""
+    """Return observations (T, N, width), statements (T, N) and evidence (T, N, M) of a decider."""
     env = HybridTrackQuickestVectorEnv(tracks, **options)
     env.reset(seed=seed)
     seen = []
@@ -34,13 +36,14 @@ def run(decider, tracks=4, seed=3, **options):
 
 
 def replay(decider, seen):
-    """Return statements (T, N) and log ratios (T, N, M) for observations."""
-    state, stated, log_ratios = None, [], []
+    """Return statements (T, N) and log ratios or log probabilities (T, N, M) for observations."""
+    state, stated, evidence = None, [], []
+    name = "log_probability" if isinstance(decider, BeamDecider) else "log_ratios"
     for observation in seen:
         actions, state = decider.predict(observation, state)
         stated.append(actions)
-        log_ratios.append(state.log_ratios.copy())
-    return np.array(stated), np.array(log_ratios)
+        evidence.append(getattr(state, name).copy())
+    return np.array(stated), np.array(evidence)
 
 
 def matrix_filter(bank, mode, state, P, options):
@@ -94,7 +97,7 @@ def literal(seen, options, mean, threshold, margin, window, bank):
     return statements, log_ratios
 
 
-@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("rule", RESTARTED)
 @pytest.mark.parametrize(
     ("bank", "window", "margin"), [("published", 6, 1.5), ("anchor_aware", 100, 0.5), ("published", 17, 0.0)]
 )
@@ -154,13 +157,18 @@ def scaled(length, time):
     }
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_units_change_no_statement(rule, bank):
+@pytest.mark.parametrize(
+    ("rule", "own"),
+    [
+        *((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")),
+        (BeamDecider, {}),
+    ],
+)
+def test_units_change_no_statement(rule, own):
     results = []
     for units in ((1.0, 1.0), (1000.0, 60.0), (1e-3, 1.0)):
         options = scaled(*units)
-        _, stated, log_ratios = run(rule(QuickestOptions(**options), bank=bank), 20, **options)
+        _, stated, log_ratios = run(rule(QuickestOptions(**options), **own), 20, **options)
         results.append((stated, log_ratios))
     for stated, log_ratios in results[1:]:
         np.testing.assert_array_equal(stated, results[0][0])
@@ -206,7 +214,7 @@ def test_episodes_that_begin_again_have_the_statements_of_fresh_ones(rule):
     options = {"ticks": 40, "durations": "uniform 8-12", "measurement_variance": 0.01}
     env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)
     env.reset(seed=1)
-    decider, state = rule(env.options, window=20), None
+    decider, state = rule(env.options), None
     start, seen, stated = np.ones(5, bool), [], []
     for _ in range(80):
         seen.append(decider.observe(env.world))
@@ -223,29 +231,35 @@ def test_ratios_are_finite_after_outliers(rule):
     decider = rule(QuickestOptions(**options))
     seen, _, _ = run(decider, 4, **options)
     seen[5::10, :, :2] += 30.0  # 300 sigma
-    stated, log_ratios = replay(decider, seen)
-    assert np.isfinite(log_ratios).all()
+    stated, evidence = replay(decider, seen)
+    assert np.isfinite(evidence).all()
     assert ((stated >= 0) & (stated < 3)).all()
+    if rule is BeamDecider:
+        np.testing.assert_allclose(np.exp(evidence).sum(-1), 1, rtol=1e-9)
+
+
+BAD = [
+    ("threshold", 0.0),
+    ("margin", -1.0),
+    ("window", 0),
+    ("window", 10_001),
+    ("bank", "oracle"),
+    ("bank", 1),
+]
+BAD_BEAM = [("branches", 2), ("threshold", 2.0), ("durations", "often")]
+
+
+@pytest.mark.parametrize(
+    ("rule", "name", "value"),
+    [*((rule, *bad) for rule in RESTARTED for bad in BAD), *((BeamDecider, *bad) for bad in BAD_BEAM)],
+)
+def test_arguments_out_of_range_are_refused(rule, name, value):
+    with pytest.raises(ArgumentError, match=f"{name}="):
+        rule(QuickestOptions(), **{name: value})
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"threshold": 0.0},
-        {"margin": -1.0},
-        {"window": 0},
-        {"window": 10_001},
-        {"bank": "oracle"},
-        {"bank": 1},
-    ],
-)
-def test_arguments_out_of_range_are_refused(rule, bad):
-    with pytest.raises(ArgumentError, match=f"{next(iter(bad))}="):
-        rule(QuickestOptions(), **bad)
-
-
 @pytest.mark.parametrize("shape", [(3,), (2, 20)])
-def test_other_observations_are_refused(shape):
+def test_other_observations_are_refused(rule, shape):
     with pytest.raises(ArgumentError, match="observation shape"):
-        GLRDecider(QuickestOptions()).predict(np.zeros(shape))
+        rule(QuickestOptions()).predict(np.zeros(shape))

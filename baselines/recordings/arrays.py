@@ -1,4 +1,4 @@
-"""Input and output of filters on recordings: checks, the bank, and the first estimate."""
+"""Arrays of measured positions as input of the published bank: checks, the bank, and the first estimate."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

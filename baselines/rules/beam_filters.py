@@ -147,64 +147,47 @@ def _begin_child(
 
 
 @internal
-def _switch_separately(
+def _switch(
     branches: Branches,
     track: int,
     weights: NDArray[np.float64],
+    parents: tuple[int, int],
     children: Branches,
     count: int,
     model: BeamModel,
 ) -> int:
-    """Write one child for every branch and every other mode, after `count` others. Returns their number.
+    """Write one child for every mode, after `count` others: the mixture of parents in other modes.
 
     Args:
         branches: of all tracks.
         track: index of the track.
         weights: (branches,) log probability of a branch and a switch to one certain mode.
+        parents: the first branch that switches, and the end of these branches.
         children: of one track.
         count: number of children so far.
         model: of the branches.
+
+    Returns:
+        Number of children.
     """
-    for b in range(weights.size):
-        if weights[b] > -np.inf:
-            parent, lane = branches.filters[track, b // LANES], b % LANES
-            anchor = (parent.x[lane], parent.vx[lane], parent.y[lane], parent.vy[lane])
-            for mode in range(2 * model.radii.size + 1):
-                if mode != branches.modes[track, b]:
-                    _begin_child(children, count, mode, anchor, covariance_of(parent, lane), model)
-                    children.filters[0, count // LANES].log_likelihood[count % LANES] = weights[b]
-                    count += 1
-    return count
-
-
-@internal
-def _switch_merged(
-    branches: Branches,
-    track: int,
-    weights: NDArray[np.float64],
-    children: Branches,
-    count: int,
-    model: BeamModel,
-) -> int:
-    """Like `_switch_separately`, with one child for every mode, from the mixture of all its parents."""
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     for mode in range(2 * model.radii.size + 1):
         largest, total = -np.inf, 0.0
-        for b in range(weights.size):
+        for b in range(parents[0], parents[1]):
             if branches.modes[track, b] != mode:
                 largest = max(largest, weights[b])
         if largest == -np.inf:
             continue
         mean[:] = 0.0
         covariance[:] = 0.0
-        for b in range(weights.size):
+        for b in range(parents[0], parents[1]):
             if branches.modes[track, b] != mode:
                 probability = math.exp(weights[b] - largest)
                 total += probability
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
                     mean[k] += probability * value
         mean /= total
-        for b in range(weights.size):
+        for b in range(parents[0], parents[1]):
             if branches.modes[track, b] != mode:
                 probability = math.exp(weights[b] - largest) / total
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
@@ -239,8 +222,10 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
     if model.merged:
-        return _switch_merged(branches, track, switches, children, count, model)
-    return _switch_separately(branches, track, switches, children, count, model)
+        return _switch(branches, track, switches, (0, switches.size), children, count, model)
+    for b in range(switches.size):
+        count = _switch(branches, track, switches, (b, b + 1), children, count, model)
+    return count
 
 
 @compiled
