@@ -46,7 +46,7 @@ class World(ReadOnlyAttributes):
         decision_flags: (len(DECISION_FLAGS), N).
 
     Raises:
-        ArgumentError: the arrays do not fit into memory, or unknown switches have no traces.
+        ArgumentError: the arrays do not fit into memory, or traces are asked for with unknown switches.
     """
 
     read_only = frozenset(

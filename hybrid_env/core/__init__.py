@@ -11,8 +11,8 @@ Python. `kernel` runs a tick in this order:
 each bank, and the tick of both with a measurement from outside, without an object.
 
 `state` declares all arrays and parameters once, with the records of `records`; `arrays` allocates them and
-finds them in compiled code. `compilation` has the compiler options and
-`cached_files` checks numba's cache; `elementary` has vectorizable log, exp, sine and cosine.
+finds them in compiled code. `compilation` has the compiler options and checks numba's cache, whose files
+`cached_files` names; `elementary` has vectorizable log, exp, sine and cosine.
 
 The folder may import numpy, numba and its own files, nothing else of the project. After a change run
 `pytest tests/hybrid_env` and `make bench ARGS="single vector"`.
