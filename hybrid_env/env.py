@@ -68,8 +68,8 @@ class HybridTrackEnv(TrackEnv):
     | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
-    innovations are exactly zero, which they are in no other tick, the ratios do not
-    change, and the displacement is the one that the most likely filter predicts.
+    innovations are exactly zero, which they are in no other tick, the ratios do not change, and the
+    displacement is the one that the most likely filter predicts.
 
     ## Rewards
     Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1 if the

@@ -49,7 +49,7 @@ def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> TrackVe
     Raises:
         ArgumentError: the id is not one of this package, or an option is not allowed.
     """
-    _check_env_id(env_id, "hybrid_env.")
+    _check_env_id(env_id, TrackVectorEnv)
     env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
     assert isinstance(env, TrackVectorEnv)
     return env
@@ -73,26 +73,31 @@ def environment_options(env_id: str) -> type[ModelOptions]:
     Raises:
         ArgumentError: the id is not one of this package.
     """
-    _check_env_id(env_id, "hybrid_env.")
+    _check_env_id(env_id, TrackVectorEnv)
     entry_point = gym.spec(env_id.removeprefix("hybrid_env:")).vector_entry_point
     assert isinstance(entry_point, str)
-    environment: Any = load_env_creator(entry_point)
-    found: type[ModelOptions] = environment.options_class
+    found: type[ModelOptions] = _vector_class(entry_point).options_class
     return found
+
+
+def _vector_class(entry_point: str) -> Any:
+    return load_env_creator(entry_point)
 
 
 def check_env_id(env_id: str) -> None:
     """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
-    _check_env_id(env_id, _ENTRY_POINTS[1], _OTHER_ENTRY_POINTS["HybridTrackEasy-v0"][1])
+    _check_env_id(env_id, HybridTrackVectorEnv)
 
 
-def _check_env_id(env_id: str, *vector_entry_points: str) -> None:
-    """Raise `ArgumentError` for an id whose vector entry point begins with none of the given texts."""
+def _check_env_id(env_id: str, kind: type) -> None:
+    """Raise `ArgumentError` for an id of another package, or whose vector environment is of another kind."""
+    entry_points = {name: spec.vector_entry_point for name, spec in gym.registry.items()}
     known = [
         name
-        for name, spec in gym.registry.items()
-        if isinstance(spec.vector_entry_point, str)
-        and spec.vector_entry_point.startswith(vector_entry_points)
+        for name, entry_point in entry_points.items()
+        if isinstance(entry_point, str)
+        and entry_point.startswith("hybrid_env.")
+        and issubclass(_vector_class(entry_point), kind)
     ]
     if env_id.removeprefix("hybrid_env:") not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))

@@ -7,6 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
+BASELINES = ("estimation", "scoring", "rules", "recordings", "papers")
 AGENTS = ("interface", "figures", "learned", "evaluation", "training")
 STUDIES = ("studies", "reproduction", "recordings", "tuning")
 SOURCES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
@@ -33,8 +34,10 @@ def test_a_file_imports_only_what_its_package_may(path):
         assert PACKAGES.index(other) <= PACKAGES.index(package), f"{path} imports {name}"
         if package == "hybrid_env" and subpackage == "core":
             assert rest == "" or rest.startswith("core"), f"{path} imports {name}"
+        part = rest.partition(".")[0]
+        if package == other == "baselines" and subpackage and part in BASELINES:
+            assert BASELINES.index(part) <= BASELINES.index(subpackage), f"{path} imports {name}"
         if package == "agents" and other == "agents" and subpackage:
-            part = rest.partition(".")[0]
             if part in AGENTS and subpackage in AGENTS:
                 assert AGENTS.index(part) <= AGENTS.index(subpackage), f"{path} imports {name}"
             if part in STUDIES:

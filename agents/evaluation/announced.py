@@ -13,11 +13,10 @@ from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
 from agents.evaluation.curves import Groups, chosen, curves, means
 from agents.evaluation.shifted_worlds import shifted_worlds
-from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.decider_colours import decider_styles
-from agents.figures.timelines import UNDECIDED
-from agents.figures.tracks import TrackRecord
+from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
 from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
@@ -37,6 +36,7 @@ class AnnouncedTask(Task):
     """Every switch is announced, and the mode of the segment is declared once."""
 
     switches: ClassVar = ANNOUNCED
+    waits: ClassVar = True
     columns: ClassVar = COLUMNS
     metrics: ClassVar = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
@@ -49,6 +49,10 @@ class AnnouncedTask(Task):
     further: ClassVar = {f"error_after_{name}": statistic for name, statistic in ERROR_AFTER.items()}
     paired: ClassVar = "diff."
     reference: ClassVar = "ate"
+    wording: ClassVar = Wording(
+        "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
+        "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
+    )  # fmt: skip
     agents: ClassVar = ("ppo", "shipped")
     episodes: ClassVar = 1500
     selection_episodes: ClassVar = seeds.SELECTION_EPISODES

@@ -35,7 +35,7 @@ def split_threshold(name: str) -> tuple[str, float | None]:
 
 def policy_folder(name: str, switches: str) -> Path:
     """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
-    if name == SHIPPED:
+    if name == SHIPPED and switches in SHIPPED_FOLDERS:
         return Path(learned.__file__).parent / SHIPPED_FOLDERS[switches]
     return Path(name or os.devnull)
 
@@ -95,7 +95,7 @@ def load_decider(name: str, options: Any) -> Decider:
     """Return the decider of a name with an optional threshold, see `find_decider`.
 
     Raises:
-        ArgumentError: see `find_decider`, or the environment has not the options that the decider needs.
+        ArgumentError: see `find_decider`, or the environment lacks the options that the decider needs.
     """
     if getattr(options, "actions", "all") != "all":
         raise reject("actions", options.actions, "'all': deciders declare hypotheses")

@@ -49,6 +49,27 @@ class Metric:
 
 
 @dataclass(frozen=True)
+class Wording:
+    """What a learning curve shows of an agent, and of the classical rule beside it.
+
+    Attributes:
+        key: of the reward of the rule in the metrics, without prefix.
+        rule: name of the rule in figures.
+        sentence: name of the rule in a sentence.
+        unit: what a mean reward is the mean of.
+        measured: names of other metrics of the agent.
+        text: these metrics as text, a format string.
+    """
+
+    key: str
+    rule: str
+    sentence: str
+    unit: str
+    measured: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
 class Recorded:
     """What one decider did on E episodes.
 
@@ -71,6 +92,7 @@ class Task(ABC):
 
     Attributes:
         switches: task of the deciders, see `baselines.rules.decider`.
+        waits: whether action 0 waits, and others declare hypotheses.
         columns: names of the figures of an episode.
         metrics: figures of a decider at one threshold, in the order of tables.
         further: other figures at one threshold, for JSON.
@@ -79,6 +101,7 @@ class Task(ABC):
         notes: lines that explain the metrics below a table.
         paired: how `against` compares, as a word for headings.
         reference: name of the rule that others are compared with.
+        wording: of the learning curve of an agent.
         compared, agents: names of the deciders that are compared by default.
         episodes, selection_episodes: default numbers.
     """
@@ -87,6 +110,7 @@ class Task(ABC):
     given: Mapping[str, Any]
 
     switches: ClassVar[str]
+    waits: ClassVar[bool] = False
     columns: ClassVar[tuple[str, ...]]
     metrics: ClassVar[tuple[Metric, ...]]
     further: ClassVar[Mapping[str, Statistic]] = {}
@@ -95,6 +119,7 @@ class Task(ABC):
     notes: ClassVar[str] = ""
     paired: ClassVar[str]
     reference: ClassVar[str]
+    wording: ClassVar[Wording]
     agents: ClassVar[tuple[str, ...]]
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
@@ -145,7 +170,7 @@ class Task(ABC):
 
     @abstractmethod
     def check_episodes(self, name: str, episodes: int) -> None:
-        """Raise `ArgumentError` for so many episodes that they fill the memory; `name` is the argument."""
+        """Raise `ArgumentError` if the episodes would fill the memory; `name` is the argument."""
 
     @abstractmethod
     def batch(self) -> int:
@@ -271,7 +296,7 @@ def sweep(
         thresholds: to use instead of those of the family.
 
     Raises:
-        ArgumentError: so many episodes that they would fill the memory.
+        ArgumentError: the episodes would fill the memory.
     """
     task.check_episodes("episodes", episodes)
     used = family.thresholds if thresholds is None else tuple(thresholds)

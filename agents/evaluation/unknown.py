@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from agents.evaluation.curves import Groups, chosen, curves
-from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
@@ -62,6 +62,10 @@ class UnknownTask(Task):
     notes: ClassVar = NOTES
     paired: ClassVar = "ratio"
     reference: ClassVar = "threshold"
+    wording: ClassVar = Wording(
+        "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
+        "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
+    )  # fmt: skip
     episode_word: ClassVar = "tracks"
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500

@@ -65,10 +65,10 @@ class Workers:
 
         Args:
             calls: independent of each other, by name. They begin in this order.
-            on_done: called in this process with the name of a call that has ended, in the order of ends.
+            on_done: called in this process with the name of every call that has ended.
 
         Raises:
-            ArgumentError: workers are lost again and again.
+            ArgumentError: workers are lost more often than calls are repeated.
             Exception: the error of a call. No further call begins.
         """
         if self.engine == "ray":

@@ -13,7 +13,7 @@ LONGEST_SILENCE = 60.0  # seconds between two such lines
 
 
 def progress_display(console: Console, transient: bool = False) -> Progress:
-    """A live progress display; outside a terminal, a line on the standard error stream now and then.
+    """A live progress display; outside a terminal, occasional lines on the standard error stream.
 
     Every task needs a `note` field with a short status text.
 
@@ -36,7 +36,7 @@ def progress_display(console: Console, transient: bool = False) -> Progress:
 
 
 class _ProgressLines(Progress):
-    """Lines instead of a live display. They come rarer the longer the command takes."""
+    """Lines instead of a live display. The longer the command takes, the rarer they are."""
 
     def __init__(self) -> None:
         super().__init__(disable=True)

@@ -161,7 +161,7 @@ def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) ->
 def declared_side(layout: Layout, rows: Observations, last: LastRow) -> FloatArray:
     """Return the side of the turn that the anchor follows, (N,): 1 left, -1 right.
 
-    After a straight piece it is the side with the larger posterior.
+    After a straight segment it is the side with the larger posterior.
     """
     decided = layout.read(rows, "previous").argmax(-1)
     kind = mode_types(layout.hypotheses)

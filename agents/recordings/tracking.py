@@ -40,7 +40,7 @@ SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulat
 
 @dataclass(kw_only=True)
 class TrackingArguments:
-    """How a recording is tracked. What is not given is found from the recording, in whatever units it is."""
+    """How a recording is tracked. What is not given is found from the recording, in any units."""
 
     lengths: tuple[int, ...] = ()
     """Ticks of each piece between known switches, with the number of ticks as their sum; a single number is
@@ -49,12 +49,14 @@ class TrackingArguments:
     """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default threshold (IMM), and with
     --lengths msprt-aware."""
     radii: tuple[float, ...] = ()
-    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default proposed by
-    the recording."""
+    """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default found
+    from the recording."""
     measurement_variance: float | None = None
-    """Measurement noise variance R of each coordinate. By default of the largest likelihood."""
+    """Measurement noise variance R of each coordinate. By default the one with the largest
+    likelihood."""
     process_variance: float | None = None
-    """Process noise variance Q of each velocity in a tick. By default of the largest likelihood."""
+    """Process noise variance Q of each velocity in a tick. By default the one with the largest
+    likelihood."""
     durations: str | None = None
     """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By default
     geometric with the mean that the recording shows."""

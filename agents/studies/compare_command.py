@@ -22,7 +22,7 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
 
     The defaults train PPO for about half a minute and take about four minutes in total. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
-    three minutes. An interrupted comparison goes on when it is started again.
+    three minutes. The same command continues an interrupted comparison.
     """
 
     deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
@@ -133,7 +133,7 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
             try:
                 result = compare(plan, workers, progress, folder, write)
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(f"the same command goes on with what is in {folder}") from None
+                raise KeyboardInterrupt(f"the same command continues with what is in {folder}") from None
             remarks = task.remarks(plan.episodes, plan.seed)
         console.print(chosen_table(result))
         if plan.curves:

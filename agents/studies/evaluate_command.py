@@ -45,11 +45,11 @@ class Evaluate(WorldArguments, ParallelArguments):
     with the best reward on as many other episodes, at most 1,000, of each environment and of the nominal
     one. The names then take no thresholds."""
     drawn: int = 0
-    """Evaluate in this many random worlds, and in the nominal one, as with --shifted."""
+    """Evaluate in this many random environments, and in the nominal one, as with --shifted."""
     noises: tuple[str, ...] = ()
     """Evaluate under these laws of noise, and in the nominal environment, as with --shifted."""
     beyond: float = 2.0
-    """Factor by which the ranges of random worlds exceed those of the training of the shipped agent."""
+    """Factor by which the ranges of random environments exceed those of the training of the shipped agent."""
     out: Annotated[Path | None, shown_default("none is written")] = None
     """JSON file for the metrics."""
 

@@ -11,8 +11,7 @@ from rich.table import Table
 from agents.evaluation.cells import bounds_cell, new_table
 from agents.evaluation.flights import METRICS
 from agents.evaluation.task import Metric
-from agents.figures.timelines import IntArray
-from agents.figures.tracks import recording_figure
+from agents.figures.tracks import IntArray, recording_figure
 from agents.studies.comparison import finite
 from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
 from baselines.recordings.flights.flight import Flight
@@ -104,10 +103,10 @@ def difference(result: FlightComparison, decider: str, rows: list[int]) -> Estim
 
 
 def late_table(result: FlightComparison, truth: Scores) -> Table:
-    """Figures of the labels, stated late."""
+    """Figures of the labels, stated some positions late."""
     table = new_table(
         "The labels themselves, stated late",
-        "Late: figures of a decider that states labels so many positions late.\n"
+        "Late: figures of a decider that states the labels this number of positions late.\n"
         "Truth: share of the time in which labels of twins are the true modes.",
     )
     table.add_column("tier")

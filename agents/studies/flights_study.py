@@ -151,7 +151,7 @@ def compare_on_flights(
 
 
 def steps(task: FlightTask, deciders: int) -> int:
-    """Return how often `compare_on_flights` says what is done."""
+    """Return the number of calls of `note` by `compare_on_flights`."""
     return 2 + 2 * deciders + (task.form == NATIVE)
 
 

@@ -126,7 +126,7 @@ def _evaluate_shift(
     episodes: int,
     seed: int,
 ) -> Shift:
-    """Evaluate a decider in one environment; without a nominal threshold, that of this one is it."""
+    """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal."""
     task = task_of(nominal.env_id, {**nominal.given, **changes})
     family = find_family(name, task.options)
     thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds

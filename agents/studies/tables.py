@@ -18,7 +18,7 @@ HALF_WIDTH = "± half width of the 95 % confidence interval."
 
 
 def metric_cell(metric: Metric, estimate: Estimate) -> str:
-    """Return a metric as a cell; one that is not reached is said."""
+    """Return a metric as a cell, with words for a value that is not reached."""
     undefined = "not\nreached" if np.isinf(estimate.value) else "-"
     return estimate_cell(estimate, metric.scale, metric.digits, undefined)
 

@@ -11,5 +11,5 @@
   and random generators.
 - `learning_curve`, `learning_figure`: evaluation during training, and its plot.
 
-May import: `hybrid_env`, `baselines`, `agents.interface`, `agents.learned`, `agents.evaluation`.
+May import: `hybrid_env`, `baselines`, and `interface`, `figures`, `learned` and `evaluation` of `agents`.
 """

@@ -31,7 +31,7 @@ class Batch(NamedTuple):
     weight: Tensor
 
     def split(self, ticks: int) -> Iterator["Batch"]:
-        """Divide it into pieces of some ticks; the last one may be shorter."""
+        """Divide it into parts of `ticks` ticks; the last one may be shorter."""
         return (Batch(*parts) for parts in zip(*(part.split(ticks) for part in self), strict=True))
 
 

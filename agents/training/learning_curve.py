@@ -2,53 +2,18 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from agents.evaluation.task import sweep
+from agents.evaluation.task import Wording, sweep
 from agents.evaluation.tasks import task_of
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily, rules
+from baselines.rules.decider import DeciderFamily, rules
 
 EPISODES = 200
 PREFIX = "evaluation/"
 REWARD_KEY = PREFIX + "reward"
 FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
 EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
-
-
-@dataclass(frozen=True)
-class Wording:
-    """What a learning curve shows of an agent, and of the classical rule beside it.
-
-    Attributes:
-        key: of the reward of the rule in the metrics, without prefix.
-        rule: name of the rule in figures.
-        sentence: name of the rule in a sentence.
-        unit: what a mean reward is the mean of.
-        measured: names of other metrics of the agent.
-        text: these metrics as text, a format string.
-    """
-
-    key: str
-    rule: str
-    sentence: str
-    unit: str
-    measured: tuple[str, ...]
-    text: str
-
-
-WORDINGS = {
-    ANNOUNCED: Wording(
-        "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
-        "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
-    ),
-    UNKNOWN: Wording(
-        "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
-        "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
-    ),
-}  # fmt: skip
-"""By task."""
 
 
 class LearningCurve:
@@ -138,7 +103,7 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
         options: environment options that override those of the id.
     """
     task = task_of(env_id, options)
-    wording = WORDINGS[task.switches]
+    wording = task.wording
 
     def measure(family: DeciderFamily) -> dict[str, float]:
         scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE, thresholds=(family.default,))

@@ -276,7 +276,7 @@ class FlightSettings(ExpectedRewardSettings):
 
     Attributes:
         flights: of the tiers A to D in a round. Short ones are left out, about half of those of D.
-        rows: positions of a flight, about.
+        rows: approximate number of positions of a flight.
         passes: times that the flights of a round are used.
         change_cost: cost of a change to a wrong mode where steps are average: as much as a wrong statement
             for this time [s]. It is in proportion to the scored time of the position.

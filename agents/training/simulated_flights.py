@@ -14,11 +14,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from agents.evaluation.task import Wording
 from agents.interface.world_arguments import DEFAULT_ENV
 from agents.learned.flight_decider import FlightAgent
 from agents.learned.flight_inputs import flight_inputs, log_probabilities
 from agents.training.expected_reward import Batch
-from agents.training.learning_curve import LearningCurve, Wording
+from agents.training.learning_curve import LearningCurve
 from agents.training.settings import FlightSettings
 from agents.training.state import restore_generator
 from agents.training.statements import StatementRun

@@ -1,7 +1,7 @@
 """Training of the agents that state a mode at every tick, on their expected reward.
 
-Every round simulates new tracks or flights in batches. Each batch is divided into pieces of some ticks, and
-one step of the optimizer is made for every piece.
+Every round simulates new tracks or flights in batches. Each batch is divided into parts of some ticks, and
+one step of the optimizer is made for every part.
 """
 
 import math
@@ -85,15 +85,15 @@ class StatementRun(OwnNetworkRun):
         return Round(self.round_steps, reward, math.nan, metrics)
 
     def _train_on(self, batch: Batch) -> tuple[float, float]:
-        """Make one step of the optimizer for each piece; return the means of reward and cross-entropy."""
+        """Make one step of the optimizer for each part; return the means of reward and cross-entropy."""
         memory = last = None
         totals = np.zeros(2)
-        pieces = list(batch.split(self.statements.n_steps))
-        for piece in pieces:
+        parts = list(batch.split(self.statements.n_steps))
+        for part in parts:
             self.set_learning_rate()
-            outputs = self.net(piece.inputs, piece.log_probability, memory)
-            reward, last = expected_reward(outputs, piece, last)
-            entropy = cross_entropy(outputs, piece)
+            outputs = self.net(part.inputs, part.log_probability, memory)
+            reward, last = expected_reward(outputs, part, last)
+            entropy = cross_entropy(outputs, part)
             loss = self.statements.belief_weight * entropy - reward.mean()
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
@@ -102,7 +102,7 @@ class StatementRun(OwnNetworkRun):
             self.updates += 1
             memory, last = outputs.memory.detach(), last.detach()
             totals += float(reward.detach().mean()), float(entropy.detach())
-        mean: NDArray[np.float64] = totals / len(pieces)
+        mean: NDArray[np.float64] = totals / len(parts)
         return float(mean[0]), float(mean[1])
 
     def family(self, name: str) -> DeciderFamily:

@@ -17,8 +17,9 @@ class Tune(WorldArguments, ParallelArguments):
     """Search for hyper-parameters of a recipe with Optuna, and write the best ones as a recipe.
 
     The first trial is the recipe as it is. A training that is worse than half of the earlier ones ends early.
-    The same command goes on with an interrupted search, and with more --trials with one that has ended. The
-    reward of the best trial is a little too good, as it was chosen by it: evaluate the trained agent.
+    The same command continues an interrupted search, and with a larger --trials one that has ended. The
+    reward of the best trial is a little too high, because the trial was selected by it: evaluate the trained
+    agent.
     """
 
     recipe: str = "ppo"

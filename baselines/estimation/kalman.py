@@ -50,7 +50,7 @@ class KalmanFilter(TrackFilter):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
-            raise reject("robust", robust, "Huber, StudentT, MaximumCorrentropy, Gate or None")
+            raise reject("robust", robust, "Huber, StudentT, Gate or None")
         self.model, self.robust = model, robust
         self.axes, self.order = model.axes, model.order
         self.noise = measurement_covariance("noise", noise, self.axes)

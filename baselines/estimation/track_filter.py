@@ -60,7 +60,7 @@ class TrackFilter(ABC):
         return self.state[:, 1 :: self.order]
 
     def begin(self, tracks: int) -> None:
-        """Forget everything; so many tracks begin with their first measurements.
+        """Forget everything; `tracks` tracks begin with their first measurements.
 
         Raises:
             ArgumentError: `tracks` is not an integer >= 1.

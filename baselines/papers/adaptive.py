@@ -2,8 +2,8 @@
 
 The filter has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
 K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
-D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], M a mean over time (the
-paper prints nu_n nu_(n-i)', which is the same for one axis):
+D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper
+prints nu_n nu_(n-i)', which is the same for one axis):
 
     C P_e C'        = -M[D^3 x_e nu'] + 3 H_1 - 3 H_2 + H_3                      eq. (17), positions
     F P_e C'        = -M[D^3 v_e nu'] + (3 H_1 - 6 H_2 + 4 H_3 - H_4) / T        eq. (17), velocities
@@ -238,9 +238,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
 
     Args:
         axes, tau: see `ConstantStepFilter`.
-        window: number of innovations in H_0. A short window follows a manoeuvre soon, a long one has a
-        steadier
-            gain. The filter adapts after two windows.
+        window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
+            a steadier gain. The filter adapts after two windows.
         smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.
     """
 

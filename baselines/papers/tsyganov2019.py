@@ -2,7 +2,7 @@
 
 The paper does not state the following settings; with them the table is reproduced. tau = 0.1 s;
 alpha = beta = 0.001; x0 = [0, 0, 0, 0.25] (published with a decimal comma). After a decision, the estimates
-of the piece are recalculated from its first state but with the covariance of the decision tick, because
+of the segment are recalculated from its first state but with the covariance of the decision tick, because
 lines 17 to 20 of the published algorithm do not initialise a filter. The data are therefore used twice
 (`recalculation="as_published"`); "rewind" goes back to both the state and the covariance.
 """

@@ -20,7 +20,7 @@ from hybrid_env.core.records import LANES
 FloatArray = NDArray[np.float64]
 
 LONGEST_CHUNK = 2048
-"""Ticks; the filters start anew at the begin of each chunk."""
+"""Ticks; the filters start anew at the beginning of each chunk."""
 
 CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
 """Median of the squared length of a normalised innovation in two dimensions."""
@@ -44,7 +44,7 @@ class Consistency:
             NaN without a measurement and where the filters start.
         ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
         correlation: of successive normalised innovations, 0 if the model holds.
-        far: share of normalised innovations that the model exceeds with probability 0.001.
+        far: share of normalised innovations longer than 99.9 % of those of the model.
         scatter: standard deviation of the measurements by their third differences, over that of the model;
             NaN if there are too few measurements.
         count: number of innovations.

@@ -1,8 +1,8 @@
 """A decider on a recording: mode, probabilities, estimate and covariance at every tick.
 
-The recording is brought to the units in which the measurement variance is 0.1 and the tick 0.1, those of the
-default environment. So a decider sees the same numbers in whatever units the recording is, and the results do
-not depend on them. `OnlineTracker` puts the decider behind the bank.
+The recording is converted to the units in which the measurement variance is 0.1 and the tick 0.1, those of
+the default environment. The numbers that a decider reads, and the results, therefore do not depend on the
+units of the recording. `OnlineTracker` puts the decider behind the bank.
 """
 
 import math

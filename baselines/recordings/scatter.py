@@ -15,7 +15,7 @@ NORMAL_MEDIAN = 0.6744897501960817
 FEWEST = 5  # differences
 LONGEST = 2.0  # span of four or five measurements, over the median span
 FAR = 7.0
-"""An outlier is so many standard deviations from its neighbours."""
+"""An outlier is this many standard deviations from its neighbours."""
 
 MOST_OUTLIERS = 0.1
 """With a larger share far from their neighbours, the noise is not what its estimate says."""
@@ -75,7 +75,7 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
 def median_speed(grid: TickGrid, noise: float) -> float:
     """Return the median speed [unit of length / tick].
 
-    A step is the motion in so many ticks that it exceeds the noise by far, at most 32.
+    A step is the motion in as many ticks as it takes to exceed the noise by far, at most 32.
     """
     speed = 0.0
     for ticks in (1, 2, 4, 8, 16, 32):

@@ -100,7 +100,9 @@ def fit_anchor_prior(errors: FloatArray, types: NDArray[np.int64], correct: NDAr
 
 
 def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit a mixture of normal distributions to (n, 4) values by the EM algorithm, started at their size.
+    """Fit a mixture of normal distributions to (n, 4) values by the EM algorithm.
+
+    It starts with the tenth of the values that is largest as one component.
 
     Returns:
         (2,) weights, (2, 4) means and (2, 4, 4) covariances.

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Observations
 from hybrid_env.checks import reject
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
@@ -22,6 +21,7 @@ from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 FloatArray = NDArray[np.float64]
+Observations = NDArray[np.float32]
 TRIANGLE = np.triu_indices(4)
 OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
 OUTLIER_VARIANCE = 25.0  # assumed of outliers, relative to R

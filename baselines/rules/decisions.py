@@ -74,7 +74,7 @@ def evaluate_batch(
     on_progress: Callable[[float], None],
     options: Mapping[str, Any],
 ) -> Decisions:
-    """Run a decider on so many episodes that they run in parallel; see `evaluate`."""
+    """Run a decider on episodes that all run in parallel; see `evaluate`."""
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
@@ -101,7 +101,7 @@ def evaluate_batch(
 
 
 def check_episodes(name: str, episodes: int, options: WorldOptions) -> None:
-    """Raise `ArgumentError` for so many episodes that they fill the memory; `name` is the argument."""
+    """Raise `ArgumentError` if the episodes would fill the memory; `name` is the argument."""
     check_integer(name, episodes, maximum=max(1, LARGEST_RESULT // options.segments))
 
 

@@ -119,7 +119,7 @@ class MeanRatioDecider(RestartDecider):
 
     The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
     is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
-    straight motion, once; `baselines.papers.switch_detection.detect_switch` does that on recordings, with
+    straight motion, once; `baselines.papers.golubkov2020.detect_switch` does that on recordings, with
     the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
     one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
 

@@ -27,7 +27,7 @@ MAX_ROWS = 2_500_000
 MAX_LINE = 50_000  # characters
 MAX_COLUMNS = 2_000
 HEAD_ROWS = 50
-"""The delimiter is found from so many rows."""
+"""Number of rows from which the delimiter is found."""
 
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"

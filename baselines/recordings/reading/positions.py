@@ -15,7 +15,7 @@ MAX_VALUE = 1e12
 
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0  # [deg]
 SLOW = 0.01
-"""What is tracked moves less than so many degrees in a second, and most often more metres in a second."""
+"""Objects move by less than this number of degrees in a second, and most of them by more metres than it."""
 
 OFFSET = 2.0
 """Degrees are this far from 0, compared with their extent, and at least one degree."""
@@ -25,11 +25,11 @@ WINDOW = 4
 """Rows among which the previous row of the same object is looked for."""
 
 FAR = 10.0
-"""A row is far from the previous one if another of the rows before it is so many times nearer."""
+"""A row is far from the previous one if another of the rows before it is this many times nearer."""
 
 FAR_SHARE = 0.25
 JUMP = 50.0
-"""A jump is so many times faster than any other step."""
+"""A jump is this many times faster than any other step."""
 
 END_SHARE = 0.2
 """A jump this close to an end of the recording is an error of measurement rather than another object."""

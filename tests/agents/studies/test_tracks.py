@@ -5,8 +5,7 @@ import pytest
 
 from agents.evaluation.tasks import task_of
 from agents.figures.decider_colours import decider_style
-from agents.figures.timelines import UNDECIDED, runs
-from agents.figures.tracks import track_figure
+from agents.figures.tracks import UNDECIDED, runs, track_figure
 from agents.studies.episodes import Episodes
 from baselines import CusumDecider, FixedTimeDecider, SPRTDecider, ThresholdDecider, record_statements
 from baselines.rules.decisions import evaluate

@@ -12,8 +12,8 @@ from baselines.papers.adaptive import (
     products,
     published_gain,
 )
-from baselines.papers.novospaskyi.g_h import GHFilter
-from baselines.papers.novospaskyi.moving_average import moving_average
+from baselines.papers.g_h import GHFilter
+from baselines.papers.novospaskyi.filters import moving_average
 
 
 def test_g_h_equals_filterpy_on_100_random_problems():
@@ -92,18 +92,16 @@ def test_weights_of_a_moving_average_fall_with_the_age():
 
 def test_gain_of_positions_is_identity_minus_noise_over_innovation():
     rng = np.random.default_rng(4)
-    for axes in (1, 3):
-        for _ in range(50):
-            ticks = 40
-            position, velocity, innovation = rng.normal(size=(3, ticks, axes))
-            newest_first = [
-                np.stack([values[4 - lag : ticks - lag] for lag in range(5)])
-                for values in (position, velocity, innovation)
-            ]
-            means = products(*newest_first).mean(1)
-            gain = published_gain(means, 0.1)
-            expected = np.eye(axes) - gain.noise @ np.linalg.inv(means[0])
-            np.testing.assert_allclose(gain.position, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    for _ in range(50):
+        ticks = 40
+        newest_first = [
+            np.stack([values[4 - lag : ticks - lag] for lag in range(5)])
+            for values in rng.normal(size=(3, ticks, 3))
+        ]
+        means = products(*newest_first).mean(1)
+        gain = published_gain(means, 0.1)
+        expected = 1.0 - gain.noise / means[0]
+        np.testing.assert_allclose(gain.position, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_the_identity_holds_in_every_tick_of_the_published_filter():
@@ -113,7 +111,7 @@ def test_the_identity_holds_in_every_tick_of_the_published_filter():
     for _ in range(100):
         adaptive.predict(0.1)
         adaptive.update(rng.normal(size=(20, 3)))
-        means = adaptive._means[..., 0, 0]
+        means = adaptive._means
         noise = means[7] + means[5]
         if adaptive._products.min() > adaptive.start:
             expected = 1.0 - noise / means[0]

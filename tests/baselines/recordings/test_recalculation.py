@@ -5,7 +5,7 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
-from baselines.papers.known_modes import filter_known_modes
+from baselines.papers.golubkov2018 import filter_known_modes
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 

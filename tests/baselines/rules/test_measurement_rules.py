@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines.papers.switch_detection import detect_switch
+from baselines.papers.golubkov2020 import detect_switch
 from baselines.rules.beam import BeamDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
 from baselines.rules.rollout import record_statements

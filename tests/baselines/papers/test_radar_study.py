@@ -1,16 +1,24 @@
-"""Tuning that is killed and resumed, and the gains of KF CV in the thesis."""
+"""The radar study: tuning that is killed and resumed, gains of KF CV, the study at the size of the thesis.
 
+A small study: tests/agents/reproduction.
+"""
+
+import itertools
 import math
+import os
 
 import numpy as np
 import pytest
 from optuna.distributions import FloatDistribution, IntDistribution
 
+from agents.interface.parallel import Workers
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
+from baselines.papers.g_h import GHFilter
+from baselines.papers.novospaskyi import reproduce, tables
 from baselines.papers.novospaskyi.filters import CONTENDERS
-from baselines.papers.novospaskyi.g_h import GHFilter
-from baselines.papers.novospaskyi.published import memory, steady_gains
+from baselines.papers.novospaskyi.study import one_by_one
+from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, memory, steady_gains
 from baselines.papers.novospaskyi.tuning import finished_trials, tune
 from hybrid_env.checks import ArgumentError
 
@@ -114,3 +122,64 @@ def test_without_measurement_noise_the_gains_are_at_the_limit_of_stability():
         errors.append(float(gh.velocity[0, 0]))
     np.testing.assert_allclose(np.abs(errors[4:]), 8.0, atol=1e-6)
     assert (np.diff(np.sign(errors[4:])) != 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [({"runs": 0}, "runs"), ({"seed": -1}, "seed"), ({"flights": 3}, "flights"), ({"trials": 0}, "trials")],
+)
+def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
+    with pytest.raises(ArgumentError, match=rf"^{named}="):
+        reproduce(**arguments, folder=tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ArgumentError, match=r"^folder="):
+        reproduce(folder=tmp_path / "file")
+
+
+def values(folder, run):
+    """Everything that a small study gives."""
+    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=run)
+    return [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
+
+
+def killed(calls, on_done):
+    """A run that fails like a killed process after some calls."""
+    yield from itertools.islice(one_by_one(calls, on_done), 5)
+    raise KilledError
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_study_goes_on_to_the_same_values(tmp_path, workers):
+    expected = values(tmp_path / "whole", one_by_one)
+    assert len(expected) > 100
+    for _ in range(2):
+        with pytest.raises(KilledError):
+            values(tmp_path / "parts", killed)
+    assert values(tmp_path / "parts", Workers(workers).results) == expected
+
+
+@pytest.mark.study
+def test_the_published_pattern_and_the_better_filters(tmp_path):
+    result = reproduce(folder=tmp_path, run=Workers(os.cpu_count() or 1).results)
+    ours = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
+    position, velocity = METRICS[0], METRICS[2]
+    for noise, table in TABLES.items():
+        for metric, published in zip(METRICS, TEST_ERRORS[noise][UNFILTERED], strict=True):
+            assert ours[table, UNFILTERED, metric] == pytest.approx(published, rel=0.03)
+        assert ours[table, "KF CA", position] < ours[table, "KF CJ", position]
+        assert ours[table, "g-h", velocity] < ours[table, "KF CA", velocity] < ours[table, "KF CJ", velocity]
+    gaussian, levy = (f"Sound settings, {name}" for name in tables.NOISE_NAMES.values())
+    errors = {
+        row: value for (table, row, metric), value in ours.items() if (table, metric) == (gaussian, position)
+    }
+    unfiltered = ours[TABLES["gaussian"], UNFILTERED, position]
+    assert errors["CV"] <= 0.75 * unfiltered
+    assert errors["IMM (CV, CA)"] < errors["CV"] < min(errors["CA"], errors["g-h, plain"])
+    assert max(errors["CA"], errors["g-h, plain"]) < errors["CJ"]
+    plain = ours[levy, "CV", position]
+    robust = {name: ours[levy, name, position] / plain for name in ("CV, Huber", "CV, Student-t")}
+    assert min(robust.values()) <= 0.70
+    assert max(errors[name] / errors["CV"] for name in robust) <= 1.01
+    published_cv = ours[f"{TABLES['gaussian']}, with the published parameters", "KF CV", velocity]
+    assert published_cv > 10.0 * ours[TABLES["gaussian"], "KF CV", velocity]
