@@ -23,8 +23,8 @@ from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean
+from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.modes import mode_name
 
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 ACCURACY_LEVELS = (0.95, 0.98)

@@ -19,8 +19,8 @@ from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
 from baselines.scoring.statements import COLUMNS, STATISTICS, StatementMetrics, Statements, measure_statements
 from hybrid_env.checks import check_integer
+from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.modes import mode_name
 
 LARGEST_BATCH = 1_000_000  # statements, which need about 200 MB with 20 thresholds
 LARGEST_RESULT = 100_000_000  # statements of one threshold

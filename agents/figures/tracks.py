@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from agents.figures.canvas import legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import DeciderStyle, decider_styles
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name, shade
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -15,7 +15,7 @@ from agents.figures.canvas import GREY, PAPER_DPI, new_canvas
 from agents.interface.output_files import atomic_file
 from agents.recordings.tracked import TrackedRecording
 from hybrid_env.checks import ArgumentError
-from hybrid_env.rendering.modes import mode_colour
+from hybrid_env.rendering.evidence import mode_colour
 
 FloatArray = NDArray[np.float64]
 

@@ -105,7 +105,7 @@ class Evaluate(WorldArguments, ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.studies.comparison import finite
         from agents.studies.tables import confusion_table, scores_table
-        from hybrid_env.rendering.modes import mode_name
+        from hybrid_env.rendering.evidence import mode_name
 
         found = []
         for name in deciders:  # checks all names before evaluating

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from hybrid_env.worlds.track_vector_env import TrackVectorEnv
+from hybrid_env.vector_env import TrackVectorEnv
 
 WORDS = 624  # of the Mersenne twister
 
@@ -24,7 +24,7 @@ def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:
 
 
 def check_tracks(env: TrackVectorEnv) -> None:
-    """Check restored arrays; see `hybrid_env.worlds.tracks.Tracks.check_blocks`."""
+    """Check restored arrays; see `hybrid_env.world.World.check_blocks`."""
     env.world.check_blocks(env.world.blocks, env.world.seeded)
 
 

@@ -18,10 +18,10 @@ from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Piece, TickGrid
 from baselines.rules.tracker import OnlineTracker
 from hybrid_env.checks import reject
-from hybrid_env.core.banks.imm import ImmModel
+from hybrid_env.core.banks.bank import FilterModel
+from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.live import SQUARE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -246,7 +246,7 @@ def first_state(
     chunks = make_chunks([backwards])
     variances = np.broadcast_to(options.variances, 2)
     radii, M = np.array(options.radii), options.hypotheses
-    model = ImmModel(
+    model = FilterModel(
         options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
         hazard / (M - 1),
     )  # fmt: skip

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.core.banks.bank import bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, predict_imm, step_imm
+from hybrid_env.core.arrays import aligned_zeros
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, begin_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
 
 FloatArray = NDArray[np.float64]
@@ -99,7 +99,7 @@ def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | Non
 
 @internal
 def _begin(
-    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: ImmModel
+    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel
 ) -> None:
     """Start the filters of a lane from two measurements that are some ticks apart.
 
@@ -141,7 +141,7 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, output: PassOutput
+    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
 ) -> tuple[float, int]:
     """Run the bank over all chunks.
 
@@ -168,7 +168,7 @@ def imm_pass(
     last = np.zeros((LANES, 2))
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
-    renewed = ImmModel(
+    renewed = FilterModel(
         model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
     )
     for b in range(chunks.measurements.shape[0]):
@@ -214,7 +214,7 @@ def imm_pass(
 @functools.cache
 def prepare_pass() -> None:
     """Compile `imm_pass` or load it, once in a process: the types of its arguments are always the same."""
-    model = ImmModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    model = FilterModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
     prepare(
         imm_pass, make_chunks([np.zeros((1, 2))]), bank_arrays(ImmBank, 1), np.ones(1), model, no_output()
     )
@@ -253,7 +253,7 @@ def chunks_at(
     return make_chunks(values, [begins[a:b] for _, a, b in places])
 
 
-def recorded_pass(chunks: Chunks, radii: FloatArray, model: ImmModel) -> PassOutput:
+def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
     """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none.
 
     Args:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
@@ -26,7 +27,6 @@ from hybrid_env.core.banks.anchor_aware import (
 )
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES
 
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones

@@ -10,7 +10,7 @@ from hybrid_env.checks import reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.world import World
 
 FloatArray = NDArray[np.float64]
 State = TypeVar("State")
@@ -83,7 +83,7 @@ class MeasurementDecider(Decider, Generic[State]):
         """Return the statements (N,). starts: (N,) True where an episode begins."""
         raise NotImplementedError
 
-    def observe(self, tracks: QuickestWorld) -> FloatArray:
+    def observe(self, tracks: World) -> FloatArray:
         """Return what the decider observes, (N, 16 + M).
 
         Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import copy_filter, triangle
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
@@ -26,7 +27,6 @@ from hybrid_env.core.banks.anchor_aware import (
 )
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES
 
 ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)

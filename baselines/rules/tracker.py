@@ -18,9 +18,9 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.limits import check_ticks
+from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.live import OnlineTrack, live_track
 
 FloatArray = NDArray[np.float64]
 

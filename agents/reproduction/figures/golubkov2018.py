@@ -13,7 +13,7 @@ from agents.figures.tracks import plot_by_mode
 from baselines.papers.golubkov2018 import ALPHA, MEASUREMENT_VARIANCES, RADII
 from baselines.papers.reproduction import Reproduction
 from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 TYPE_NAMES = ("straight", "left turn", "right turn")
 RUN = 0

@@ -9,7 +9,7 @@ from agents.figures.tracks import plot_by_mode
 from agents.reproduction.figures.golubkov2018 import RUN, decimal
 from baselines.papers.golubkov2020 import ALPHAS, PUBLISHED_DELAY, RIGHT_TURN, SWITCH
 from baselines.papers.reproduction import Reproduction
-from hybrid_env.rendering.modes import TYPE_COLOURS
+from hybrid_env.rendering.evidence import TYPE_COLOURS
 
 ALPHA_STYLES = (
     {"color": "#000000", "linestyle": "-"},

@@ -16,7 +16,7 @@ from agents.figures.decider_colours import (
     rule_styles,
 )
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 RADII = tuple(map(float, range(1, 11)))
 STYLES = {

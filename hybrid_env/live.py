@@ -1,7 +1,7 @@
-"""The worlds of the environments on a live sensor: the measurements come from the caller.
+"""The state of a track on a live sensor: the measurements come from the caller.
 
-Arrays, parameters, kernels and observations are those of `World` and `QuickestWorld`; the commands of
-`core.live` have no object. `baselines.OnlineTracker` puts a decider in front of them.
+Arrays, parameters, kernels and observations are those of the environments; the commands of a live sensor in
+`core.kernels` have no object. `baselines.OnlineTracker` puts a decider in front of them.
 """
 
 from typing import Any, ClassVar
@@ -14,9 +14,7 @@ from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.quickest_world import QuickestWorld
-from hybrid_env.worlds.tracks import Tracks
-from hybrid_env.worlds.world import World
+from hybrid_env.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -25,8 +23,8 @@ SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
 
 
-class OnlineTrack(Tracks):
-    """What both worlds share: one track that is stepped with measurements from outside.
+class OnlineTrack(World):
+    """One track that is stepped with measurements from outside, with announced or unknown switches.
 
     Attributes:
         announced: whether switches are announced by `begin_segment`.
@@ -36,9 +34,6 @@ class OnlineTrack(Tracks):
     announced: ClassVar[bool]
     environment: ClassVar[str]
 
-    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
-        super().__init__(options, tracks, trace_rows, threads)
-
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
         super()._bind(parameters, *arrays)
@@ -47,10 +42,10 @@ class OnlineTrack(Tracks):
         self._measurement: FloatArray = block["measurement"][:, 0]
         self._estimate: FloatArray = block["estimate"][:, 0]
         self._triangle: FloatArray = block["covariance"][:, 0]
-        self._values: FloatArray = self.bank.hypotheses[self.hypothesis_field][0, :, 0]
+        self._values: FloatArray = self.bank.hypotheses[self.options.hypothesis_field][0, :, 0]
 
     def largest(self) -> dict[str, int]:
-        """See `Tracks.largest`: lengths and ticks are those of the sensor."""
+        """See `World.largest`: lengths and ticks are those of the sensor."""
         return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
 
     def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
@@ -110,8 +105,8 @@ class OnlineTrack(Tracks):
         return self._triangle[SQUARE]
 
 
-class OnlineWorld(OnlineTrack, World):
-    """A `World` on a live sensor: known switch moments.
+class OnlineWorld(OnlineTrack):
+    """A track with known switch moments.
 
     The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
     bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
@@ -174,8 +169,8 @@ class OnlineWorld(OnlineTrack, World):
         return weights
 
 
-class OnlineQuickestWorld(OnlineTrack, QuickestWorld):
-    """A `QuickestWorld` on a live sensor: unknown switch moments. A decider states a mode at every tick."""
+class OnlineQuickestWorld(OnlineTrack):
+    """A track with unknown switch moments. A decider states a mode at every tick."""
 
     asks = True
 

@@ -1,11 +1,11 @@
-"""The state of N tracks and the calls of the kernel that steps them, common to all environments."""
+"""The state of N tracks and the calls of the kernel that steps them, for all environments."""
 
 import functools
 import operator
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -16,18 +16,18 @@ from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
 from hybrid_env.core.arrays import allocate, declared
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import KERNELS, RESET, STEP
-from hybrid_env.core.records import LANES, TICK, TICK_NAMES
+from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, TICK
 from hybrid_env.core.state import Arrays
 from hybrid_env.observation import Layout
 
 
-class Tracks(ReadOnlyAttributes):
-    """State of N tracks under one set of options; each environment has a subclass.
+class World(ReadOnlyAttributes):
+    """State of N tracks under one set of options.
 
     The arrays can be changed in place, but not replaced, because the kernel has their addresses.
 
     Args:
-        options: options of the model.
+        options: of an environment; see `options.ModelOptions`.
         tracks: N, number of tracks.
         trace_rows: number of ticks per step stored for rendering and recording, 0 to store none.
         threads: number of threads that step different blocks of tracks in parallel.
@@ -46,23 +46,13 @@ class Tracks(ReadOnlyAttributes):
         decision_flags: (len(DECISION_FLAGS), N).
 
     Raises:
-        ArgumentError: the arrays do not fit into memory.
+        ArgumentError: the arrays do not fit into memory, or unknown switches have no traces.
     """
 
     read_only = frozenset(
         ("options", "layout", "threads", "bank", "blocks", "actions", "observations", "rewards",
          "terminated", "seeded", "trace", "decisions", "decision_flags")
     )  # fmt: skip
-
-    tick_names: ClassVar[tuple[str, ...]] = TICK_NAMES
-    """Fields of the current tick, in the order of `info`."""
-    hypothesis_field: ClassVar[str]
-    """The field of `bank.hypotheses` that `info` contains, (N, M)."""
-
-    layout_class: ClassVar[type[Layout]]
-    """Class of the layout of the observation."""
-    first_action: ClassVar[str]
-    """Meaning of action 0, for messages."""
 
     layout: Layout
     bank: Any
@@ -76,9 +66,11 @@ class Tracks(ReadOnlyAttributes):
     decisions: NDArray[np.int64]
     decision_flags: NDArray[np.bool_]
 
-    def __init__(self, options: Any, tracks: int, trace_rows: int = 0, threads: int = 1):
+    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
+        if trace_rows and not options.traced:
+            raise reject("trace_rows", trace_rows, "0: info describes every tick")
         self.options = options
-        self.layout = self.layout_class(options.hypotheses)
+        self.layout = options.layout_class(options.hypotheses)
         self.threads = min(threads, -(-tracks // LANES))
         parameters = options.parameters()
         parameters["tracks"], parameters["blocks_count"] = tracks, -(-tracks // LANES)
@@ -105,11 +97,8 @@ class Tracks(ReadOnlyAttributes):
 
     def largest(self) -> dict[str, int]:
         """Return the largest value of every field of the blocks that the kernel uses as index or length."""
-        raise NotImplementedError
-
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
-        raise NotImplementedError
+        largest: dict[str, int] = self.options.largest(self.trace.shape[1])
+        return largest
 
     def action_space(self) -> spaces.Discrete:
         """Return the action space of one track."""
@@ -118,7 +107,7 @@ class Tracks(ReadOnlyAttributes):
     def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
         return gym.error.InvalidAction(
-            f"action={action!r} is not allowed: expected an integer from 0 ({self.first_action}) "
+            f"action={action!r} is not allowed: expected an integer from 0 ({self.options.first_action}) "
             f"to {self.options.action_count - 1}"
         )
 
@@ -139,7 +128,7 @@ class Tracks(ReadOnlyAttributes):
         # the leading bytes of every block, copied as raw memory for speed
         front = np.dtype((np.void, TICK.itemsize))
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
-        self._hypothesis_values = self.bank.hypotheses[self.hypothesis_field]
+        self._hypothesis_values = self.bank.hypotheses[self.options.hypothesis_field]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
         ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
         self._pool: ThreadPoolExecutor | None = None
@@ -190,6 +179,8 @@ class Tracks(ReadOnlyAttributes):
             values = blocks[name]
             if (values < 0).any() or (values > last).any():
                 raise reject(f"blocks.{name}", values, f"integers from 0 to {last}")
+        if (blocks["tick"] > blocks["length"]).any():
+            raise reject("blocks.tick", blocks["tick"], "at most the length of the segment")
         if not self._flatten_blocks(blocks["random_state"])[seeded].any(1).all():
             raise reject("blocks.random_state", 0, "a state that is not zero")
 
@@ -243,8 +234,22 @@ class Tracks(ReadOnlyAttributes):
 
     def _tick_arrays(self, ticks: NDArray[Any], values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
         fields = ticks.view(TICK)
-        arrays = {name: self._flatten_blocks(fields[name]) for name in self.tick_names}
-        return arrays | {self.hypothesis_field: self._flatten_blocks(values)}
+        arrays = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
+        return arrays | {self.options.hypothesis_field: self._flatten_blocks(values)}
+
+    def read_decisions(self) -> dict[str, NDArray[Any]]:
+        """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""
+        rows, flags = self.decisions.copy(), self.decision_flags.copy()
+        values: dict[str, NDArray[Any]] = {key: rows[k] for k, key in enumerate(DECISION)}
+        values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
+        for k, key in enumerate(DECISION_FLAGS):
+            values[key] = flags[k]
+        return values
+
+    def read_trace(self, track: int) -> NDArray[np.float64]:
+        """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
+        block, lane = divmod(track, LANES)
+        return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
 
     @property
     def nbytes(self) -> int:
@@ -282,7 +287,7 @@ class Tracks(ReadOnlyAttributes):
         unbounded = float(np.finfo(np.float32).max)
         low = np.full(self.layout.width, -unbounded, np.float32)
         high = np.full(self.layout.width, unbounded, np.float32)
-        for name, (lowest, highest) in self.bounds().items():
+        for name, (lowest, highest) in self.options.bounds().items():
             low[self.layout.slices[name]] = lowest
             high[self.layout.slices[name]] = min(highest, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
