@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium as gym
 import tyro
 
-from agents.interface.help_texts import as_subcommand
+from agents.interface.help_texts import as_command, as_subcommand
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
@@ -107,11 +107,16 @@ def parse(arguments: Sequence[str]) -> Any:
     Raises:
         SystemExit: after the help text, or with a message on the standard error stream.
     """
-    brief = not arguments or arguments[0].startswith("-")
-    kinds = tuple(as_subcommand(name, kind, brief) for name, kind in COMMANDS.items())
+    config = (tyro.conf.DisallowNone,)  # a flag is left out, not given as "None"
+    name = arguments[0] if arguments else ""
+    if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
+        kind, description = as_command(COMMANDS[name])
+        return tyro.cli(
+            kind, prog=f"hybridtrack {name}", args=arguments[1:], description=description, config=config
+        )
+    kinds = tuple(as_subcommand(name, kind) for name, kind in COMMANDS.items())
     return tyro.cli(
-        functools.reduce(operator.or_, kinds), prog="hybridtrack", args=arguments,
-        config=(tyro.conf.DisallowNone,),  # a flag is left out, not given as "None"
+        functools.reduce(operator.or_, kinds), prog="hybridtrack", args=arguments, config=config,
         description="Quickest decisions on motion modes with classical rules and learned agents.",
     )  # fmt: skip
 

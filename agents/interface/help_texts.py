@@ -1,6 +1,7 @@
 """Help texts of the commands: paragraphs without line breaks, true defaults, examples."""
 
 import dataclasses
+import functools
 import typing
 from typing import Annotated, Any
 
@@ -23,20 +24,24 @@ def shown_default(text: str, *aliases: str) -> Any:
     return tyro.conf.arg(help_behavior_hint=f"(default: {text})", aliases=aliases or None)
 
 
-def as_subcommand(name: str, kind: type, brief: bool) -> Any:
-    """Return a dataclass as a subcommand for `tyro.cli`.
+def as_subcommand(name: str, kind: type) -> Any:
+    """Return a dataclass as a subcommand for `tyro.cli`, described by its first paragraph.
 
     Args:
         name: of the subcommand.
         kind: dataclass with the flags and their docstrings.
-        brief: describe it by its first paragraph only, for the list of all commands.
     """
+    kind, description = as_command(kind)
+    return Annotated[kind, tyro.conf.subcommand(name, description=description.partition("\n")[0])]
+
+
+def as_command(kind: type) -> tuple[type, str]:
+    """Return a dataclass as a command for `tyro.cli`, and its description."""
     _prepare_flags(kind)
-    paragraphs = [" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n")]
-    description = "\n\n".join(paragraphs[:1] if brief else paragraphs)
-    return Annotated[kind, tyro.conf.subcommand(name, description=description)]
+    return kind, "\n\n".join(" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n"))
 
 
+@functools.cache
 def _prepare_flags(kind: type) -> None:
     """Join the lines of each flag's docstring, name the rules, and show no default where there is none.
 

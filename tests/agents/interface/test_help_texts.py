@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 
 from agents.cli import COMMANDS, EXAMPLES, main, parse
-from agents.interface.help_texts import as_subcommand, shown_default
+from agents.interface.help_texts import as_command, shown_default
 
 LINES = [(name, line) for name, lines in EXAMPLES.items() for line in lines]
 
@@ -69,8 +69,9 @@ class Sample:
 def test_lines_of_docstrings_are_joined(capsys):
     import tyro
 
+    kind, description = as_command(Sample)
     with pytest.raises(SystemExit):
-        tyro.cli(as_subcommand("sample", Sample, brief=False), args=["--help"])
+        tyro.cli(kind, description=description, args=["--help"])
     printed = " ".join(capsys.readouterr().out.split())
     for words in (
         "paragraph of two lines.",

@@ -50,7 +50,7 @@ def test_evaluate_prints_the_metrics_of_given_thresholds(tmp_path, capsys):
 
 def test_evaluate_without_deciders_takes_the_threshold_rule(capsys):
     assert main(shlex.split(f"evaluate {SMALL} --episodes 3")) == 0
-    assert "threshold 0.6" in capsys.readouterr().out
+    assert "IMM" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

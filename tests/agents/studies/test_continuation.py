@@ -70,7 +70,7 @@ def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupt
 
 def test_an_interrupted_evaluation_goes_on(uninterrupted, tmp_path, monkeypatch, swept, capsys):
     interrupt(tmp_path, 2)
-    assert "the same command goes on" in capsys.readouterr().err
+    assert "the same command continues" in capsys.readouterr().err
     kept = json.loads(results(tmp_path))
     assert kept["complete"] is False
     assert [entry["name"] for entry in kept["deciders"]] == ["ATE (SPRT)", "MSPRT"]
