@@ -5,7 +5,7 @@ the detector of Golubkov 2020 and a beam of histories.
 `OnlineTracker` puts a rule behind a live sensor.
 """
 
-from baselines.estimation.recording import first_estimate
+from baselines.recordings.arrays import first_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.beam import BeamDecider
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
@@ -13,8 +13,8 @@ from baselines.rules.decider import Decider
 from baselines.rules.fixed_time import FixedTimeDecider
 from baselines.rules.msprt import GapDecider, MSPRTDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
+from baselines.rules.rollout import record_statements
 from baselines.rules.sprt import SPRTDecider, sprt_test, sprt_thresholds
-from baselines.rules.statements import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from baselines.rules.tracker import OnlineEstimate, OnlineTracker
 from baselines.scoring.statements import StatementMetrics, Statements, measure_statements

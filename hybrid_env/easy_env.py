@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.env import HybridTrackEnv
 from hybrid_env.vector_env import HybridTrackVectorEnv
-from hybrid_env.worlds.world import World
+from hybrid_env.world import World
 
 EVIDENCE = 0.95
 """Posterior probability of a mode above which a declaration counts."""

@@ -32,14 +32,19 @@ class Noise:
 
     Attributes:
         example: its text, which begins with its name.
+        law: of `core.noise`.
+        numbers: shape, scale and clip for the kernel, each a number or the name of a field.
     """
 
     example: ClassVar[str]
+    law: ClassVar[int]
+    numbers: ClassVar[tuple[str | float, str | float, str | float]]
 
     @property
     def parameters(self) -> tuple[int, float, float, float]:
         """Law of `core.noise`, shape, scale and clip for the kernel."""
-        raise NotImplementedError
+        shape, scale, clip = (getattr(self, one) if isinstance(one, str) else one for one in self.numbers)
+        return self.law, shape, scale, clip
 
     def write_parameters(self, record: NDArray[Any]) -> None:
         """Write the parameters into a (1,) record `core.state.PARAMETERS`."""
@@ -65,12 +70,7 @@ def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> Non
 class GaussianNoise(Noise):
     """Independent normal errors of variance R."""
 
-    example = "gaussian"
-
-    @property
-    def parameters(self) -> tuple[int, float, float, float]:
-        """See `Noise.parameters`."""
-        return GAUSSIAN, 0.0, 1.0, math.inf
+    example, law, numbers = "gaussian", GAUSSIAN, (0.0, 1.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class OutlierNoise(Noise):
         ArgumentError: an attribute has a value that is not allowed.
     """
 
-    example = "outliers 0.02"
+    example, law, numbers = "outliers 0.02", OUTLIERS, ("share", "ratio", math.inf)
 
     share: float
     ratio: float = 5.0
@@ -93,11 +93,6 @@ class OutlierNoise(Noise):
     def __post_init__(self) -> None:
         _fix(self, "share", 0.0, math.nextafter(1.0, 0.0), "a number >= 0 and < 1")
         _fix(self, "ratio", 1.0, LARGEST_RATIO)
-
-    @property
-    def parameters(self) -> tuple[int, float, float, float]:
-        """See `Noise.parameters`."""
-        return OUTLIERS, self.share, self.ratio, math.inf
 
 
 @dataclass(frozen=True)
@@ -117,7 +112,7 @@ class LevyNoise(Noise):
         ArgumentError: an attribute has a value that is not allowed.
     """
 
-    example = "levy 1.5 1 44"
+    example, law, numbers = "levy 1.5 1 44", LEVY, ("index", "scale", "clip")
 
     index: float
     scale: float = 1.0
@@ -127,11 +122,6 @@ class LevyNoise(Noise):
         _fix(self, "index", 0.5, 2.0)
         _fix(self, "scale", 1e-3, 1e3)
         _fix(self, "clip", 1e-3, LARGEST_ERROR)
-
-    @property
-    def parameters(self) -> tuple[int, float, float, float]:
-        """See `Noise.parameters`."""
-        return LEVY, self.index, self.scale, self.clip
 
 
 @dataclass(frozen=True)
@@ -147,17 +137,12 @@ class StudentNoise(Noise):
         ArgumentError: the attribute has a value that is not allowed.
     """
 
-    example = "student_t 3"
+    example, law, numbers = "student_t 3", STUDENT_T, ("freedom", 1.0, LARGEST_ERROR)
 
     freedom: float
 
     def __post_init__(self) -> None:
         _fix(self, "freedom", 1.0, LARGEST_FREEDOM)
-
-    @property
-    def parameters(self) -> tuple[int, float, float, float]:
-        """See `Noise.parameters`."""
-        return STUDENT_T, self.freedom, 1.0, LARGEST_ERROR
 
 
 _LAWS: dict[str, type[Noise]] = {law.example.partition(" ")[0]: law for law in Noise.__subclasses__()}

@@ -4,6 +4,7 @@ import dataclasses
 import difflib
 import functools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
@@ -11,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
-from hybrid_env.core.records import SEGMENT_COLUMNS
+from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
 from hybrid_env.limits import (
     check_initial_error,
@@ -21,6 +23,7 @@ from hybrid_env.limits import (
     distinct_radii,
 )
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
+from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import Sensor, check_sensors, parse_sensors, sensor_table
 
@@ -68,6 +71,19 @@ class ModelOptions:
         ArgumentError: an option has a value that is not allowed.
     """
 
+    switches: ClassVar[Literal["announced", "unknown"]]
+    """Whether the moments of the switches are announced."""
+    layout_class: ClassVar[type[Layout]]
+    """Class of the layout of the observation."""
+    tick_names: ClassVar[tuple[str, ...]]
+    """Fields of the current tick, in the order of `info`."""
+    hypothesis_field: ClassVar[str]
+    """The field of every hypothesis that `info` contains."""
+    first_action: ClassVar[str]
+    """Meaning of action 0, for messages."""
+    traced: ClassVar[bool]
+    """Whether the kernel can store the ticks of a step, which may be more than one."""
+
     radii: tuple[float, ...] = (5.0,)
     speed: float = 2.0
     heading: float | None = None
@@ -97,6 +113,14 @@ class ModelOptions:
         check_sensors(self.sensors, self.variances.tolist())
         fix("initial_error", check_initial_error(self.initial_error))
 
+    def _check_ratios(self, radii: Iterable[float]) -> None:
+        """Check the ratios of all options, with the radii of the bank and of the object."""
+        assert isinstance(self.initial_error, tuple)
+        check_ratios(
+            sorted(radii), self.speed, self.tau, self.process_variance, self.variances.tolist(),
+            self.initial_error[1],
+        )  # fmt: skip
+
     @classmethod
     def of(cls, **options: Any) -> Self:
         """Create options from keywords. An unknown name raises a `TypeError` in the words of Python."""
@@ -123,6 +147,14 @@ class ModelOptions:
     @property
     def bank_class(self) -> type:
         """Class of the bank."""
+        raise NotImplementedError
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
+        raise NotImplementedError
+
+    def largest(self, trace_rows: int) -> dict[str, int]:
+        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
         raise NotImplementedError
 
     @property
@@ -198,8 +230,8 @@ class WorldOptions(ModelOptions):
         ArgumentError: an option has a value that is not allowed.
     """
 
-    switches: ClassVar[Literal["announced", "unknown"]] = "announced"
-    """Whether the moments of the switches are announced."""
+    switches, layout_class, tick_names = "announced", Layout, TICK_NAMES
+    hypothesis_field, first_action, traced = "log_likelihood", "wait", True
 
     scheme: str | Scheme = "random"
     bank: str = "published"
@@ -227,7 +259,6 @@ class WorldOptions(ModelOptions):
 
     def _check_radii_of_scheme(self) -> None:
         """Check the radii of bank and scheme, and the ratios of all options."""
-        assert isinstance(self.initial_error, tuple)
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
         missing = sorted(of_scheme - set(self.radii))
@@ -235,10 +266,7 @@ class WorldOptions(ModelOptions):
             shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
             allowed = f"radii that include {shown} of the scheme, or correctness='type'"
             raise reject("radii", self.radii, allowed)
-        check_ratios(
-            sorted(of_scheme | set(self.radii)), self.speed, self.tau, self.process_variance,
-            self.variances.tolist(), self.initial_error[1],
-        )  # fmt: skip
+        self._check_ratios(of_scheme | set(self.radii))
 
     @property
     def bank_class(self) -> type:
@@ -274,6 +302,29 @@ class WorldOptions(ModelOptions):
         """Number of segments of an episode."""
         assert not isinstance(self.scheme, str)
         return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """See `ModelOptions.bounds`."""
+        longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
+        return {
+            "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_variance": (0.0, np.inf),
+            "previous": (0.0, 1.0),
+            "ticks": (0.0, longest),
+            "ticks_left": (0.0, longest),
+            "speed": (0.0, np.inf),
+            "anchor_xx": (0.0, np.inf),
+            "anchor_vv": (0.0, np.inf),
+        }
+
+    def largest(self, trace_rows: int) -> dict[str, int]:
+        """See `ModelOptions.largest`."""
+        modes, longest = self.hypotheses, self.longest_segment
+        return {
+            "segment": self.segments - 1, "true_mode": modes - 1, "active_mode": modes - 1,
+            "length": longest, "tick": longest, "trace_length": trace_rows,
+        }  # fmt: skip
 
     def parameters(self) -> NDArray[Any]:
         """See `ModelOptions.parameters`."""

@@ -4,11 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.env import TrackEnv
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 from hybrid_env.rendering.history import History
-from hybrid_env.worlds.quickest_world import QuickestWorld
-from hybrid_env.worlds.track_env import TrackEnv
 
 
 class HybridTrackQuickestEnv(TrackEnv):
@@ -102,10 +101,6 @@ class HybridTrackQuickestEnv(TrackEnv):
     options_class = QuickestOptions
 
     options: QuickestOptions
-    world: QuickestWorld
-
-    def _create_world(self, rendered: bool) -> QuickestWorld:
-        return QuickestWorld(self.options, 1)
 
     def _evidence_panel(self) -> EvidencePanel:
         return probability_panel()

@@ -2,20 +2,23 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
+from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.records import TICK_NAMES
 from hybrid_env.durations import (
     Durations,
     duration_probabilities,
     parse_durations,
     remaining_probabilities,
 )
-from hybrid_env.limits import check_ratios, check_ticks, check_within
+from hybrid_env.limits import check_ticks, check_within
+from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
@@ -41,8 +44,9 @@ class QuickestOptions(ModelOptions):
         ArgumentError: an option has a value that is not allowed.
     """
 
-    switches: ClassVar[Literal["announced", "unknown"]] = "unknown"
-    """Whether the moments of the switches are announced."""
+    switches, layout_class, traced = "unknown", QuickestLayout, False
+    tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
+    hypothesis_field, first_action = "log_probability", "straight"
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
@@ -63,11 +67,7 @@ class QuickestOptions(ModelOptions):
             fix("hazard", check_number("hazard", self.hazard, allowed))
             if not 0.0 <= self.hazard <= largest:
                 raise reject("hazard", self.hazard, allowed)
-        assert isinstance(self.initial_error, tuple)
-        check_ratios(
-            self.radii, self.speed, self.tau, self.process_variance, self.variances.tolist(),
-            self.initial_error[1],
-        )  # fmt: skip
+        self._check_ratios(self.radii)
 
     @property
     def bank_class(self) -> type:
@@ -123,6 +123,25 @@ class QuickestOptions(ModelOptions):
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
         return super().arrays() | {"durations": self.cumulative_durations}
+
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """See `ModelOptions.bounds`."""
+        return {
+            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "log_ratio": (LOG_FLOOR, 0.0),
+            "log_variance": (0.0, np.inf),
+            "stated": (0.0, 1.0),
+            "speed": (0.0, np.inf),
+            "stated_ticks": (0.0, TICK_SCALE * self.ticks * (1 + 1e-6)),
+        }
+
+    def largest(self, trace_rows: int) -> dict[str, int]:
+        """See `ModelOptions.largest`."""
+        modes, ticks = self.hypotheses, self.ticks
+        return {
+            "segment": ticks - 1, "true_mode": modes - 1, "stated_mode": modes - 1, "tick": ticks,
+            "length": ticks + 1, "time": ticks, "stated_ticks": ticks,
+        }  # fmt: skip
 
     def parameters(self) -> NDArray[Any]:
         """See `ModelOptions.parameters`."""

@@ -7,8 +7,7 @@ from gymnasium.envs.registration import load_env_creator, register, registry
 
 from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
-from hybrid_env.vector_env import HybridTrackVectorEnv
-from hybrid_env.worlds.track_vector_env import TrackVectorEnv
+from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},
@@ -22,24 +21,21 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
-_ENTRY_POINTS = ("hybrid_env.env:HybridTrackEnv", "hybrid_env.vector_env:HybridTrackVectorEnv")
-_OTHER_ENTRY_POINTS = {
-    "HybridTrackEasy-v0": (
-        "hybrid_env.easy_env:HybridTrackEasyEnv",
-        "hybrid_env.easy_env:HybridTrackEasyVectorEnv",
-    ),
+_CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv")) | {
+    "HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv"),
     "HybridTrackQuickest-v0": (
-        "hybrid_env.quickest_env:HybridTrackQuickestEnv",
-        "hybrid_env.vector_env:HybridTrackQuickestVectorEnv",
+        "quickest_env:HybridTrackQuickestEnv",
+        "vector_env:HybridTrackQuickestVectorEnv",
     ),
 }
+"""Module and class of the single and of the vector environment of each id."""
 
 
 def register_environments() -> None:
     """Register every id that is not registered yet."""
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
-            single, vector = _OTHER_ENTRY_POINTS.get(env_id, _ENTRY_POINTS)
+            single, vector = (f"hybrid_env.{name}" for name in _CLASSES[env_id])
             register(id=env_id, entry_point=single, vector_entry_point=vector, kwargs=options)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import axis_variances, check_array, check_integer, reject
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.noise import NOISE_ROWS
 from hybrid_env.core.records import BLOCK, LANES, SENSOR
 from hybrid_env.core.state import PARAMETERS

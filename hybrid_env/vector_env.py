@@ -1,18 +1,254 @@
 """The vector environments: N tracks in one kernel call."""
 
-from typing import Any
+from collections.abc import Callable, Sequence
+from numbers import Integral
+from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from hybrid_env.checks import ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
+from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.quickest_world import QuickestWorld
-from hybrid_env.worlds.track_vector_env import TrackVectorEnv
-from hybrid_env.worlds.world import World
+from hybrid_env.seeding import random_states
+from hybrid_env.world import World
 
+LARGEST = 2**31 - 1  # tracks, and rows of a trace
+MOST_THREADS = 1024
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
+_DICT_METHODS = (
+    "__getitem__", "__setitem__", "__delitem__", "__contains__", "__iter__", "__len__", "__reversed__",
+    "__eq__", "__ne__", "__or__", "__ror__", "__ior__", "__repr__",
+    "get", "keys", "values", "items", "copy", "pop", "popitem", "setdefault", "update", "clear",
+)  # fmt: skip
+
+
+class LazyInfo(dict[str, Any]):
+    """A dictionary that is filled on first access.
+
+    Most callers of a vector environment's `step` never read `info`, and creating eight arrays with their
+    masks takes as long as a step of eight tracks. The state is copied in the step, so the values are those of
+    the step that returned the dictionary, whenever they are read.
+
+    Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the
+    first use: pass it `dict(info)`. All masks of an info are one array.
+
+    Args:
+        make: returns arrays of N tracks by key; called at most once. Each key gets a mask `_key` of N True.
+        made: further entries, already created.
+    """
+
+    __slots__ = ("_made", "_make")
+    fromkeys = staticmethod(dict.fromkeys)  # type: ignore[assignment]
+
+    def __init__(self, make: Callable[[], dict[str, NDArray[Any]]], made: dict[str, Any]):
+        self._make: Callable[[], dict[str, NDArray[Any]]] | None = make
+        self._made = made
+
+    def fill(self) -> None:
+        """Create the entries, unless they exist."""
+        if self._make is not None:
+            arrays, self._make = self._make(), None
+            mask = np.ones(len(arrays["tick"]), np.bool_)
+            dict.update(self, arrays | {f"_{key}": mask for key in arrays} | self._made)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self.items()),)  # pickled and copied as a plain dictionary
+
+
+def _fill_first(name: str) -> Callable[..., Any]:
+    method = getattr(dict, name)
+
+    def wrapper(self: LazyInfo, *arguments: Any, **keywords: Any) -> Any:
+        self.fill()
+        return method(self, *arguments, **keywords)
+
+    wrapper.__name__, wrapper.__doc__ = name, method.__doc__
+    return wrapper
+
+
+for _name in _DICT_METHODS:
+    setattr(LazyInfo, _name, _fill_first(_name))
+
+
+class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
+    """A vector environment of N tracks; each environment has a subclass that names its options.
+
+    Args:
+        num_envs: N, number of tracks.
+        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and
+            whose reward is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`;
+            DISABLED requires a call of `reset(options={"reset_mask": ...})`.
+        tick_info: False omits the description of the current tick from the info of `step`, which is faster
+            for training. Other entries, `final_obs` and `final_info` are always present.
+        trace_rows: number of ticks per step stored for recording, 0 to store none.
+        threads: number of threads that step the tracks in parallel. Results do not depend on it.
+        options: of the model.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+
+    options_class: ClassVar[Any]
+    """Class of the options."""
+
+    read_only = frozenset(("num_envs", "options", "world"))
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        tick_info: bool = True,
+        trace_rows: int = 0,
+        threads: int = 1,
+        **options: Any,
+    ):
+        for name in ("render_mode", "max_episode_steps"):
+            value = options.pop(name, None)
+            if value is not None:
+                allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"
+                raise reject(name, value, allowed)
+        self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            raise reject(
+                "autoreset_mode", autoreset_mode, ", ".join(repr(mode.value) for mode in AutoresetMode)
+            ) from None
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.options = self.options_class.of(**options)
+        self.tick_info = check_flag("tick_info", tick_info)
+        self.world = World(
+            self.options,
+            self.num_envs,
+            check_integer("trace_rows", trace_rows, 0, LARGEST),
+            check_integer("threads", threads, maximum=MOST_THREADS),
+        )
+        self.single_observation_space = self.world.observation_space()
+        self.single_action_space = self.world.action_space()
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._started = False
+        self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
+        self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        self._shape = (self.num_envs,)
+        self._truncated = np.zeros(self.num_envs, np.bool_)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
+
+        Args:
+            seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues
+                the random stream of each track.
+            options: may contain "reset_mask".
+
+        Raises:
+            ArgumentError: the seed or the mask is not allowed.
+            ResetNeeded: a track outside the mask has never been reset.
+        """
+        mask = np.ones(self.num_envs, np.bool_)
+        check_reset_options(options)
+        if options is not None and "reset_mask" in options:
+            mask = options["reset_mask"]
+            if not isinstance(mask, np.ndarray) or (mask.dtype, mask.shape) != (np.bool_, self._shape):
+                raise reject("reset_mask", mask, f"a bool array of shape ({self.num_envs},)")
+            if not mask.any() or np.ma.is_masked(mask):
+                raise reject("reset_mask", mask, "at least one True, and no masked element")
+            mask = np.array(mask, order="C")
+        seeds = self._check_seeds(seed)
+        if not (self.world.seeded | mask).all():
+            raise gym.error.ResetNeeded("reset() with a reset_mask requires an earlier reset() of all tracks")
+        given = np.array([one is not None for one in seeds])
+        chosen = np.flatnonzero(mask & (given | ~self.world.seeded))
+        if chosen.size:
+            self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
+        self.world.reset(mask)
+        self._started = True
+        return self.world.take_rows(), self._tick_info(mask)
+
+    def _check_seeds(self, seed: Any) -> Sequence[int | None]:
+        """Return one seed or None per track."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Integral):
+            first = check_integer("seed", seed, minimum=0)
+            return range(first, first + self.num_envs)
+        if isinstance(seed, np.ndarray):
+            seed = seed.tolist()  # a number if it has no dimension
+        if not isinstance(seed, Sequence) or isinstance(seed, str) or len(seed) != self.num_envs:
+            raise reject("seed", seed, f"an integer, or a sequence of {self.num_envs} integers or None")
+        return [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
+
+    def step(
+        self, actions: NDArray[np.int64]
+    ) -> tuple[
+        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
+    ]:
+        """Step every track. Returns observations, rewards, terminated, truncated and info as fresh arrays.
+
+        Args:
+            actions: (N,) integers of the action space.
+
+        Raises:
+            InvalidAction: the shape or type is wrong, or an action is outside the space. No track is stepped.
+            ResetNeeded: no episode is running.
+        """
+        if not self._started:
+            raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
+        actions = np.asarray(actions)
+        if actions.shape != self._shape or actions.dtype.kind not in "iu":
+            raise gym.error.InvalidAction(
+                f"actions have shape {actions.shape} and type {actions.dtype}: "
+                f"expected integers of shape ({self.num_envs},)"
+            )
+        world = self.world
+        if self._disabled and world.terminated.any():
+            raise gym.error.ResetNeeded(
+                "step() requires running episodes: reset() terminated tracks with a reset_mask first"
+            )
+        world.actions[:] = actions
+        events = world.step()
+
+        terminated, rewards = world.terminated.copy(), world.rewards.copy()
+        final: dict[str, Any] = {}
+        if events & TERMINATED and self._same_step:
+            final_obs = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(terminated):
+                final_obs[i] = world.observations[i].copy()
+            final_info = self._tick_info(terminated) | self._decision_info(terminated)
+            final = {"final_obs": final_obs, "final_info": final_info}
+            final |= {f"_{key}": terminated.copy() for key in final}
+            world.reset(terminated)
+        if events:
+            final = self._decision_info() | final
+        info = LazyInfo(world.copy_tick(), final) if self.tick_info else final
+        return world.take_rows(), rewards, terminated, self._truncated.copy(), info
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads, if there are any."""
+        self.world.close()
+
+    def _tick_info(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return the info of the current tick, zero for tracks outside a mask, (N,)."""
+        values = self.world.copy_tick()()
+        for array in values.values():
+            array[~mask] = 0
+        mask = mask.copy()
+        return values | {f"_{key}": mask for key in values}
+
+    def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        """Return further info of the last step, zero for tracks outside a mask, (N,); by default nothing."""
+        return {}
 
 
 class HybridTrackVectorEnv(TrackVectorEnv):
@@ -38,10 +274,9 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         ArgumentError: an argument has a value that is not allowed.
     """
 
-    options_class, tracks_class = WorldOptions, World
+    options_class = WorldOptions
 
     options: WorldOptions
-    world: World
 
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Return the info of the decisions of the last step, zero for tracks outside a mask, (N,)."""
@@ -75,7 +310,6 @@ class HybridTrackQuickestVectorEnv(TrackVectorEnv):
         ArgumentError: an argument has a value that is not allowed.
     """
 
-    options_class, tracks_class = QuickestOptions, QuickestWorld
+    options_class = QuickestOptions
 
     options: QuickestOptions
-    world: QuickestWorld

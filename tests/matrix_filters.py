@@ -3,13 +3,24 @@
 import math
 
 import numpy as np
+from scipy import stats
+
+
+def weigh(innovation, Sigma, freedom):
+    """Return weight and log-likelihood of an innovation: normal, or Student's t with degrees of freedom."""
+    squared = innovation @ np.linalg.solve(Sigma, innovation)
+    if freedom:
+        density = stats.multivariate_t(shape=Sigma, df=freedom)
+        return min((freedom + 2) / (freedom + squared), 1.0), density.logpdf(innovation)
+    return 1.0, -0.5 * (squared + math.log(np.linalg.det(2 * math.pi * Sigma)))
 
 
 class MatrixKalmanFilter:
     """Kalman filter with four states. Golubkov 2018, eq. (1) and (2), with Sigma = H P H' + R."""
 
-    def __init__(self, state, P, mode, radius, tau, Q, R):
+    def __init__(self, state, P, mode, radius, tau, Q, R, freedom=0):
         xs, vx, ys, vy = state
+        self.freedom = freedom
         self.x, self.P, self.R = np.array(state), P.copy(), R
         self.log_likelihood = 0.0
         if mode == "S":
@@ -43,10 +54,10 @@ class MatrixKalmanFilter:
         self.innovation = z - self.H @ x
         self.Sigma = self.H @ P @ self.H.T + self.R
         K = P @ self.H.T @ np.linalg.inv(self.Sigma)
-        self.x = x + K @ self.innovation
+        weight, log_likelihood = weigh(self.innovation, self.Sigma, self.freedom)
+        self.x = x + weight * K @ self.innovation
         self.P = P - K @ self.H @ P
-        quadratic = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
-        self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * self.Sigma)))
+        self.log_likelihood += log_likelihood
 
 
 def move(state, tau):
@@ -118,7 +129,8 @@ class MatrixExtendedKalmanFilter:
 class LiteralImm:
     """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
 
-    def __init__(self, estimate, P, curvatures, transition, tau, Q, R):
+    def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0):
+        self.freedom = freedom
         self.curvatures, self.transition, self.tau = curvatures, transition, tau
         self.GQG, self.R = np.diag([0.0, Q, 0.0, Q]), np.diag(R)
         self.states = [np.array(estimate) for _ in curvatures]
@@ -150,9 +162,8 @@ class LiteralImm:
             Sigma = H @ P @ H.T + self.R
             innovation = z - H @ x
             K = P @ H.T @ np.linalg.inv(Sigma)
-            self.states[j], self.covariances[j] = x + K @ innovation, P - K @ H @ P
-            quadratic = innovation @ np.linalg.solve(Sigma, innovation)
-            self.log_likelihood[j] = -0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+            weight, self.log_likelihood[j] = weigh(innovation, Sigma, self.freedom)
+            self.states[j], self.covariances[j] = x + weight * K @ innovation, P - K @ H @ P
         self.probability = prior * np.exp(self.log_likelihood)
         self.probability /= self.probability.sum()
         self.estimate = sum(p * x for p, x in zip(self.probability, self.states, strict=True))

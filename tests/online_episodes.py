@@ -7,10 +7,10 @@ import numpy as np
 from baselines import OnlineTracker
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 from hybrid_env.core.compilation import compiled
-from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.records import LANES
+from hybrid_env.core.true_object import draw_first_estimate
 from hybrid_env.seeding import random_states
-from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.world import World
 
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 COMMON = {
@@ -44,7 +44,7 @@ _draw = compiled(draw_first_estimate)
 
 def first_estimate(options, seed):
     """Return the estimate (4,) before the first tick of an episode, and its covariance (4, 4)."""
-    world = QuickestWorld(options, 1)
+    world = World(options, 1)
     world.seed(0, random_states([seed])[0])
     block = world.blocks[0]
     _draw(block, np.zeros((5, LANES)), 0, options.parameters()[0])

@@ -153,4 +153,9 @@ def unit_scales(options, length, time):
     scaled["measurement_variance"] = options["measurement_variance"] * length**2
     position, velocity = options["initial_error"]
     scaled["initial_error"] = (position, velocity * (length / time) ** 2)
+    units = {"variance": length**2, "position": length, "range": length, "period": 1}
+    scaled["sensors"] = [
+        {key: np.multiply(value, units[key]).tolist() for key, value in one.items()}
+        for one in options.get("sensors", ())
+    ]
     return scaled

@@ -2,8 +2,8 @@
 
 - `task`: the base class of tasks, and the sweep over thresholds; `tasks` finds the task of an environment.
 - `announced`, `unknown`, `flights`: announced switches, unknown switches, recorded flights.
-- `registry`: deciders by name. `curves`: what the figure of a comparison shows.
-- `shifted_worlds`, `drawn_worlds`: options of other environments; `calibration`: of the bank's posterior.
+- `registry`: deciders by name, also agents in run folders. `curves`: what the figure of a comparison shows.
+- `worlds`: options of other environments; `calibration`: of the bank's posterior.
 - `cells`: estimates in tables.
 
 May import: `hybrid_env`, `baselines`, and `interface`, `figures` and `learned` of `agents`.

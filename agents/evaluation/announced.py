@@ -12,20 +12,19 @@ from rich.table import Table
 from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
 from agents.evaluation.curves import Groups, chosen, curves, means
-from agents.evaluation.shifted_worlds import shifted_worlds
-from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
+from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
 from agents.figures.decider_colours import decider_styles
-from agents.figures.timelines import UNDECIDED
-from agents.figures.tracks import TrackRecord
+from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.decisions import batch_size, check_episodes, evaluate_batch
+from baselines.rules.rollout import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean
+from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.modes import mode_name
 
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 ACCURACY_LEVELS = (0.95, 0.98)
@@ -37,6 +36,7 @@ class AnnouncedTask(Task):
     """Every switch is announced, and the mode of the segment is declared once."""
 
     switches: ClassVar = ANNOUNCED
+    waits: ClassVar = True
     columns: ClassVar = COLUMNS
     metrics: ClassVar = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
@@ -49,6 +49,10 @@ class AnnouncedTask(Task):
     further: ClassVar = {f"error_after_{name}": statistic for name, statistic in ERROR_AFTER.items()}
     paired: ClassVar = "diff."
     reference: ClassVar = "ate"
+    wording: ClassVar = Wording(
+        "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
+        "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
+    )  # fmt: skip
     agents: ClassVar = ("ppo", "shipped")
     episodes: ClassVar = 1500
     selection_episodes: ClassVar = seeds.SELECTION_EPISODES

@@ -8,17 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation.registry import SHIPPED, find_decider, policy_folder, split_threshold
+from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
 from agents.evaluation.task import Metric
-from agents.learned.families import learned_family
 from baselines.estimation.turn_beam import run_turn_beam
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.recordings.flights.flight import Flight, stack_flights
+from baselines.estimation.turns import run_turn_imm
+from baselines.recordings.flights.flight import SCORED, TIERS, Flight, stack_flights
 from baselines.recordings.flights.labels import Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
-from baselines.recordings.flights.tiers import SCORED, TIERS
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, rules
 from hybrid_env.checks import reject

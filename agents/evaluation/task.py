@@ -17,7 +17,6 @@ from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import DeciderFamily, as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
-from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
@@ -50,6 +49,27 @@ class Metric:
 
 
 @dataclass(frozen=True)
+class Wording:
+    """What a learning curve shows of an agent, and of the classical rule beside it.
+
+    Attributes:
+        key: of the reward of the rule in the metrics, without prefix.
+        rule: name of the rule in figures.
+        sentence: name of the rule in a sentence.
+        unit: what a mean reward is the mean of.
+        measured: names of other metrics of the agent.
+        text: these metrics as text, a format string.
+    """
+
+    key: str
+    rule: str
+    sentence: str
+    unit: str
+    measured: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
 class Recorded:
     """What one decider did on E episodes.
 
@@ -72,6 +92,7 @@ class Task(ABC):
 
     Attributes:
         switches: task of the deciders, see `baselines.rules.decider`.
+        waits: whether action 0 waits, and others declare hypotheses.
         columns: names of the figures of an episode.
         metrics: figures of a decider at one threshold, in the order of tables.
         further: other figures at one threshold, for JSON.
@@ -80,6 +101,7 @@ class Task(ABC):
         notes: lines that explain the metrics below a table.
         paired: how `against` compares, as a word for headings.
         reference: name of the rule that others are compared with.
+        wording: of the learning curve of an agent.
         compared, agents: names of the deciders that are compared by default.
         episodes, selection_episodes: default numbers.
     """
@@ -88,6 +110,7 @@ class Task(ABC):
     given: Mapping[str, Any]
 
     switches: ClassVar[str]
+    waits: ClassVar[bool] = False
     columns: ClassVar[tuple[str, ...]]
     metrics: ClassVar[tuple[Metric, ...]]
     further: ClassVar[Mapping[str, Statistic]] = {}
@@ -96,6 +119,7 @@ class Task(ABC):
     notes: ClassVar[str] = ""
     paired: ClassVar[str]
     reference: ClassVar[str]
+    wording: ClassVar[Wording]
     agents: ClassVar[tuple[str, ...]]
     episodes: ClassVar[int]
     selection_episodes: ClassVar[int]
@@ -135,10 +159,9 @@ class Task(ABC):
     def shifted(self) -> dict[str, dict[str, Any]]:
         """Return name and changed options of the environments of a distribution shift, the nominal one first.
 
-        Raises:
-            ArgumentError: the task has none.
+        Without any, there are no random worlds either.
         """
-        raise reject("shifted", True, f"no --shifted or --drawn in {self.title}")
+        return {}
 
     @property
     @abstractmethod

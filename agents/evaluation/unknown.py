@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from agents.evaluation.curves import Groups, chosen, curves
-from agents.evaluation.task import Levels, Metric, Recorded, Task
+from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
-from baselines.rules.statements import record_together
+from baselines.rules.rollout import record_together
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
 from baselines.scoring.statements import COLUMNS, STATISTICS, StatementMetrics, Statements, measure_statements
 from hybrid_env.checks import check_integer
+from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
-from hybrid_env.rendering.modes import mode_name
 
 LARGEST_BATCH = 1_000_000  # statements, which need about 200 MB with 20 thresholds
 LARGEST_RESULT = 100_000_000  # statements of one threshold
@@ -62,6 +62,10 @@ class UnknownTask(Task):
     notes: ClassVar = NOTES
     paired: ClassVar = "ratio"
     reference: ClassVar = "threshold"
+    wording: ClassVar = Wording(
+        "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
+        "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
+    )  # fmt: skip
     episode_word: ClassVar = "tracks"
     agents: ClassVar = ("shipped",)
     episodes: ClassVar = 500

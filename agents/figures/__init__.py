@@ -4,8 +4,7 @@
 - `decider_colours`: colour and marker of each decider, the same in every figure.
 - `curve_labels`: names beside curves, in place of a legend.
 - `curves`: panels of curves, such as operating curves.
-- `timelines`: modes over time as bars.
-- `tracks`: a track with the decisions or statements of deciders, and a recorded flight.
+- `tracks`: a track in the plane by its modes, and modes over time as bars.
 
-May import: `hybrid_env` and `agents.interface`.
+May import: `hybrid_env`, `agents.interface`, and the rules of `baselines`, which name their colours.
 """

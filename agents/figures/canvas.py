@@ -1,5 +1,6 @@
 """An empty figure, the style of its axes, and its file."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,10 @@ from matplotlib.figure import Figure
 
 from agents.interface.output_files import atomic_file
 
-DPI = 120
+DPI, PAPER_DPI = 120, 110
+
+GREY, DARK_GREY, TRUTH = "#9a9a9a", "#4d4d4d", "#1a1a1a"
+"""Of measurements, of lines beside curves, and of the true track."""
 
 
 def new_canvas(size: tuple[float, float], dpi: float = DPI, layout: Any = "constrained") -> Figure:
@@ -24,11 +28,31 @@ def new_canvas(size: tuple[float, float], dpi: float = DPI, layout: Any = "const
     return canvas
 
 
+def paper_figure(title: str, size: tuple[float, float], widths: Sequence[float]) -> tuple[Figure, Any]:
+    """Return a figure of a paper with axes in a row.
+
+    Args:
+        title: above all axes.
+        size: width and height [in].
+        widths: relative width of each of the axes.
+    """
+    figure = new_canvas(size, PAPER_DPI)
+    figure.suptitle(title)
+    return figure, figure.subplots(1, len(widths), width_ratios=widths)
+
+
 def plain_axes(axes: Any, xlabel: str = "", ylabel: str = "") -> None:
     """Give axes a pale grid, no frame at the top and on the right, and labels."""
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set(xlabel=xlabel, ylabel=ylabel)
+
+
+def style_map(axes: Any, title: str, unit: str = "m") -> None:
+    """Make axes a map with its title."""
+    axes.set(title=title, xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(alpha=0.25)
 
 
 def legend_beside(axes: Any, **handles: Any) -> None:

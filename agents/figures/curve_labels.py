@@ -69,6 +69,12 @@ def label_curves(axes: Any, curves: Sequence[tuple[Any, str]], *, fixed: bool = 
     return annotations
 
 
+def label_lines(axes: Any) -> None:
+    """Write the label of each line that has one beside it; call this last, see `label_curves`."""
+    labels = [(line, line.get_label()) for line in axes.lines]
+    label_curves(axes, [(line, text) for line, text in labels if not text.startswith("_")])
+
+
 def _line_mask(line: Any, box: Any, shape: tuple[int, int]) -> Mask:
     """The cells that a line and its markers cover; those at the edge for a line outside the axes."""
     mask = np.zeros(shape, np.bool_)

@@ -1,7 +1,7 @@
 """The colour and the marker of each decider, the same in every figure.
 
 The palette contains purples, pinks, yellows, greys, two greens and one dark blue. It stays apart from the
-colours of the motion modes (`hybrid_env.rendering.modes`), and its colours stay apart from each other with
+colours of the motion modes (`hybrid_env.rendering.evidence`), and its colours stay apart from each other with
 red-green colour blindness.
 """
 

@@ -9,7 +9,7 @@ import gc
 import os
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -170,3 +170,28 @@ def _import_ray() -> Any:
             "engine", "ray", "'local', or an installed Ray: pip install 'hybrid-track[cluster]'"
         ) from None
     return ray
+
+
+if TYPE_CHECKING:
+    from agents.interface.parallel import Workers
+
+
+@dataclass(kw_only=True)
+class ParallelArguments:
+    """Flags for parallel work. The results do not depend on them."""
+
+    jobs: int = 1
+    """Number of processes, or of tasks at a time with --engine ray; one for each core is a good choice."""
+    engine: Literal["local", "ray"] = "local"
+    """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray start'
+    starts, or one on this machine."""
+
+    def workers(self) -> "Workers":
+        """Return where calls run.
+
+        Raises:
+            ArgumentError: a flag is out of range, or Ray is not installed.
+        """
+        from agents.interface.parallel import Workers
+
+        return Workers(self.jobs, self.engine)

@@ -2,17 +2,15 @@
 
 - `anchor_decider`: filters that start from learned distributions of the anchor error, as a decider.
 - `track_filters`: these filters.
-- `anchor_net`: the network that predicts the distribution of the anchor error.
-- `regret_net`: the network that predicts what a wrong radius costs in the next segment.
+- `anchor_net`: the networks that predict the distribution of the anchor error, and what a wrong radius costs
+  in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
 - `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.
-- `statement_net`: a recurrent network that states the present mode.
-- `statement_decider`, `statement_inputs`: this network as a decider in an environment, and its inputs.
-- `flight_decider`, `flight_inputs`: likewise on recorded flights.
+- `statement_net`: a recurrent network that states the present mode, and its inputs.
+- `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights.
 - `features`: selects the quantities that an actor observes.
 - `network_settings`: the limits on the sizes of networks.
 - `policy_file`: reads and writes weights and their card.
-- `families`: the agent of a folder as a decider, for every task.
 - `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
 
 All of them map observation rows to actions through the interface of `baselines.rules.decider`.

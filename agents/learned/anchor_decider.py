@@ -18,9 +18,8 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from agents.learned.anchor_net import AnchorNet
+from agents.learned.anchor_net import AnchorNet, RegretNet, regret_inputs
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
-from agents.learned.regret_net import RegretNet, regret_inputs
 from agents.learned.track_filters import TrackFilters
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of

@@ -1,4 +1,8 @@
-"""The agent for flights: a recurrent network on the output of the filter, trained in simulation only."""
+"""The agent for flights: a recurrent network on the output of the filter, trained in simulation only.
+
+As in `statement_net`, the network sees a flight once from the side of each turn, with lateral values mirrored
+to it. No input depends on the unit of length; times are in seconds, as in the settings of the filter.
+"""
 
 from typing import Any
 
@@ -6,14 +10,57 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.learned.flight_inputs import INPUTS, flight_inputs, log_probabilities
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet
-from baselines.estimation.turns import STRAIGHT
+from baselines.estimation.turns import STRAIGHT, Batch, TurnEstimates
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, Actions
 
+INPUTS = 16
+LOWEST_LOG, LOWEST_RATIO, LARGEST_INNOVATION = -15.0, -10.0, 6.0
+SIDES = (1.0, -1.0)  # of a left and of a right turn
 BLOCK = 500  # positions that the network processes at once
+
+
+def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:
+    """Return the logarithms (T, B, 3) of the probabilities of the modes, at least -15."""
+    return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(np.float32)
+
+
+def flight_inputs(batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]:
+    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn."""
+    logs = log_probabilities(estimates)
+    likelihoods = estimates.log_likelihoods
+    ratios = np.maximum(likelihoods - likelihoods.max(-1, keepdims=True), LOWEST_RATIO)
+    innovations = np.clip(estimates.innovations, -LARGEST_INNOVATION, LARGEST_INNOVATION)
+    steps = np.where(batch.steps > 0.0, batch.steps, 1.0)
+    ages = _ages(logs.argmax(-1), batch.times)
+    sway = estimates.speeds * batch.timing / batch.across
+    each = []
+    for turn, (side, other) in enumerate(zip((1, 2), (2, 1), strict=True)):
+        order = [0, side, other]
+        columns = [
+            *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
+            *(logs[..., mode] / 5.0 for mode in order),
+            *(ratios[..., mode] / 3.0 for mode in order),
+            SIDES[turn] * np.degrees(estimates.rates) / 2.0,
+            0.5 * innovations[..., 0],
+            0.5 * SIDES[turn] * innovations[..., 1],
+            np.log(np.clip(steps, 0.1, 100.0)),
+            0.5 * np.log(np.clip(sway, 0.01, 1000.0)),
+            np.minimum(ages / 100.0, 2.0),
+            np.log(1.0 + ages) / 5.0,
+        ]
+        each.append(np.stack(columns, axis=-1).astype(np.float32))
+    return np.stack(each, axis=-2)
+
+
+def _ages(best: NDArray[np.int64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the time for which the most probable mode has been the same, (T, B) [s]."""
+    rows = np.arange(len(best))[:, None]
+    changed = np.diff(best, axis=0, prepend=best[:1]) != 0
+    since = np.maximum.accumulate(np.where(changed, rows, 0), axis=0)
+    return times - np.take_along_axis(times, since, axis=0)
 
 
 class FlightAgent(UtilityDecider):

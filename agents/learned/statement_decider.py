@@ -9,8 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.learned.statement_inputs import INPUTS, count_ages, statement_inputs
-from agents.learned.statement_net import StatementNet
+from agents.learned.statement_net import INPUTS, StatementNet, count_ages, statement_inputs
 from baselines.rules.decider import UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_number, reject

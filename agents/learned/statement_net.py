@@ -1,14 +1,126 @@
-"""A recurrent network that states the present mode; trained on the expected reward itself."""
+"""A recurrent network that states the present mode, and its inputs without units.
 
-from typing import NamedTuple
+The network sees a track once for each turn hypothesis, from the side of this turn: straight motion, the turn
+itself, and all other turns together. Lateral innovations are mirrored to the side of the turn. A mirrored
+trajectory therefore gives the same inputs for the mirrored turns, and any number of hypotheses is allowed.
+"""
 
+from typing import Any, NamedTuple
+
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.statement_inputs import INPUTS
+from baselines.rules.msprt import mode_types
+from hybrid_env.observation import QuickestLayout
+from hybrid_env.quickest_options import QuickestOptions
 
+HYPOTHESIS_INPUTS = (
+    "probability",
+    "log-probability",
+    "log-likelihood of the tick minus the largest",
+    "innovation along the heading",
+    "innovation across the heading",
+    "log of innovation variance over measurement variance",
+    "ticks for which it has been the most probable mode",
+    "their logarithm",
+)
+"""Of straight motion, of the turn, and of the other turns, weighted by their probabilities."""
+
+TRACK_INPUTS = (
+    "log of the distance per tick over the deviation of a measurement",
+    "log of turn angle per tick",
+)
+INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
+ACROSS = 4  # index of the lateral innovation
+LARGEST_INNOVATION = 6.0
+LOWEST_LOG = -15.0
+LOWEST_RATIO = -10.0
+LARGEST_LOG = 10.0  # magnitude of the inputs of the track
+SMALLEST_SPEED = 1e-30
 GAIN = 3.0  # of the outputs, so that they learn faster than the recurrent part
 INITIAL_STAY = 2.0
+
+
+def count_ages(
+    best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the ticks for which the most probable mode has been the same, (N,).
+
+    Args:
+        best: (N,) most probable mode of this tick.
+        previous, age: (N,) of the last tick.
+    """
+    return np.where(best == previous, age + 1, 1)
+
+
+def statement_inputs(
+    world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26).
+
+    Args:
+        world: options of the environment.
+        rows: (..., width).
+        ages: (...) ticks for which the most probable mode has been the same.
+    """
+    layout = QuickestLayout(world.hypotheses)
+    side = np.array([0, 1, -1], np.float32)[mode_types(layout.hypotheses)]
+    each = _hypothesis_inputs(layout, rows, ages)
+    turns = each[..., 1:, :]
+    out = np.empty((*turns.shape[:-1], INPUTS), np.float32)
+    n = len(HYPOTHESIS_INPUTS)
+    out[..., :n] = each[..., :1, :]
+    out[..., n : 2 * n] = turns
+    out[..., 2 * n : 3 * n] = _others(rows[..., layout.slices["log_probability"]], layout, turns)
+    out[..., ACROSS : 3 * n : n] *= side[1:, None]
+    speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
+    noise = np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size))
+    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise))[..., 0]
+    turn_radii = np.tile(np.array(world.radii, np.float32), 2)
+    out[..., 3 * n + 1] = 0.5 * _log(speed[..., 0] * np.float32(world.tau) / turn_radii) + 1.5
+    return out
+
+
+def _hypothesis_inputs(
+    layout: QuickestLayout, rows: NDArray[np.float32], ages: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    """Return the inputs of all hypotheses, (..., M, 8), with innovations that are not mirrored."""
+
+    def block(name: str) -> NDArray[np.float32]:
+        return rows[..., layout.slices[name]]
+
+    log_probability = block("log_probability") / np.float32(layout.scales["log_probability"])
+    is_best = np.arange(layout.hypotheses) == log_probability.argmax(-1)[..., None]
+    age = np.where(is_best, ages[..., None], 0).astype(np.float32)
+    out = np.empty((*log_probability.shape, len(HYPOTHESIS_INPUTS)), np.float32)
+    out[..., 0] = 2.0 * np.exp(log_probability) - 1.0
+    out[..., 1] = np.maximum(log_probability, LOWEST_LOG) / 5.0
+    out[..., 2] = np.maximum(block("log_ratio"), LOWEST_RATIO) / 3.0
+    for k, name in ((3, "innovation_along"), (ACROSS, "innovation_across")):
+        out[..., k] = 0.5 * np.clip(block(name), -LARGEST_INNOVATION, LARGEST_INNOVATION)
+    out[..., 5] = np.minimum(block("log_variance"), LARGEST_LOG)
+    out[..., 6] = np.minimum(age / 100.0, 2.0)
+    out[..., 7] = np.log(np.maximum(age, 1.0)) / 5.0
+    return out
+
+
+def _others(
+    log_probability: NDArray[np.float32], layout: QuickestLayout, turns: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1, 8)."""
+    if layout.hypotheses == 3:
+        return turns[..., ::-1, :]
+    logs = log_probability[..., 1:] / np.float32(layout.scales["log_probability"])
+    without = np.where(np.eye(layout.hypotheses - 1, dtype=np.bool_), -np.inf, logs[..., None, :])
+    weights = np.exp(without - without.max(-1, keepdims=True))
+    weights /= weights.sum(-1, keepdims=True)
+    return np.asarray(weights.astype(np.float32) @ turns)
+
+
+def _log(values: Any) -> NDArray[np.float32]:
+    return np.asarray(np.clip(np.log(values), -LARGEST_LOG, LARGEST_LOG), np.float32)
 
 
 class StatementOutputs(NamedTuple):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from agents.learned.anchor_net import COMPONENTS, AnchorNet, stated_factor
 from agents.learned.dimensionless import LastRow, Scales, anchor_inputs, bias_of_bank, declared_side
-from baselines.estimation.component_filters import (
+from baselines.rules.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
     anchor_rows,

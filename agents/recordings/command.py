@@ -8,11 +8,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from agents.interface.output_files import atomic_file, output_folder, write_table
-from agents.recordings.figure import draw_recording
-from agents.recordings.file_arguments import FileArguments, object_folders
-from agents.recordings.html_map import check_plotly, write_map
-from agents.recordings.many_files import Report, check_free, work_on_files
+from agents.figures.canvas import save_figure
+from agents.interface.output_files import output_folder, write_table
+from agents.recordings.figure import check_plotly, draw_recording, write_map
+from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
 from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
 
@@ -77,8 +76,7 @@ class Track(TrackingArguments, FileArguments):
         write_table(files[1], row_table(tracked))
         if self.picture:
             files.append(folder / "track.png")
-            with atomic_file(files[-1]) as part:
-                draw_recording(tracked).savefig(part, format="png")
+            save_figure(draw_recording(tracked), files[-1])
         if self.html:
             files.append(folder / "track.html")
             write_map(files[-1], tracked)

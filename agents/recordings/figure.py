@@ -1,23 +1,26 @@
-"""Figure of a tracked recording: ground track, probabilities and residuals of any number of rows."""
+"""A tracked recording of any number of rows as a figure, and as an interactive map in one HTML file."""
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
+from agents.figures.canvas import GREY, PAPER_DPI, new_canvas
+from agents.interface.output_files import atomic_file
 from agents.recordings.tracked import TrackedRecording
-from hybrid_env.rendering.modes import mode_colour
+from hybrid_env.checks import ArgumentError
+from hybrid_env.rendering.evidence import mode_colour
 
 FloatArray = NDArray[np.float64]
 
-MAX_POINTS = 20_000
-"""Points of the ground track that are drawn."""
+MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000
+"""Points of the ground track that are drawn in the figure, and in the map, without delay in a browser."""
 
 MAX_LINE_POINTS = 5000
 """Agg raises OverflowError for very long lines; longer ones are split."""
@@ -26,7 +29,7 @@ BINS = 800  # of time, about the pixels of the axes
 MAX_MARKS = 60  # up to this many pieces, their first rows are marked
 MEDIAN_LENGTH = 1.177  # of a normalised innovation in two dimensions
 FAR_LENGTH = 3.717  # exceeded with probability 0.001
-GREY, BLACK = "#9a9a9a", "#000000"
+BLACK = "#000000"
 
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
@@ -35,8 +38,7 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     points = tracked.recording.positions[tracked.recording.measured]
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
     heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)  # [in]
-    figure = Figure(figsize=(10.0, sum(heights) + 1.4), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_canvas((10.0, sum(heights) + 1.4), PAPER_DPI)
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
@@ -161,3 +163,54 @@ def _draw_residuals(
     axes.set(ylim=(0.0, top), ylabel="residual [sd]")
     shown = ": median, 5 to 95 %" if many else ""
     axes.set_title(f"Normalised residuals{shown} (dotted, dashed: median and 99.9 % if the model holds)")
+
+
+def check_plotly() -> Any:
+    """Return the module of plotly.
+
+    Raises:
+        ArgumentError: it is not installed.
+    """
+    try:
+        import plotly.graph_objects as module
+    except ImportError:
+        raise ArgumentError("--html needs the extra 'html': pip install 'hybrid-track[html]'") from None
+    return module
+
+
+def write_map(path: Path, tracked: TrackedRecording) -> None:
+    """Write the ground track with decided modes; time, mode and probability appear under the pointer.
+
+    Raises:
+        ArgumentError: plotly is not installed, or the file cannot be written.
+    """
+    plotly = check_plotly()
+    recording, names, colours = tracked.recording, tracked.mode_names(), mode_colours(tracked)
+    figure = plotly.Figure()
+    rows = np.flatnonzero(recording.measured)
+    rows = rows[:: max(-(-len(rows) // MAX_MAP_POINTS), 1)]
+    figure.add_scattergl(
+        x=recording.positions[rows, 0], y=recording.positions[rows, 1], mode="markers", name="measurements",
+        marker={"color": GREY, "size": 4, "opacity": 0.5}, hoverinfo="skip",
+    )  # fmt: skip
+    lines = mode_lines(tracked, MAX_MAP_POINTS)
+    for mode, name in enumerate(names):
+        of_mode = [np.append(rows, -1) for line_mode, rows in lines if line_mode == mode]
+        if not of_mode:
+            continue
+        joined = np.concatenate(of_mode)  # -1 interrupts the line
+        gap = joined < 0
+        x, y = (np.where(gap, np.nan, tracked.estimates[joined, k]) for k in (0, 2))
+        shown = np.stack([recording.times[joined], tracked.probabilities[joined, mode]], axis=1)
+        figure.add_scattergl(
+            x=x, y=y, mode="lines", name=name, line={"color": colours[mode], "width": 4}, customdata=shown,
+            hovertemplate=f"{name}<br>t = %{{customdata[0]:.6g}} {recording.time_unit}"
+            "<br>p = %{customdata[1]:.2f}<br>x = %{x:.6g}, y = %{y:.6g}<extra></extra>",
+        )  # fmt: skip
+    figure.update_layout(
+        title=f"{recording.name}: decided by {tracked.decider}", template="plotly_white",
+        xaxis_title=f"x [{recording.unit}]", yaxis_title=f"y [{recording.unit}]", hovermode="closest",
+        yaxis={"scaleanchor": "x", "scaleratio": 1},
+    )  # fmt: skip
+    with atomic_file(path) as part:
+        figure.write_html(part, include_plotlyjs=True, full_html=True)

@@ -10,7 +10,7 @@ from PIL import Image
 from agents.interface.output_files import atomic_file
 from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
-from hybrid_env.rendering.modes import mode_colour, shade
+from hybrid_env.rendering.evidence import mode_colour, shade
 from hybrid_env.rendering.panels import CURRENT_COLOUR
 from hybrid_env.rendering.window import RENDER_FPS
 

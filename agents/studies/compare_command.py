@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.parallel import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from agents.studies.flight_arguments import FlightArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
 if TYPE_CHECKING:
-    from agents.studies.comparison import Comparison, Plan
+    from agents.studies.comparison import Comparison
+    from agents.studies.plan import Plan
 
 
 @dataclass(kw_only=True)
@@ -69,14 +70,17 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
         """Refuse given flags that are inside, or that are outside, of a group of flags."""
         names = {field.name for field in fields(group)}
         for field in fields(self):
-            given = getattr(self, field.name) != field.default
-            if given and (field.name in names) == inside and field.name not in ("deciders", "out"):
-                raise reject(field.name.replace("_", "-"), getattr(self, field.name), allowed)
+            value = getattr(self, field.name)
+            if value == field.default or field.name in ("deciders", "out"):
+                continue
+            if (field.name in names) == inside:
+                shown = str(value) if isinstance(value, Path) else value
+                raise reject(field.name.replace("_", "-"), shown, allowed)
 
     def _plan(self) -> "Plan":
         """Return the checked plan."""
         from agents.evaluation.tasks import task_of
-        from agents.studies.comparison import Plan
+        from agents.studies.plan import Plan
 
         task = task_of(self.env_id, self.world_options())
         plan = Plan(

@@ -14,9 +14,9 @@ from agents.evaluation.registry import load_decider
 from agents.evaluation.task import Task
 from agents.figures.tracks import TrackRecord
 from baselines.rules.rollout import rollout
+from hybrid_env.env import TrackEnv
 from hybrid_env.rendering.history import TRACE_INDEX, History
-from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.worlds.track_env import TrackEnv
+from hybrid_env.rendering.window import Renderer
 
 
 class OneTrack:

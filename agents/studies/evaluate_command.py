@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.parallel import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, check_number, reject
@@ -105,7 +105,7 @@ class Evaluate(WorldArguments, ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.studies.comparison import finite
         from agents.studies.tables import confusion_table, scores_table
-        from hybrid_env.rendering.modes import mode_name
+        from hybrid_env.rendering.evidence import mode_name
 
         found = []
         for name in deciders:  # checks all names before evaluating
@@ -152,16 +152,18 @@ class Evaluate(WorldArguments, ParallelArguments):
 
     def _evaluate_worlds(self, deciders: tuple[str, ...], task: "Task", console: "Console") -> dict[str, Any]:
         """Evaluate deciders in shifted, random or noisy environments and in the nominal one."""
-        from agents.evaluation.drawn_worlds import draw_worlds
         from agents.evaluation.registry import find_family
-        from agents.evaluation.shifted_worlds import NOMINAL
+        from agents.evaluation.worlds import NOMINAL, draw_worlds
         from agents.interface.progress import progress_display
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
-        worlds = task.shifted() if self.shifted else {NOMINAL: {}}
+        shifted = task.shifted()
+        for flag in ("shifted", "drawn"):
+            if getattr(self, flag) and not shifted:
+                raise reject(flag, getattr(self, flag), f"no value in {task.title}")
+        worlds = shifted if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}
         if self.drawn:
-            task.shifted()  # refuses a task without random worlds
             worlds |= draw_worlds(self.drawn, seeds.DRAWN_WORLDS, self.beyond)
         for name in deciders:
             find_family(name, task.options)

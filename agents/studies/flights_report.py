@@ -11,8 +11,7 @@ from rich.table import Table
 from agents.evaluation.cells import bounds_cell, new_table
 from agents.evaluation.flights import METRICS
 from agents.evaluation.task import Metric
-from agents.figures.timelines import IntArray
-from agents.figures.tracks import recording_figure
+from agents.figures.tracks import IntArray, recording_figure
 from agents.studies.comparison import finite
 from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
 from baselines.recordings.flights.flight import Flight

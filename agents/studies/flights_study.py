@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.flights import NATIVE, FlightTask
-from baselines.recordings.flights.flight import Flight, stack_flights
+from baselines.recordings.flights.flight import TIERS, TOGETHER, Flight, stack_flights
 from baselines.recordings.flights.labels import (
     LabelRules,
     Labels,
@@ -19,7 +19,6 @@ from baselines.recordings.flights.labels import (
 )
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import twins
-from baselines.recordings.flights.tiers import TIERS, TOGETHER
 from baselines.scoring.scores import Scores
 
 IntArray = NDArray[np.int64]

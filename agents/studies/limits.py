@@ -21,7 +21,7 @@ from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_smoother import BeamSmoother
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.msprt import GapDecider
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean

@@ -19,8 +19,7 @@ from agents.studies.animation import write_gif
 from agents.studies.episodes import Episodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.rendering.history import TRACE_INDEX, History
-from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.rendering.window import RENDER_FPS, display_available
+from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 
 FINAL_FRAMES = 2 * RENDER_FPS
 """Number of times that the window shows the last frame of an episode: for two seconds."""

@@ -10,9 +10,9 @@ from rich.text import Text
 
 from agents.evaluation.cells import new_table
 from agents.evaluation.registry import find_family
-from agents.evaluation.shifted_worlds import NOMINAL
 from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import task_of
+from agents.evaluation.worlds import NOMINAL
 from agents.interface.parallel import Workers
 from baselines.rules import seeds
 from baselines.rules.msprt import ALPHAS, FEW_ALPHAS

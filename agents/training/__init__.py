@@ -5,11 +5,10 @@
 - `runs`: creates or resumes a run; `run`: base classes of all runs.
 - `ppo`, `ppo_log`: agents of Stable-Baselines3; `vec_env`: the environment as its VecEnv.
 - `anchor`, `anchor_stream`: the anchor agent, and the tracks that it decides on.
-- `statements`: agents that are trained on the reward that `expected_reward` predicts of their statements, on
-  `simulated_tracks` or on `simulated_flights`.
-- `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk; `state`: that of tracks
-  and random generators.
-- `learning_curve`, `learning_figure`: evaluation during training, and its plot.
+- `statements`: agents that are trained on the expected reward of their statements, on `simulated_tracks` or
+  on `simulated_flights`.
+- `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk.
+- `learning_curve`: evaluation during training, and its plot.
 
 May import: `hybrid_env`, `baselines`, and `interface`, `figures`, `learned` and `evaluation` of `agents`.
 """

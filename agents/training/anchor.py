@@ -18,14 +18,14 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.evaluation.drawn_worlds import draw_world
+from agents.evaluation.worlds import draw_world
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks
+from agents.learned.anchor_net import regret_inputs
 from agents.learned.policy_file import save_policy
-from agents.learned.regret_net import regret_inputs
 from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout, SampleBuffer
+from agents.training.checkpoint import check_tracks, restore_generator
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import AnchorSettings, TrainingWorld
-from agents.training.state import check_tracks, restore_generator
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, DeciderFamily
 from hybrid_env.checks import reject

@@ -12,8 +12,8 @@ from torch import Tensor
 from agents.learned.anchor_decider import AnchorNetworks, errors_and_best
 from agents.learned.dimensionless import ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
+from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
-from agents.training.state import track_arrays
 from baselines.rules.anchor_prior import anchor_errors
 from hybrid_env.checks import check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv

@@ -53,7 +53,7 @@ class Train(WorldArguments):
         from rich.console import Console
 
         from agents.interface.progress import progress_display
-        from agents.training.learning_figure import draw_learning_curve
+        from agents.training.learning_curve import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
         console = Console(emoji=False)

@@ -2,53 +2,27 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from agents.evaluation.task import sweep
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from agents.evaluation.task import Wording, sweep
 from agents.evaluation.tasks import task_of
+from agents.figures.curve_labels import label_curves
+from agents.figures.decider_colours import decider_style
+from agents.interface.output_files import atomic_file
+from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, DeciderFamily, rules
+from baselines.rules.decider import DeciderFamily, rules
 
 EPISODES = 200
 PREFIX = "evaluation/"
 REWARD_KEY = PREFIX + "reward"
 FIRST_EVALUATION = 100_000  # environment steps, 2 to 5 s of training
 EVALUATION_SPACING = 1.4  # ratio of the steps of consecutive evaluations
-
-
-@dataclass(frozen=True)
-class Wording:
-    """What a learning curve shows of an agent, and of the classical rule beside it.
-
-    Attributes:
-        key: of the reward of the rule in the metrics, without prefix.
-        rule: name of the rule in figures.
-        sentence: name of the rule in a sentence.
-        unit: what a mean reward is the mean of.
-        measured: names of other metrics of the agent.
-        text: these metrics as text, a format string.
-    """
-
-    key: str
-    rule: str
-    sentence: str
-    unit: str
-    measured: tuple[str, ...]
-    text: str
-
-
-WORDINGS = {
-    ANNOUNCED: Wording(
-        "sprt", "ATE (SPRT)", "SPRT", "segment", ("accuracy", "ticks"),
-        "accuracy {accuracy:.1%}, mean decision time {ticks:.1f} ticks",
-    ),
-    UNKNOWN: Wording(
-        "threshold", "IMM threshold", "threshold rule", "tick", ("right", "wrong_changes"),
-        "right {right:.1%} of the time, {wrong_changes:.1f} wrong changes in 1,000 ticks",
-    ),
-}  # fmt: skip
-"""By task."""
 
 
 class LearningCurve:
@@ -138,7 +112,7 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
         options: environment options that override those of the id.
     """
     task = task_of(env_id, options)
-    wording = WORDINGS[task.switches]
+    wording = task.wording
 
     def measure(family: DeciderFamily) -> dict[str, float]:
         scores = sweep(task, family, EPISODES, seeds.LEARNING_CURVE, thresholds=(family.default,))
@@ -156,3 +130,42 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the lines of a run's metrics that `LearningCurve.evaluate` wrote."""
     return [row for row in metrics if REWARD_KEY in row]
+
+
+def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
+    """Write the mean reward of a run against training time and environment steps as PNG.
+
+    Args:
+        folder: run folder.
+        path: of the figure.
+        curve: of the run. A dashed line is its classical rule at the best threshold.
+    """
+    canvas = Canvas(figsize=(10, 4), layout=ConstrainedLayoutEngine(wspace=0.05), dpi=120)
+    FigureCanvasAgg(canvas)
+    points = learning_points(read_metrics(folder))
+    rewards = [row[REWARD_KEY] for row in points]
+    agent, reference = decider_style(folder.name), decider_style(curve.wording.rule)
+    columns = {
+        "training time, s": [row["seconds"] for row in points],
+        "environment steps, millions": [row["step"] / 1e6 for row in points],
+    }
+    panels = canvas.subplots(1, len(columns), sharey=True)
+    curves = []
+    for axes, (label, values) in zip(panels, columns.items(), strict=True):
+        lines = axes.plot(values, rewards, marker=agent.marker, markersize=3.5, color=agent.colour)
+        names = [folder.name]
+        if points:
+            level = points[-1][curve.reference_key]
+            lines.append(axes.axhline(level, color=reference.colour, linestyle="--"))
+            names.append(f"{curve.wording.rule} at its best threshold")
+        curves.append(list(zip(lines, names, strict=True)))
+        axes.set_xlabel(label)
+        axes.set_xlim(left=0)
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel(f"mean reward per {curve.wording.unit}")
+    if points:
+        for axes, named in zip(panels, curves, strict=True):
+            label_curves(axes, named)
+    with atomic_file(path) as part:
+        canvas.savefig(part)

@@ -16,17 +16,23 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from torch import Tensor
 
+from agents.evaluation.tasks import task_of
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ACTORS, ActorDecider, save_actor
 from agents.learned.policy_file import first_line
-from agents.training.checkpoint import check_scalars
+from agents.training.checkpoint import (
+    check_random_state,
+    check_scalars,
+    check_tracks,
+    random_state,
+    set_random_state,
+)
 from agents.training.ppo_log import Events, MetricsWriter, plain_values, without_tracebacks_of_threads
 from agents.training.run import Run, TrainingProgress
 from agents.training.settings import PPOSettings, learning_rate_schedule
-from agents.training.state import check_random_state, check_tracks, random_state, set_random_state
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, DeciderFamily
+from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, check_integer, reject
 
 
@@ -83,7 +89,7 @@ class PPORun(Run):
         kind = _model_class(self.recipe.algo)
         env = HybridTrackVecEnv(self.env_id, settings.n_envs, **self.options)
         self.world, self.layout = env.env.options, type(env.env.world.layout)
-        self.announced = self.world.switches == ANNOUNCED
+        self.task = task_of(self.env_id, self.options)
         rate, decays = learning_rate_schedule(settings.learning_rate)
         try:
             self.model = kind(
@@ -103,7 +109,7 @@ class PPORun(Run):
             raise reject(
                 "policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})"
             ) from None
-        if self.announced:
+        if self.task.waits:
             with torch.no_grad():
                 self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias
         elif settings.wait_bias:
@@ -132,7 +138,7 @@ class PPORun(Run):
     @property
     def decider(self) -> ActorDecider:
         """The current policy as a decider."""
-        return ACTORS[self.world.switches](self.model.policy)
+        return ACTORS[self.task.switches](self.model.policy)
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current policy as a family of deciders."""
@@ -140,7 +146,7 @@ class PPORun(Run):
 
     def evaluate(self) -> None:
         """See `Run.evaluate`; only if the actions are declarations of hypotheses, or statements."""
-        if not self.announced or self.world.actions == "all":
+        if not self.task.waits or self.world.actions == "all":
             super().evaluate()
 
     def recent_means(self, reward: float, ticks: float) -> tuple[float, float]:
@@ -150,13 +156,12 @@ class PPORun(Run):
             reward: mean reward of an episode.
             ticks: mean number of steps of an episode.
         """
-        if not self.announced:
-            self.model.logger.record("tick/reward", reward / ticks)
-            return reward / ticks, math.nan
-        means = reward / self.world.segments, ticks / self.world.segments
-        for name, mean in zip(("reward", "ticks"), means, strict=True):
-            self.model.logger.record(f"segment/{name}", mean)
-        return means
+        unit, count = self.task.wording.unit, self.task.length
+        self.model.logger.record(f"{unit}/reward", reward / count)
+        if not self.task.waits:
+            return reward / count, math.nan
+        self.model.logger.record(f"{unit}/ticks", ticks / count)
+        return reward / count, ticks / count
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""

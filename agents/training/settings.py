@@ -126,7 +126,7 @@ class TrainingWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnWorlds:
-    """Random environments that the anchor agent is trained in, see `agents.evaluation.drawn_worlds`.
+    """Random environments that the anchor agent is trained in, see `agents.evaluation.worlds`.
 
     Attributes:
         radii: number of radii of each bank.

@@ -14,20 +14,17 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from agents.evaluation.task import Wording
 from agents.interface.world_arguments import DEFAULT_ENV
-from agents.learned.flight_decider import FlightAgent
-from agents.learned.flight_inputs import flight_inputs, log_probabilities
-from agents.training.expected_reward import Batch
-from agents.training.learning_curve import LearningCurve, Wording
+from agents.learned.flight_decider import FlightAgent, flight_inputs, log_probabilities
+from agents.training.checkpoint import restore_generator
+from agents.training.learning_curve import LearningCurve
 from agents.training.settings import FlightSettings
-from agents.training.state import restore_generator
-from agents.training.statements import StatementRun
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.estimation.turns import TurnModel
-from baselines.recordings.flights.flight import stack_flights
+from agents.training.statements import Batch, StatementRun
+from baselines.estimation.turns import TurnModel, run_turn_imm
+from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.labels import label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import check_integer, reject

@@ -12,16 +12,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from agents.evaluation.tasks import task_of
 from agents.learned.statement_decider import StatementDecider
-from agents.learned.statement_inputs import count_ages, statement_inputs
-from agents.training.expected_reward import Batch
+from agents.learned.statement_net import count_ages, statement_inputs
 from agents.training.settings import StatementSettings
-from agents.training.statements import StatementRun
+from agents.training.statements import Batch, StatementRun
 from baselines.rules import seeds
 from hybrid_env.checks import reject
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.registration import environment_options, make_track_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
 LARGEST_ROUND = 2**22  # tracks x ticks x turns, whose inputs take half a gigabyte
@@ -41,11 +40,11 @@ class TrackRun(StatementRun):
         """See `StatementRun.prepare`."""
         assert isinstance(self.recipe.settings, StatementSettings)
         self.settings = self.recipe.settings
-        if environment_options(self.env_id) is not QuickestOptions:
+        task = task_of(self.env_id, self.options)
+        if task.switches != self.decider_class.task:
             raise reject("env", self.env_id, "an environment in which a mode is stated at every tick")
-        world = make_track_vector_env(self.env_id, 1, **self.options).options
-        assert isinstance(world, QuickestOptions)
-        self.world: QuickestOptions = world
+        self.world: QuickestOptions = task.options
+        world = self.world
         self._round_tracks = len(self.settings.durations) * self.settings.n_envs
         if self._round_tracks * world.ticks * (world.hypotheses - 1) > LARGEST_ROUND:
             allowed = f"n_envs x laws x ticks x (M - 1) of at most {LARGEST_ROUND:,}"

@@ -2,13 +2,17 @@
 
 Every round simulates new tracks or flights in batches. Each batch is divided into parts of some ticks, and
 one step of the optimizer is made for every part.
+
+Statements change neither the object nor the bank. The probabilities of the statements of a tick therefore
+follow from those of the last tick as in a Markov chain: the expected reward is a differentiable function of
+them, and needs no sampled actions.
 """
 
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -17,13 +21,81 @@ from torch import Tensor, nn
 
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_decider import UtilityDecider
-from agents.training.expected_reward import Batch, cross_entropy, expected_reward
+from agents.learned.statement_net import StatementOutputs
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import ExpectedRewardSettings
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.quickest_options import QuickestOptions
 
 LARGEST_GRADIENT = 0.5  # norm
+
+
+class Batch(NamedTuple):
+    """T ticks of N tracks, of which an agent states the mode.
+
+    Attributes:
+        inputs: (T, N, M - 1, inputs) of the network.
+        log_probability: (T, N, M) of the modes in the filters.
+        true_modes: (T, N).
+        change_cost: (T, N) cost of a change to a wrong mode.
+        weight: (T, N) of the reward of each tick.
+    """
+
+    inputs: Tensor
+    log_probability: Tensor
+    true_modes: Tensor
+    change_cost: Tensor
+    weight: Tensor
+
+    def split(self, ticks: int) -> Iterator["Batch"]:
+        """Divide it into parts of `ticks` ticks; the last one may be shorter."""
+        return (Batch(*parts) for parts in zip(*(part.split(ticks) for part in self), strict=True))
+
+
+def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
+    """Return the probabilities (T, N, M, M) of the next statement (last axis) given the last one.
+
+    Args:
+        utility: (T, N, M) of stating a mode.
+        stay: (T, N) added where the statement is kept.
+    """
+    kept = stay[..., None, None] * torch.eye(utility.shape[-1])
+    return torch.softmax(utility[..., None, :] + kept, -1)
+
+
+def expected_reward(outputs: StatementOutputs, batch: Batch, last: Tensor | None) -> tuple[Tensor, Tensor]:
+    """Return the expected mean reward of a tick (N,), and the probabilities of the last statement (N, M).
+
+    Args:
+        outputs: of the network on the batch.
+        batch: the ticks.
+        last: (N, M) probabilities of the statement before the first tick; None where an episode begins.
+    """
+    utility = outputs.utility
+    M = utility.shape[-1]
+    change = change_probabilities(utility, outputs.stay)
+    right = nn.functional.one_hot(batch.true_modes, M).to(utility.dtype)
+    to_wrong = (1.0 - torch.eye(M)) * (1.0 - right)[..., None, :]
+    wrong_changes = (change * to_wrong).sum(-1)
+    probability = torch.softmax(utility[0], -1) if last is None else last
+    before, after = [], []
+    for tick, matrix in enumerate(change.unbind(0)):
+        if tick == 0 and last is None:  # the first statement is no change
+            before.append(torch.zeros_like(probability))
+        else:
+            before.append(probability)
+            probability = torch.bmm(probability[:, None], matrix)[:, 0]
+        after.append(probability)
+    stated, previous = torch.stack(after), torch.stack(before)
+    reward = (stated * right).sum(-1) - batch.change_cost * (previous * wrong_changes).sum(-1)
+    return (batch.weight * reward).mean(0), probability
+
+
+def cross_entropy(outputs: StatementOutputs, batch: Batch) -> Tensor:
+    """Return the weighted mean cross-entropy of the present mode."""
+    beliefs = outputs.belief.flatten(0, 1)
+    each = nn.functional.cross_entropy(beliefs, batch.true_modes.flatten(), reduction="none")
+    return (batch.weight.flatten() * each).mean()
 
 
 class StatementRun(OwnNetworkRun):

@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from agents.training.state import track_arrays
+from agents.training.checkpoint import track_arrays
 from hybrid_env.registration import make_track_vector_env
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel_arguments import ParallelArguments
+from agents.interface.parallel import ParallelArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import check_integer, reject
 

@@ -1,8 +1,8 @@
 """The interacting multiple model (IMM) filter, and its steps for filters of any kind.
 
 Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients": `ModelChain`, `mix_models`, `mixture.mixture` and `weigh_models` are its steps, also for the
-filters of turns (`turn_imm`).
+coefficients": `ModelChain`, `mix_models`, `mixture` and `weigh_models` are its steps, also for the filters of
+turns (`turns`).
 
 `IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are
 mixed. A derivative that only one of them has is distributed as at the start of a track, with mean 0 and the
@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.mixture import log_sum, mixture
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
 from hybrid_env.checks import reject
@@ -43,7 +42,7 @@ class ModelChain:
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of them."""
         powers = np.exp(self._values * np.asarray(dt)[..., None])
-        return np.maximum(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0)
+        return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
 
 
 def mix_models(
@@ -79,6 +78,32 @@ def weigh_models(
     joint = log_probability + log_likelihood
     total = log_sum(joint, 1)
     return np.maximum(joint - total[:, None], np.log(smallest)), total
+
+
+def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n), (B, C, n, n).
+
+    Args:
+        state, covariance: of the distributions, (B, K, n) and (B, K, n, n).
+        weights: (B, C, K), sum over K 1.
+    """
+    mean = weights @ state
+    # sum of w (P + x x') less m m', with states relative to one of them, because positions are large
+    relative = state - state[:, :1]
+    centre = mean - state[:, :1]
+    square = covariance + relative[..., :, None] * relative[..., None, :]
+    tracks, count, size = state.shape
+    mixed = (weights @ square.reshape(tracks, count, size * size)).reshape(*mean.shape, size)
+    return mean, mixed - centre[..., :, None] * centre[..., None, :]
+
+
+def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
+    """Return the logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
+    largest = logarithms.max(axis, keepdims=True)
+    finite = np.where(np.isinf(largest), 0.0, largest)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.exp(logarithms - finite).sum(axis, keepdims=True)) + finite
+    return np.asarray(total.squeeze(axis))
 
 
 class IMMFilter(TrackFilter):

@@ -50,7 +50,7 @@ class KalmanFilter(TrackFilter):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
-            raise reject("robust", robust, "Huber, StudentT, MaximumCorrentropy, Gate or None")
+            raise reject("robust", robust, "Huber, StudentT, Gate or None")
         self.model, self.robust = model, robust
         self.axes, self.order = model.axes, model.order
         self.noise = measurement_covariance("noise", noise, self.axes)
@@ -154,13 +154,17 @@ def propagate(
     """
     size, m = state.shape[-1], transition.shape[-1]
     lead, d = state.shape[:-1], size // m
-    transposed = transition.swapaxes(-1, -2)
-    shape = (-1, m) if transition.ndim == 2 else (*lead, -1, m)  # one product if the steps are equal
-    state = (state.reshape(shape) @ transposed).reshape(*lead, size)
-    half = (covariance.reshape(shape) @ transposed).reshape(*lead, size, size)  # P F'
-    full = (half.swapaxes(-1, -2).reshape(shape) @ transposed).reshape(*lead, d, m, d, m)
+    half = times_transition(covariance, transition).swapaxes(-1, -2)
+    full = times_transition(half, transition).reshape(*lead, d, m, d, m)
     for axis in range(d):
         full[..., axis, :, axis, :] += intensity[axis] * step_noise
     full = full.reshape(*lead, size, size)
     # rounding errors that are not symmetric would grow in corrections along other axes than x and y
-    return state, 0.5 * (full + full.swapaxes(-1, -2))
+    return times_transition(state, transition), 0.5 * (full + full.swapaxes(-1, -2))
+
+
+def times_transition(values: FloatArray, transition: FloatArray) -> FloatArray:
+    """Return states F' or matrices P F', (..., n), for a transition F of equal blocks, see `propagate`."""
+    m = transition.shape[-1]
+    shape = (-1, m) if transition.ndim == 2 else (*transition.shape[:-2], -1, m)  # equal steps: one product
+    return (values.reshape(shape) @ transition.swapaxes(-1, -2)).reshape(values.shape)

@@ -8,8 +8,8 @@ A `Robust` method assumes that outliers of different components are independent;
 weight for all components of a measurement.
 
 Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that
-of the density that belongs to the loss, with the scale of the innovation. The losses of correntropy and gate
-are bounded and belong to no density: their log-likelihoods compare motion models, not parameters of the loss.
+of the density that belongs to the loss, with the scale of the innovation. The loss of the gate is bounded and
+belongs to no density: its log-likelihood compares motion models, not parameters of the loss.
 """
 
 from abc import ABC, abstractmethod
@@ -185,46 +185,6 @@ class WholeStudentT:
         log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
         weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
         return Weighed(weight, log_likelihood, nis)
-
-
-@dataclass(frozen=True)
-class MaximumCorrentropy(Robust):
-    """Gaussian kernel of the residual as weight, exp(-residual^2 / (2 bandwidth^2)). Izanloo et al. 2016.
-
-    The weight of the measurement and the residual of the estimate are a fixed point, found by iteration. It
-    starts from the innovation in units of its own deviation, so that a far measurement is used where the
-    prediction is uncertain. The prediction keeps its covariance (Chen et al. 2017 weight it too).
-
-    Attributes:
-        bandwidth: of the kernel in standard deviations of a measurement, > 0.
-        iterations: largest number of iterations.
-
-    Raises:
-        ArgumentError: an attribute is out of range.
-    """
-
-    bandwidth: float = 3.0
-    iterations: int = 50
-
-    def __post_init__(self) -> None:
-        check_positive("bandwidth", self.bandwidth)
-        check_integer("iterations", self.iterations)
-
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
-        """See `Robust.factors`."""
-        total, width = predicted + variance, self.bandwidth**2
-        squares = innovation**2 / total
-        exponent = np.minimum(squares / width, 500.0)
-        weighted = variance * np.exp(0.5 * exponent)
-        for _ in range(self.iterations):
-            residual = innovation * weighted / (predicted + weighted)
-            last = weighted
-            weighted = variance * np.exp(0.5 * np.minimum(residual**2 / variance / width, 500.0))
-            if (np.abs(weighted - last) <= 1e-9 * last).all():
-                break
-        precision = 1.0 / (predicted + weighted)
-        loss = -width * np.expm1(-0.5 * exponent)
-        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,40 @@
-"""A filter over the recorded positions of many tracks."""
+"""A filter over the recorded positions of many tracks, and what filters and smoothers return."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.estimates import Estimates
 from baselines.estimation.motion_models import check_scalar
 from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
 from hybrid_env.checks import ArgumentError, check_array, check_flag, dimensions, reject
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B.
+
+    Attributes:
+        states: (T, B, n) estimates at each tick, NaN before a track begins.
+        covariances: (T, B, n, n) of the estimates; None if there are none or they were not kept.
+        order: number of values per axis of a state, m.
+    """
+
+    states: FloatArray
+    covariances: FloatArray | None
+    order: int
+
+    @property
+    def positions(self) -> FloatArray:
+        """(T, B, d) [m]."""
+        return self.states[..., :: self.order]
+
+    @property
+    def velocities(self) -> FloatArray:
+        """(T, B, d) [m/s]."""
+        return self.states[..., 1 :: self.order]
 
 
 @dataclass(frozen=True)

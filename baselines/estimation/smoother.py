@@ -5,10 +5,9 @@ systems".
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.estimates import Estimates
-from baselines.estimation.kalman import propagate
+from baselines.estimation.kalman import propagate, times_transition
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import Filtered, check_times
+from baselines.estimation.run_filter import Estimates, Filtered, check_times
 from hybrid_env.checks import reject
 
 FloatArray = NDArray[np.float64]
@@ -60,12 +59,7 @@ def _step_back(
     state, covariance = states[k, chosen], covariances[k, chosen]
     transition, noise = model.transition(step), model.step_noise(step)
     predicted, spread = propagate(state, covariance, transition, noise, np.asarray(model.noise))
-    # P F': the same product as in `propagate`, without the second one
-    m, (tracks, size) = model.order, state.shape
-    transposed = transition.swapaxes(-1, -2)
-    shape = (-1, m) if transition.ndim == 2 else (tracks, -1, m)
-    cross = (covariance.reshape(shape) @ transposed).reshape(tracks, size, size)
-    gain = _divide(cross, spread)
+    gain = _divide(times_transition(covariance, transition), spread)
     states[k, chosen] = state + (gain @ (states[k + 1, chosen] - predicted)[..., None])[..., 0]
     change = gain @ (covariances[k + 1, chosen] - spread) @ gain.swapaxes(1, 2)
     covariances[k, chosen] = covariance + 0.5 * (change + change.swapaxes(1, 2))

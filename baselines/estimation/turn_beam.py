@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
-from baselines.estimation.mixture import mixture
-from baselines.estimation.turns import STRAIGHT, TurnModel, start_turns, step_turns
+from baselines.estimation.imm import mixture
+from baselines.estimation.turns import STRAIGHT, Batch, TurnModel, start_turns, step_turns
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

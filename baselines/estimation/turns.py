@@ -1,18 +1,20 @@
-"""Filters of coordinated turns with known turn rates: their settings, their start, and one step of them.
+"""Filters of coordinated turns with known turn rates, and the interacting multiple model of them.
 
 The states are [x, vx, y, vy]; see `motion_models.turn_transition`. The covariance of a measurement is
 across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t, see
-`robust.WholeStudentT`. `turn_imm` and `turn_beam` run these filters.
+`robust.WholeStudentT`. `turn_beam` runs the same filters. The pieces of several flights, between gaps, are
+columns of arrays, so that filters run over all of them at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
 from baselines.estimation.correction import correct, principal_noise
+from baselines.estimation.imm import ModelChain, log_sum, mix_models, mixture, weigh_models
 from baselines.estimation.kalman import propagate
 from baselines.estimation.motion_models import turn_noise, turn_transition
 from baselines.estimation.robust import WholeStudentT
@@ -21,6 +23,56 @@ FloatArray = NDArray[np.float64]
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
 START_SPEED = 100.0  # standard deviation of each component of the velocity at the start [m/s]
+SMALLEST = 1e-12  # probability of a model
+
+
+class Batch(NamedTuple):
+    """B pieces of flights of at most T positions, padded at the end.
+
+    Attributes:
+        pieces: flight, first row and end of each piece.
+        times: (T, B) [s]; the last one of a piece is repeated.
+        positions: (T, B, 2) [m], NaN after its end.
+        across: (B,) standard deviation of a position across the velocity [m].
+        timing: (B,) standard deviation of its time [s].
+    """
+
+    pieces: tuple[tuple[int, int, int], ...]
+    times: FloatArray
+    positions: FloatArray
+    across: FloatArray
+    timing: FloatArray
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """(T, B) False after the end of a piece."""
+        return ~np.isnan(self.positions[..., 0])
+
+    @property
+    def steps(self) -> FloatArray:
+        """(T, B) time since the last position [s], 0 for the first one."""
+        return np.diff(self.times, axis=0, prepend=self.times[:1])
+
+    def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
+        """Return values (T, B) as those of each flight, (n,); 0 outside of the pieces.
+
+        Args:
+            values: at every position of every piece.
+            lengths: number n of positions of each flight.
+        """
+        flights = [np.zeros(length, values.dtype) for length in lengths]
+        for column, (k, first, end) in enumerate(self.pieces):
+            flights[k][first:end] = values[: end - first, column]
+        return flights
+
+    def noise(self, velocities: FloatArray) -> FloatArray:
+        """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2].
+
+        Args:
+            velocities: (..., B, 2) v [m/s].
+        """
+        along = (self.timing**2)[:, None, None] * velocities[..., :, None] * velocities[..., None, :]
+        return np.asarray((self.across**2)[:, None, None] * np.eye(2) + along)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,3 +191,66 @@ def step_turns(
         np.where(used[..., None, None], after.covariance, covariance),
         np.where(used, after.log_likelihood, 0.0), mean, spread,
     )  # fmt: skip
+
+
+class TurnEstimates(NamedTuple):
+    """Output for T positions of B pieces.
+
+    Attributes:
+        probabilities: (T, B, 3) of straight motion, left and right turns.
+        log_likelihoods: (T, B, 3) of each position given its mode and all positions before.
+        rates: (T, B) mean turn rate [rad/s].
+        speeds: (T, B) speed [m/s].
+        innovations: (T, B, 2) along and across the predicted velocity, in standard deviations.
+    """
+
+    probabilities: FloatArray
+    log_likelihoods: FloatArray
+    rates: FloatArray
+    speeds: FloatArray
+    innovations: FloatArray
+
+
+def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
+    """Run the filter over pieces of flights; rows after the end of a piece repeat its last values."""
+    settings = TurnModel() if model is None else model
+    omega, chain = np.radians(settings.rates), ModelChain(settings.generator)
+    groups = (settings.modes == np.arange(3)[:, None]).astype(np.float64)  # (3, M)
+    (total, tracks), steps, present = batch.times.shape, batch.steps, batch.present[..., None]
+    state, covariance = start_turns(batch, len(omega))
+    log_probability = np.tile(np.log(settings.start), (tracks, 1))
+    output = TurnEstimates(
+        np.empty((total, tracks, 3)), np.zeros((total, tracks, 3)), np.zeros((total, tracks)),
+        np.empty((total, tracks)), np.zeros((total, tracks, 2)),
+    )  # fmt: skip
+    for k in range(total):
+        if k:
+            log_probability, weights = mix_models(log_probability, chain.transition(steps[k]), SMALLEST)
+            probability = np.exp(log_probability)
+            state, covariance = mixture(state, covariance, weights)
+            now = step_turns(
+                batch, batch.positions[k], steps[k], state, covariance, omega, probability, settings
+            )
+            state, covariance = now.state, now.covariance
+            prior = np.log(np.maximum(probability @ groups.T, SMALLEST))
+            joint = (log_probability + now.log_likelihood)[:, None] + np.where(groups > 0.0, 0.0, -np.inf)
+            output.log_likelihoods[k] = np.where(present[k], log_sum(joint, 2) - prior, 0.0)
+            output.innovations[k] = np.where(
+                present[k], _turned(now.mean, now.spread, batch.positions[k]), 0.0
+            )
+            log_probability, _ = weigh_models(log_probability, now.log_likelihood, SMALLEST)
+        probability = np.exp(log_probability)
+        mean = (probability[..., None] * state).sum(1)
+        output.probabilities[k] = probability @ groups.T
+        output.rates[k] = probability @ omega
+        output.speeds[k] = np.hypot(mean[:, 1], mean[:, 3])
+    return output
+
+
+def _turned(mean: FloatArray, spread: FloatArray, z: FloatArray) -> FloatArray:
+    """Return the innovation of the mean along and across the velocity, (B, 2), in standard deviations."""
+    velocity = mean[:, 1::2]
+    along = velocity / np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-9)[:, None]
+    frame = np.stack([along, np.stack([-along[:, 1], along[:, 0]], -1)], -2)
+    variances = np.einsum("bij,bjk,bik->bi", frame, spread, frame)
+    return np.asarray((frame @ (z - mean[:, ::2])[..., None])[..., 0] / np.sqrt(variances))

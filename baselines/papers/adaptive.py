@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.track_filter import TrackFilter
+from baselines.papers.g_h import GainFilter
 from hybrid_env.checks import check_between, check_flag, check_integer, check_positive, reject
 
 FloatArray = NDArray[np.float64]
@@ -40,7 +40,7 @@ LAGS = 5  # of H_0 to H_4
 
 
 class Gain(NamedTuple):
-    """Gains of positions and velocities, and the covariance of a measurement, each (..., a, a)."""
+    """Gains of positions [-] and velocities [1/s], and the variance of a measurement [m^2], each (...)."""
 
     position: FloatArray
     velocity: FloatArray
@@ -53,37 +53,31 @@ def third_difference(values: FloatArray) -> FloatArray:
 
 
 def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
-    """Products whose means identify the gain, (8, ..., a, a).
+    """Products whose means identify the gain, (8, ...).
 
-    They are H_0 to H_4, then D^3 x_e nu', D^3 v_e nu' and D^3 nu nu'.
+    They are H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
 
     Args:
-        position, velocity: (4, ..., a) last predictions, newest first [m, m/s].
-        innovation: (5, ..., a) last innovations, newest first [m].
+        position, velocity: (4, ...) last predictions, newest first [m, m/s].
+        innovation: (5, ...) last innovations, newest first [m].
     """
-    newest = innovation[0]
-    pairs = [(innovation[lag], newest) for lag in range(LAGS)]
-    pairs += [(third_difference(values), newest) for values in (position, velocity, innovation)]
-    return np.stack([left[..., :, None] * right[..., None, :] for left, right in pairs])
+    differences = [third_difference(values) for values in (position, velocity, innovation)]
+    return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
 
 
 def published_gain(means: FloatArray, tau: float) -> Gain:
-    """Gain without limits. Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3.
+    """Gain without limits, for one axis. Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3.
 
     Args:
-        means: (8, ..., a, a) of `products`.
+        means: (8, ...) of `products`.
         tau: length of a tick [s].
     """
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
     noise = innovation + position
-    total = np.swapaxes(position_spread + noise, -1, -2)
-    gains = [
-        np.swapaxes(np.linalg.solve(total, np.swapaxes(spread, -1, -2)), -1, -2)
-        for spread in (position_spread, velocity_spread)
-    ]
-    return Gain(gains[0], gains[1], noise)
+    total = position_spread + noise
+    return Gain(position_spread / total, velocity_spread / total, noise)
 
 
 def noise_bias(gain: float) -> float:
@@ -105,12 +99,11 @@ def noise_bias(gain: float) -> float:
     return float(1.0 - DIFFERENCE[1:] @ response)
 
 
-class ConstantStepFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains that depend on past innovations, for equal time steps.
+class ConstantStepFilter(GainFilter):
+    """A filter with gains that depend on past innovations, for equal time steps.
 
-    Two-point start, then the gains of a line fitted to all measurements, with n measurements
-    K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until the filter adapts. The filter has no
-    covariance and no likelihood.
+    After the start it has the gains of a line fitted to all measurements, with n measurements
+    K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until it adapts.
 
     Args:
         axes: number of dimensions d.
@@ -118,55 +111,25 @@ class ConstantStepFilter(TrackFilter):
 
     Raises:
         ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
-
-    Attributes:
-        gains: (2, B, d) of positions [-] and velocities [1/s] at the last measurement.
     """
-
-    has_covariance = False
-    covariance = None
-    order = 2
 
     def __init__(self, axes: int, tau: float):
         self.axes, self.tau = check_integer("axes", axes), check_positive("tau", tau)
-
-    def _begin(self, tracks: int) -> None:
-        self.state = np.full((tracks, 2 * self.axes), np.nan)
-        self.log_likelihood = self.nis = np.full(tracks, np.nan)
-        self.gains = np.full((2, tracks, self.axes), np.nan)
-        self._count = np.zeros(tracks, np.int64)  # measurements so far
-        self._age = np.zeros(tracks)  # ticks since the last one
-
-    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
-        self.state = state
-        self._count[:] = 2
 
     def _predict(self, dt: float | FloatArray) -> None:
         step = np.asarray(dt)
         wrong = np.abs(step - self.tau) > 1e-6 * self.tau
         if (wrong & (self._count > 0)).any():
             raise reject("dt", float(step.flat[0]), f"the length of a tick, {self.tau:g}, in every step")
-        self.state[:, ::2] += self.tau * self.state[:, 1::2]
-        self._age += 1.0
+        super()._predict(self.tau)
 
-    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        measured = ~np.isnan(measurement[:, 0])
+    def _find_gains(self, measurement: FloatArray) -> FloatArray:
         position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
-        innovation = measurement - position  # NaN without a measurement and before the track
-        self._remember(measurement, position, velocity, innovation)
-        self._count += measured
+        self._remember(measurement, position, velocity, measurement - position)
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
-        line = np.broadcast_to(line, self.gains.shape).copy()
-        second = measured & (self._count == 2)
-        line[1, second] = 1.0 / (self.tau * self._age[second, None])
         adapted = self._adapted()
-        self.gains = np.where(np.isnan(adapted), line, adapted)
-        correction = self.gains * np.where(measured[:, None], innovation, 0.0)
-        first = measured & (self._count == 1)
-        position[first], velocity[first], correction[:, first] = measurement[first], 0.0, 0.0
-        self.state[:, ::2], self.state[:, 1::2] = position + correction[0], velocity + correction[1]
-        self._age[measured] = 0.0
+        return np.where(np.isnan(adapted), line, adapted)
 
     @abstractmethod
     def _remember(
@@ -203,7 +166,7 @@ class AdaptiveFilter(ConstantStepFilter):
     def _begin(self, tracks: int) -> None:
         super()._begin(tracks)
         self._history = np.full((3, LAGS, tracks, self.axes), np.nan)
-        self._means = np.zeros((8, tracks, self.axes, 1, 1))
+        self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
     def _remember(
@@ -211,20 +174,19 @@ class AdaptiveFilter(ConstantStepFilter):
     ) -> None:
         values = (position, velocity, innovation)
         self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
-        new = products(*self._history[..., None])
-        known = np.logical_not(np.isnan(new).any(axis=(0, -2, -1)))
+        new = products(*self._history)
+        known = np.logical_not(np.isnan(new).any(axis=0))
         self._products += known
-        share = known / np.maximum(self._products, 1.0)
-        change = share[..., None, None] * (new - self._means)
+        change = known / np.maximum(self._products, 1.0) * (new - self._means)
         self._means = self._means + np.where(np.isnan(change), 0.0, change)
 
     def _adapted(self) -> FloatArray:
         ready = self._products > self.start
         means = self._means[:, ready]
-        gains = np.full_like(self.gains, np.nan)
+        gains = np.full((2, *ready.shape), np.nan)
         means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
         position, velocity, _ = published_gain(means, self.tau)
-        gains[:, ready] = position[..., 0, 0], velocity[..., 0, 0]
+        gains[:, ready] = position, velocity
         if self.limited:
             gains[0] = np.clip(gains[0], 0.0, 1.0)
             gains[1] = np.clip(gains[1], 0.0, gains[0] ** 2 / ((2.0 - gains[0]) * self.tau))
@@ -281,4 +243,4 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         ratio = self._noise / np.where(ready, mean, 1.0)
         gain = np.clip(1.0 - ratio, self.smallest_gain, self.largest_gain)
         gains = np.stack([gain, gain**2 / ((2.0 - gain) * self.tau)])
-        return np.broadcast_to(np.where(ready, gains, np.nan)[..., None], self.gains.shape)
+        return np.where(ready, gains, np.nan)[..., None].repeat(self.axes, axis=-1)

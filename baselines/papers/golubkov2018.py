@@ -1,4 +1,5 @@
-"""Golubkov 2018: settings and reproduction of tables 2, 3, 4 and of the percentages of correct modes.
+"""Golubkov 2018: settings and reproduction of tables 2, 3, 4 and of the percentages of correct modes, and the
+Kalman filter with known modes of table 2.
 
 The paper does not state the following settings; with them the tables are reproduced. tau = 0.1 s;
 alpha = beta = 0.001; natural logarithms; the filter starts at the exact x0; P := I at the start of every
@@ -11,10 +12,12 @@ run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not agains
 ("any lambda_ij").
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from baselines.papers.known_modes import filter_known_modes
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from baselines.papers.reproduction import (
     Cell,
     Finding,
@@ -23,9 +26,17 @@ from baselines.papers.reproduction import (
     study_interval,
     table_row,
 )
+from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
-from hybrid_env.checks import check_integer
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import check_array, check_flag, check_integer, reject
+from hybrid_env.core.banks.published import begin_published, follow_published
+from hybrid_env.core.compilation import compiled
+from hybrid_env.core.records import LANES
+from hybrid_env.limits import check_within
 from hybrid_env.simulation import Simulation, simulate
+
+FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2018"
 SCHEME = "golubkov2018"
@@ -57,6 +68,116 @@ TABLE_4 = {
 }
 CORRECT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}
 """Published percentages of correct modes."""
+
+
+class Estimates(NamedTuple):
+    """Output of a filter for n runs of T ticks. A single run has no first axis.
+
+    Attributes:
+        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s].
+        covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
+    """
+
+    estimates: FloatArray
+    covariances: FloatArray
+
+
+class _Known(NamedTuple):
+    """What the filter knows of every run.
+
+    Attributes:
+        lengths: (K,) of the segments [ticks].
+        signed_radii: (K,) [m].
+        covariance: (3,) at the start.
+        carry: whether the covariance is carried over at switches.
+    """
+
+    lengths: NDArray[np.int64]
+    signed_radii: FloatArray
+    covariance: FloatArray
+    carry: bool
+
+
+@compiled
+def _filter_run(
+    measurements: FloatArray, start: FloatArray, known: _Known, filters: Filters, output: Estimates
+) -> None:
+    """Filter one run."""
+    bank, _, model = filters
+    estimate, covariance = start.copy(), np.empty((2, 3))
+    covariance[:] = known.covariance
+    measurement = np.zeros((2, LANES))
+    k = 0
+    for length, signed_radius in zip(known.lengths, known.signed_radii):  # noqa: B905, numba does not support `strict`
+        radius = np.array([abs(signed_radius) if signed_radius != 0.0 else 1.0])
+        mode = 0 if signed_radius == 0.0 else (1 if signed_radius > 0.0 else 2)
+        x, vx, y, vy = estimate
+        if not known.carry:
+            covariance[:] = known.covariance
+        first, second = covariance
+        anchor_covariance = (
+            first[0], first[1], 0.0, 0.0, first[2], 0.0, 0.0, second[0], second[1], second[2],
+        )  # fmt: skip
+        begin_published(bank, 0, (x, vx, y, vy), anchor_covariance, radius, model)
+        for _ in range(length):
+            measurement[:, 0] = measurements[k]
+            follow_published(bank, 0, mode, measurement, model)
+            write_estimate(bank, mode, output.estimates[k], output.covariances[k])
+            k += 1
+        write_estimate(bank, mode, estimate, covariance)
+
+
+def filter_known_modes(
+    measurements: ArrayLike,
+    lengths: Sequence[int] | NDArray[np.int64],
+    signed_radii: ArrayLike,
+    start: ArrayLike | None = None,
+    *,
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
+    start_covariance: ArrayLike = (1.0, 0.0, 1.0),
+    carry_covariance: bool = True,
+) -> Estimates:
+    """Estimate the trajectory of recorded positions with known modes and switch times. Table 2 ("optimal").
+
+    One filter of the bank runs in each segment. It starts from the last estimate and its covariance; with
+    P := I at every switch the published table is not reproduced.
+
+    Args:
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        lengths: (K,) segment lengths [ticks], with sum T.
+        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+            uses `first_estimate`.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+        start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
+        carry_covariance: False resets the covariance to `start_covariance` at every switch.
+
+    Returns:
+        Estimates and covariances; without the first axis for a single run.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+    tau = check_within("tau", tau)
+    values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
+    radii = check_array("signed_radii", signed_radii, (None,))
+    if radii.size != segment_lengths.size:
+        raise reject(
+            "signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments"
+        )
+    filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
+    first = check_array("start_covariance", start_covariance, (3,))
+    known = _Known(segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance))
+    runs, total = values.shape[:2]
+    found = Estimates(np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)))
+    for run in range(runs):
+        of_run = Estimates(*(array[run] for array in found))
+        run_compiled(_filter_run, values[run], starts[run], known, filters, of_run)
+    return Estimates(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found
 
 
 def run_ate(recording: Simulation, variance: float, refine_radius: bool = False) -> Tracks:

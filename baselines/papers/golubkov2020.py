@@ -1,26 +1,46 @@
-"""Golubkov 2020: settings and reproduction of the detection of a right turn at an unknown time.
+"""Golubkov 2020: detection of a right turn at an unknown time; settings and reproduction.
+
+The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal
+estimate and covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the
+likelihood ratios of all start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k is
+the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but they are not error
+probabilities, as the false-alarm rates without a turn show.
 
 The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta. The
 reproduction gives the distribution of the delay at four values of alpha. Delays are counted from tick 20,
 after which the turn begins. A run counts as missed if the turn is not detected within its 20 ticks; this
 includes runs with an earlier false alarm.
 
-Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted); the
-tested turn is the right one, p = 2, as in the experiment, not p = 1 as in the algorithm. k lambda_k is the
-Shiryaev-Roberts statistic. alpha and beta are therefore not error probabilities, as the false-alarm rates
-without a turn show.
+Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
+`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one,
+p = 2, as in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are
+in logarithms.
 """
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import logsumexp
 
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
-from baselines.papers.switch_detection import Detection, detect_switch
-from hybrid_env.checks import check_integer
+from baselines.recordings.arrays import check_recording, make_filters
+from baselines.rules.measurements import run_compiled
+from baselines.rules.restarted_filters import (
+    RestartModel,
+    begin_restarted,
+    restart_arrays,
+    step_restarted,
+)
+from baselines.rules.sprt import sprt_thresholds
+from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
+from hybrid_env.core.banks.bank import IDENTITY, FilterModel
+from hybrid_env.limits import check_within, distinct_radii
 from hybrid_env.simulation import Simulation, simulate
+
+FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
@@ -36,6 +56,7 @@ PUBLISHED_DELAY = 12
 """Delay of the published realisation [ticks]."""
 
 PERCENTILES = (5, 25, 50, 75, 95)
+RUNS_AT_ONCE = 256  # bounds the memory
 HORIZON = 60
 """Length of the turn in the identification study [ticks]."""
 
@@ -46,6 +67,137 @@ PUBLISHED_TABLE = "Detection delay of the published realisation, ticks"
 DISTRIBUTION = "Distribution of the delay"
 DELAY_INTERVAL = "The interval contains 95 % of the delays of single runs."
 BOOTSTRAP_INTERVAL = "The interval is the 95 % bootstrap confidence interval over all runs."
+
+
+class Detection(NamedTuple):
+    """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
+
+    Attributes:
+        ticks: (n,) detection time, the first tick at which a tested hypothesis is declared, counted from 1;
+            0 if there is no detection.
+        modes: (n,) the hypothesis with the largest ratio at this tick; -1 if there is no detection.
+        log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
+        upper: ln A.
+        lower: ln B.
+        accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
+            no change; 0 if this does not occur. It does not stop the detection.
+    """
+
+    ticks: NDArray[np.int64]
+    modes: NDArray[np.int64]
+    log_ratios: FloatArray
+    upper: float
+    lower: float
+    accepted: NDArray[np.int64]
+
+
+def detect_switch(
+    measurements: ArrayLike,
+    start: ArrayLike | None = None,
+    *,
+    radii: ArrayLike = (5.0,),
+    tested: ArrayLike | None = None,
+    tau: float = 0.1,
+    process_variance: float = 0.001,
+    measurement_variance: float | ArrayLike = 0.1,
+    alpha: float = 0.1,
+    beta: float | None = None,
+    margin: float = 0.0,
+    published_root: bool = False,
+) -> Detection:
+    """Detect the switch from straight motion to a turn in recorded positions.
+
+    Args:
+        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
+        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
+            uses `first_estimate`.
+        radii: n turn radii [m]; hypotheses 1 .. n are left turns, n + 1 .. 2 n are right turns.
+        tested: hypotheses that may be declared; None tests all turns.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2].
+        measurement_variance: R [m^2], one number or (x, y).
+        alpha, beta: determine the thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha); None for beta
+            uses alpha.
+        margin: minimum difference between the largest ln lambda and that of every other tested hypothesis at
+            the detection; 0 is the published rule, larger values also identify the radius.
+        published_root: True uses the published ratio of determinants in eq. (7).
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+    """
+    tau = check_within("tau", tau)
+    total = np.shape(measurements)[-2] if dimensions(measurements) in (2, 3) else 0
+    values, _, starts = check_recording(measurements, [max(total, 1)], start, tau)
+    bank_radii = np.array(distinct_radii("radii", radii))
+    hypotheses = 2 * bank_radii.size + 1
+    modes = range(1, hypotheses) if tested is None else [tested] if dimensions(tested) == 0 else tested
+    if not isinstance(modes, (Sequence, np.ndarray)) or len(modes) == 0:
+        raise reject("tested", tested, f"one or more hypotheses from 1 to {hypotheses - 1}")
+    chosen = np.array([check_integer("tested", mode, 1, hypotheses - 1) for mode in modes])
+    model = make_filters(bank_radii, tau, process_variance, measurement_variance).model
+    upper, lower = sprt_thresholds(alpha, beta)
+    margin = check_positive("margin", margin, allow_zero=True)
+    root = check_flag("published_root", published_root)
+
+    log_ratios = np.full((len(values), total, hypotheses), np.nan)
+    for first in range(0, len(values), RUNS_AT_ONCE):
+        part = slice(first, first + RUNS_AT_ONCE)
+        log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
+    return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
+
+
+def _log_ratios(
+    values: FloatArray, starts: FloatArray, radii: FloatArray, model: FilterModel, published_root: bool
+) -> FloatArray:
+    """Return ln lambda_k of the turns, (n, T, M - 1), from measurements (n, T, 2) and starts (n, 4)."""
+    runs, total = values.shape[:2]
+    ticks = np.ascontiguousarray(values.swapaxes(0, 1))
+    rule = RestartModel(radii, total, True, True, math.inf, 0.0, model)  # the statement never changes
+    filters = restart_arrays(runs, 2 * radii.size + 1, total)
+    for run, start in enumerate(starts):
+        run_compiled(begin_restarted, filters, run, 0, np.concatenate([start, IDENTITY]), rule)
+    log_ratios = np.empty((runs, total, 2 * radii.size))
+    determinants = np.zeros(filters.started["log_likelihood"].shape)  # sum of ln |Sigma_1| - ln |Sigma_0|
+    starts_of = np.arange(determinants[0, 0].size).reshape(determinants.shape[2:])
+    for k, measured in enumerate(ticks):
+        run_compiled(step_restarted, filters, measured, rule)
+        log_ratios[:, k] = filters.log_ratios[:, 1:]
+        if published_root:
+            straight = filters.stated_filters[:, None, None]
+            determinants += _log_determinants(filters.started, model)
+            determinants -= _log_determinants(straight, model)[..., :1]
+            determinants[..., starts_of > k] = 0.0
+            log_psi = filters.started["log_likelihood"] - straight["log_likelihood"][..., :1] + determinants
+            log_psi[..., starts_of > k] = -np.inf
+            log_ratios[:, k] = logsumexp(log_psi[:, 1:], axis=(2, 3)) - math.log(k + 1.0)
+    return log_ratios
+
+
+def _log_determinants(filters: NDArray[Any], model: FilterModel) -> FloatArray:
+    """Return ln |Sigma| - ln |R| of the last tick: Sigma = R^2 / (R - P) on each axis, P corrected."""
+    x, y = (filters["covariance"][..., entry, :] for entry in (0, 13))
+    return -np.log(1.0 - x / model.variance_x) - np.log(1.0 - y / model.variance_y)
+
+
+def _decide(
+    log_ratios: FloatArray, tested: NDArray[Any], upper: float, lower: float, margin: float, single: bool
+) -> Detection:
+    """Apply rule (3) to the ratios of the tested hypotheses."""
+    ranked = np.sort(log_ratios[:, :, tested], axis=-1)
+    largest = ranked[:, :, -1]
+    passed = largest >= upper
+    if tested.size > 1:
+        passed &= largest - ranked[:, :, -2] >= margin
+    detected = passed.any(1)
+    first = passed.argmax(1)
+    at = log_ratios[np.arange(len(first)), first][:, tested]
+    ticks = np.where(detected, first + 1, 0)
+    modes = np.where(detected, tested[at.argmax(1)], -1)
+    below = largest <= lower
+    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
+    if single:
+        return Detection(ticks[0], modes[0], log_ratios[0], upper, lower, accepted[0])
+    return Detection(ticks, modes, log_ratios, upper, lower, accepted)
 
 
 def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detection:

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.estimation.recording import Filters, check_recording, make_filters, write_estimate
+from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import check_choice, check_flag
 from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, mode_type, set_estimate

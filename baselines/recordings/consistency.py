@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.recordings.chunks import SHORTEST_CHUNK, chunks_at, cut, recorded_pass
+from baselines.recordings.imm_pass import SHORTEST_CHUNK, chunks_at, cut, recorded_pass
 from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid

@@ -1,21 +1,25 @@
 """The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
 
 The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over
-the ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. Chunks of a
-recording run side by side in the lanes of a block, as the tracks of an environment do.
+the ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a
+recording between gaps are cut into chunks of about equal length, which run side by side in the lanes of a
+block, as the tracks of an environment do.
 """
 
 import functools
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, ImmModel, begin_imm, predict_imm, step_imm
+from baselines.recordings.ticks import TickGrid
+from hybrid_env.core.arrays import aligned_zeros
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.banks.imm import ImmBank, begin_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal, prepare
-from hybrid_env.core.memory import aligned_zeros
 from hybrid_env.core.records import LANES, lanes_of
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +34,13 @@ FIRST, LAST = np.uint64(0), np.uint64(LANES)
 
 BURN_IN = 3
 """Measurements after the start that do not count: they depend on how the velocity was found."""
+
+
+FIT_TICKS = 4096
+"""Ticks that are used; a longer recording is represented by chunks of it, evenly spread."""
+
+SHORTEST_CHUNK = 256
+"""Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q."""
 
 
 class Chunks(NamedTuple):
@@ -88,7 +99,7 @@ def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | Non
 
 @internal
 def _begin(
-    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: ImmModel
+    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel
 ) -> None:
     """Start the filters of a lane from two measurements that are some ticks apart.
 
@@ -130,7 +141,7 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: ImmModel, output: PassOutput
+    chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
 ) -> tuple[float, int]:
     """Run the bank over all chunks.
 
@@ -157,7 +168,7 @@ def imm_pass(
     last = np.zeros((LANES, 2))
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
-    renewed = ImmModel(
+    renewed = FilterModel(
         model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
     )
     for b in range(chunks.measurements.shape[0]):
@@ -203,7 +214,61 @@ def imm_pass(
 @functools.cache
 def prepare_pass() -> None:
     """Compile `imm_pass` or load it, once in a process: the types of its arguments are always the same."""
-    model = ImmModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    model = FilterModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
     prepare(
         imm_pass, make_chunks([np.zeros((1, 2))]), bank_arrays(ImmBank, 1), np.ones(1), model, no_output()
     )
+
+
+def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = ()) -> Chunks:
+    """Return chunks of a recording, evenly spread, in units of `scale`, each near its first measurement."""
+    length = max(-(-min(grid.total, FIT_TICKS) // LANES), SHORTEST_CHUNK)
+    places = cut(grid, length)
+    wanted = max(FIT_TICKS // length, LANES)
+    if len(places) > wanted:
+        places = [places[k] for k in np.linspace(0, len(places) - 1, wanted).round().astype(int)]
+    places.sort(key=lambda place: place[2] - place[1])
+    return chunks_at(grid, places, scale, lengths)
+
+
+def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
+    """Return piece, first tick and end of chunks of a recording of about a length."""
+    places = []
+    for k, piece in enumerate(grid.pieces):
+        number = max(round(len(piece.measurements) / length), 1)
+        borders = np.linspace(0, len(piece.measurements), number + 1).astype(int).tolist()
+        places += [(k, a, b) for a, b in pairwise(borders)]
+    return places
+
+
+def chunks_at(
+    grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
+) -> Chunks:
+    """Return the chunks at `places`, see `cut`; with known switches if lengths are given."""
+    values = [_from_first(grid.pieces[k].measurements[a:b]) / scale for k, a, b in places]
+    if not lengths:
+        return make_chunks(values)
+    begins = np.zeros(grid.total, np.bool_)
+    begins[np.cumsum([0, *lengths[:-1]])] = True
+    return make_chunks(values, [begins[a:b] for _, a, b in places])
+
+
+def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
+    """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none.
+
+    Args:
+        chunks: measurements; their block holds the last estimates afterwards.
+        radii: (n,) turn radii.
+        model: tick, variances and transition probabilities.
+    """
+    shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
+    output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
+    prepare_pass()
+    imm_pass(chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
+    return output
+
+
+def _from_first(values: FloatArray) -> FloatArray:
+    """Return positions relative to the first measurement."""
+    measured = np.flatnonzero(~np.isnan(values[:, 0]))
+    return values - values[measured[0]] if measured.size else values

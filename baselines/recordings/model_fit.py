@@ -14,13 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from baselines.recordings.chunks import fit_chunks, recorded_pass
-from baselines.recordings.imm_pass import Chunks, imm_pass, no_output, prepare_pass
+from baselines.recordings.imm_pass import (
+    Chunks,
+    fit_chunks,
+    imm_pass,
+    no_output,
+    prepare_pass,
+    recorded_pass,
+)
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import ArgumentError
-from hybrid_env.core.banks.bank import bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, ImmModel
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
+from hybrid_env.core.banks.imm import ImmBank
 
 FloatArray = NDArray[np.float64]
 
@@ -93,7 +99,7 @@ class _Parameters:
     radii: tuple[float, ...]
 
     @property
-    def model(self) -> ImmModel:
+    def model(self) -> FilterModel:
         """That of the bank."""
         return imm_model(self.variance, self.process, self.duration, len(self.radii))
 
@@ -115,11 +121,11 @@ class _Likelihood:
         return total if math.isfinite(total) else -math.inf
 
 
-def imm_model(variance: float, process: float, duration: float, radii: int) -> ImmModel:
+def imm_model(variance: float, process: float, duration: float, radii: int) -> FilterModel:
     """Return the model of a bank with a tick of 1 and geometric durations; a duration of 0 never ends."""
     modes = 2 * radii + 1
     hazard = min(1.0 / duration, 1.0 - 1.0 / modes) if radii and duration > 0.0 else 0.0
-    return ImmModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
+    return FilterModel(1.0, process, variance, variance, 1.0 - hazard, hazard / max(modes - 1, 1))
 
 
 def fit_model(

@@ -8,19 +8,17 @@ decision spoils the anchor of the next segment.
 """
 
 import functools
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations, RowRule
-from baselines.rules.msprt import bank_posterior, read_error_probability
+from baselines.rules.decider import Decider, DeciderFamily
+from baselines.rules.msprt import By, PosteriorRule
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import check_array, check_choice, check_positive, reject
-from hybrid_env.observation import LOG_FLOOR, Layout
+from hybrid_env.checks import check_array, check_positive, reject
+from hybrid_env.observation import LOG_FLOOR
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
@@ -113,7 +111,7 @@ def _smooth(boundary: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
 
-class BayesRiskDecider(RowRule):
+class BayesRiskDecider(PosteriorRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
@@ -128,10 +126,9 @@ class BayesRiskDecider(RowRule):
     name, title, symbol = "bayes", "Bayes risk", "cost"
     colour, marker = "#780f3c", "h"
 
-    def __init__(self, boundary: FloatArray, by: Literal["hypothesis", "type"] = "hypothesis"):
+    def __init__(self, boundary: FloatArray, by: By = "hypothesis"):
+        super().__init__(by)
         self.boundary = check_array("boundary", boundary, (None,))
-        check_choice("by", by, ("hypothesis", "type"))
-        self.by: Literal["hypothesis", "type"] = by
 
     @classmethod
     def family(cls, options: WorldOptions) -> DeciderFamily:
@@ -150,18 +147,6 @@ class BayesRiskDecider(RowRule):
         thresholds = tuple(factor * cost for factor in reversed(COST_FACTORS))
         return DeciderFamily(cls.title, cls.symbol, thresholds, cost, make)
 
-    def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`."""
-        layout = Layout.of_rows(rows)
-        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
-        log_error_probability, best = read_error_probability(rows, self.by)
-        limit = self.boundary[np.clip(ticks - 1, 0, self.boundary.size - 1)]
-        return np.where(log_error_probability <= limit, best + 1, 0)
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.boundary))
-
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return the posterior of each hypothesis or of its type, (N, M)."""
-        return bank_posterior(observation, self.by == "type")
+    def log_limits(self) -> FloatArray:
+        """Return the boundary."""
+        return self.boundary

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.beam_filters import (
+from baselines.rules.beam_filters import (
     BeamModel,
     Branches,
     begin_branches,
@@ -17,10 +17,9 @@ from baselines.estimation.beam_filters import (
     step_memory,
 )
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
-from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
+from baselines.rules.measurements import FloatArray, MeasurementDecider, filter_model, run_compiled
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
 from hybrid_env.checks import check_flag, check_integer
-from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -86,19 +85,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
         merged: bool = True,
         durations: str | Durations | None = None,
     ):
-        check_measured(options)
+        model = filter_model(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
         if durations is not None:
             options = dataclasses.replace(options, durations=durations)
-        variances = options.variances
-        self.model = BeamModel(
-            np.array(options.radii),
-            hazards(options.duration_laws),
-            check_flag("merged", merged),
-            FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
-        )
+        laws = hazards(options.duration_laws)
+        self.model = BeamModel(np.array(options.radii), laws, check_flag("merged", merged), model)
 
     @classmethod
     def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
@@ -155,9 +149,9 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of the modes, (N, M)."""
-        # a copy, because `predict` changes the state in place
+        # a copy, because `decide` changes the state in place
         return np.asarray(
-            np.exp(self.predict(observation, copy.deepcopy(state), episode_start)[1].log_probability)
+            np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability)
         )
 
 
@@ -190,15 +184,9 @@ class Beams(SeveralThresholds):
         """See `MeasurementDecider.observe`."""
         return self.beam.observe(tracks)
 
-    def predict(
-        self,
-        observation: FloatArray,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """See `BeamDecider.predict`."""
-        _, state = self.beam.predict(observation, state, episode_start, deterministic)
+    def decide(self, observation: FloatArray, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """See `MeasurementDecider.decide`."""
+        _, state = self.beam.decide(observation, state, episode_start)
         last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
         started = ~np.asarray(episode_start)
         self.chosen = [

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.beam_filters import FIRST
 from baselines.rules.beam import BeamDecider, BeamState
+from baselines.rules.beam_filters import FIRST
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare
@@ -133,15 +133,11 @@ class BeamSmoother(Decider):
         """See `BeamDecider.observe`."""
         return self.beam.observe(tracks)
 
-    def predict(
-        self,
-        observation: FloatArray,
-        state: SmootherState | None = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: FloatArray, state: SmootherState | None, episode_start: Any
     ) -> tuple[Actions, SmootherState]:
-        """See `BeamDecider.predict`; without a state, a new recording begins."""
-        actions, beam_state = self.beam.predict(observation, None if state is None else state.beam)
+        """See `MeasurementDecider.decide`; without a state, a new recording begins."""
+        actions, beam_state = self.beam.decide(observation, None if state is None else state.beam, None)
         now = _table(beam_state)
         if state is None:
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses

@@ -22,7 +22,7 @@ ANNOUNCED, UNKNOWN, FLIGHTS = "announced", "unknown", "flights"
 """Tasks: announced switches, unknown switches, recorded flights."""
 
 
-class Decider(ABC):
+class Decider:
     """A decision rule with the `predict` signature of Stable-Baselines3, vectorised over tracks.
 
     A subclass with a `name` is found by that name in commands, tables and figures; nothing else lists it.
@@ -56,7 +56,6 @@ class Decider(ABC):
     every_tick: ClassVar[bool] = False
     needs_measurements: ClassVar[bool] = False
 
-    @abstractmethod
     def predict(
         self,
         observation: Any,
@@ -65,6 +64,8 @@ class Decider(ABC):
         deterministic: bool = True,
     ) -> tuple[Actions, Any]:
         """Return the actions of N tracks for one step.
+
+        A classical rule, whose actions are never random, has `decide` instead.
 
         Args:
             observation: (N, width) rows of the environment, see its docstring, or what `observe` returned.
@@ -76,6 +77,16 @@ class Decider(ABC):
             (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares hypothesis i, in
             `HybridTrackQuickestEnv` i states hypothesis i) and the new state.
         """
+        return self.decide(observation, state, episode_start)
+
+    def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """Return the actions (N,) and the new state; arguments as in `predict`."""
+        raise NotImplementedError
+
+    @property
+    def class_name(self) -> str:
+        """Name of the user's class, for messages."""
+        return type(self).__name__
 
     def observe(self, tracks: Any) -> NDArray[Any]:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
@@ -125,21 +136,15 @@ class Decider(ABC):
         )
 
 
-class RowRule(Decider):
+class RowRule(Decider, ABC):
     """A decider without a state: its actions depend on the present rows only."""
 
     @abstractmethod
     def act(self, rows: Observations) -> Actions:
         """Return the actions (N,) for rows (N, width) of the environment."""
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, None]:
-        """See `Decider.predict`; only the rows are used."""
+    def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, None]:
+        """See `Decider.decide`; only the rows are used."""
         return self.act(observation), None
 
 
@@ -162,6 +167,11 @@ class Adapted(Decider):
 
     def __init__(self, model: Any):
         self.model = model
+
+    @property
+    def class_name(self) -> str:
+        """Name of the class of the object."""
+        return type(self.model).__name__
 
     def predict(
         self,

@@ -1,9 +1,7 @@
 """The rules on recorded flights: those for unknown switches, with other filters and thresholds."""
 
-from typing import Any
-
 from baselines.rules.change_detection import CusumDecider
-from baselines.rules.decider import FLIGHTS, DeciderFamily
+from baselines.rules.decider import FLIGHTS
 from baselines.rules.threshold import ThresholdDecider
 
 
@@ -11,11 +9,6 @@ class FlightThresholdDecider(ThresholdDecider):
     """The threshold on the probabilities of the IMM filter over turn rates."""
 
     name, task = "imm", FLIGHTS
-
-    @classmethod
-    def family(cls, options: Any) -> DeciderFamily:
-        """Return the rule at any threshold; there are no options."""
-        return DeciderFamily(cls.title, cls.symbol, (), cls.default, cls)
 
 
 class FlightBeamDecider(FlightThresholdDecider):
@@ -29,6 +22,3 @@ class FlightCusumDecider(CusumDecider):
 
     name, task = "cusum", FLIGHTS
     default = 3.5
-
-    def __init__(self, threshold: float = 3.5):
-        super().__init__(threshold)

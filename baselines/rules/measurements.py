@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import reject
+from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
-from hybrid_env.worlds.quickest_world import QuickestWorld
+from hybrid_env.world import World
 
 FloatArray = NDArray[np.float64]
 State = TypeVar("State")
@@ -19,11 +19,17 @@ OBSERVED = 2 + 4 + 10
 """Width of an observation without the probabilities: measurement, estimate and covariance."""
 
 
-def check_measured(options: QuickestOptions) -> None:
-    """Raise `ArgumentError` if ticks may have no measurement, or those of several sensors."""
+def filter_model(options: QuickestOptions) -> FilterModel:
+    """Return the model of a decider's own filters.
+
+    Raises:
+        ArgumentError: ticks may have no measurement, or those of several sensors.
+    """
     for name, value in (("missed", options.missed), ("sensors", options.sensors)):
         if value:
             raise reject(name, value, "none for a decider with filters of its own")
+    variances = options.variances
+    return FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1]))
 
 
 _prepared: set[Any] = set()
@@ -77,7 +83,7 @@ class MeasurementDecider(Decider, Generic[State]):
         """Return the statements (N,). starts: (N,) True where an episode begins."""
         raise NotImplementedError
 
-    def observe(self, tracks: QuickestWorld) -> FloatArray:
+    def observe(self, tracks: World) -> FloatArray:
         """Return what the decider observes, (N, 16 + M).
 
         Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.
@@ -85,20 +91,15 @@ class MeasurementDecider(Decider, Generic[State]):
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         return np.hstack([*parts, tracks.copy_tick()()["log_probability"]])
 
-    def predict(
-        self,
-        observation: FloatArray,
-        state: State | None = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: FloatArray, state: State | None, episode_start: NDArray[np.bool_] | None
     ) -> tuple[Actions, State]:
-        """See `Decider.predict`; action i states mode i.
+        """See `Decider.decide`; action i states mode i.
 
         Args:
             observation: (N, 16 + M) from `observe`. All but the measurement are used where an episode begins.
             state: returned by the previous call and changed in place; None begins anew.
             episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
-            deterministic: not used.
         """
         width = OBSERVED + self.hypotheses
         if observation.ndim != 2 or observation.shape[1] != width:
@@ -113,10 +114,6 @@ class MeasurementDecider(Decider, Generic[State]):
         for track in np.flatnonzero(starts).tolist():
             self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:]))
         return self.statements(state, starts), state
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return probability_panel("bank")
 
     def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""

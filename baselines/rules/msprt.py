@@ -7,6 +7,7 @@ every other hypothesis is large enough (Armitage 1950). If only the type of moti
 left or right), the test should use the posterior of the type: neighbouring radii share it.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
@@ -20,6 +21,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 
 FloatArray = NDArray[np.float64]
+By = Literal["hypothesis", "type"]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
 """The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
 ALPHAS = (
@@ -31,6 +33,11 @@ FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
 ROBUST = {"likelihood": "student_t 50"}
 """Options of the bank with the robust likelihood."""
+
+
+def rewarded(options: WorldOptions) -> By:
+    """Return what the environment rewards: the right hypothesis, or its type."""
+    return "type" if options.correctness == "type" else "hypothesis"
 
 
 def mode_types(hypotheses: int) -> NDArray[np.int64]:
@@ -104,9 +111,7 @@ def error_and_best(
     return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
 
 
-def read_error_probability(
-    observation: Observations, by: Literal["hypothesis", "type"]
-) -> tuple[FloatArray, NDArray[np.int64]]:
+def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, NDArray[np.int64]]:
     """Log error probability of the best declaration, and the hypothesis to declare.
 
     Args:
@@ -126,7 +131,42 @@ def read_error_probability(
     return log_error_probability, likeliest_of_type(posterior, log_ratio)
 
 
-class MSPRTDecider(RowRule):
+class PosteriorRule(RowRule, ABC):
+    """Declares the best hypothesis when its posterior error probability falls to the limit of the tick.
+
+    Args:
+        by: what has to be correct, see `read_error_probability`.
+
+    Raises:
+        ArgumentError: `by` is unknown.
+    """
+
+    def __init__(self, by: By):
+        check_choice("by", by, ("hypothesis", "type"))
+        self.by: By = by
+
+    @abstractmethod
+    def log_limits(self) -> FloatArray:
+        """Return the logarithms of the limits by tick, (T,); the last one holds for all later ticks."""
+
+    def act(self, rows: Observations) -> Actions:
+        """See `RowRule.act`."""
+        ticks = np.rint(Layout.of_rows(rows).read(rows, "ticks")).astype(np.int64)
+        log_error_probability, best = read_error_probability(rows, self.by)
+        limits = self.log_limits()
+        limit = limits[np.clip(ticks - 1, 0, limits.size - 1)]
+        return np.where(log_error_probability <= limit, best + 1, 0)
+
+    def panel(self) -> EvidencePanel:
+        """Return the panel of `evidence`."""
+        return posterior_panel("Kalman filters", self.by == "type", np.exp(self.log_limits()))
+
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
+        """Return the posterior of each hypothesis or of its type, (N, M)."""
+        return bank_posterior(observation, self.by == "type")
+
+
+class MSPRTDecider(PosteriorRule):
     """Declares the best hypothesis when its posterior error probability falls to alpha.
 
     Args:
@@ -141,25 +181,15 @@ class MSPRTDecider(RowRule):
     name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
     colour, marker = "#c80f82", "D"
 
-    def __init__(self, alpha: float = 0.02, by: Literal["hypothesis", "type"] = "hypothesis"):
+    def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
         self.alpha = check_number("alpha", alpha, "a number from 1e-13 to 1")
         if not np.exp(LOG_FLOOR) < alpha <= 1.0:
             raise reject("alpha", alpha, "a number from 1e-13 to 1")
-        check_choice("by", by, ("hypothesis", "type"))
-        self.by: Literal["hypothesis", "type"] = by
+        super().__init__(by)
 
-    def act(self, rows: Observations) -> Actions:
-        """See `RowRule.act`."""
-        log_error_probability, best = read_error_probability(rows, self.by)
-        return np.where(log_error_probability <= np.log(self.alpha), best + 1, 0)
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return posterior_panel("Kalman filters", self.by == "type", np.array([self.alpha]))
-
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
-        """Return the posterior of each hypothesis or of its type, (N, M)."""
-        return bank_posterior(observation, self.by == "type")
+    def log_limits(self) -> FloatArray:
+        """Return the logarithm of alpha."""
+        return np.log([self.alpha])
 
 
 class TypeMSPRTDecider(MSPRTDecider):
@@ -182,8 +212,7 @@ class AnchorAwareMSPRTDecider(MSPRTDecider):
     @classmethod
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
-        by: Literal["hypothesis", "type"] = "type" if options.correctness == "type" else "hypothesis"
-        return lambda alpha: cls(alpha, by)
+        return lambda alpha: cls(alpha, rewarded(options))
 
 
 class RobustMSPRTDecider(MSPRTDecider):

@@ -1,13 +1,13 @@
 """Simulated paths of the posterior within segments without an early decision, and its calibration."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations, RowRule
-from baselines.rules.msprt import mode_types, read_error_probability
+from baselines.rules.msprt import By, mode_types, read_error_probability, rewarded
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
@@ -36,7 +36,7 @@ class PosteriorPaths:
     log_error_probability: FloatArray
     correct: NDArray[np.bool_]
     length: NDArray[np.int64]
-    by: Literal["hypothesis", "type"]
+    by: By
 
 
 class Never(RowRule):
@@ -68,7 +68,7 @@ def simulate_posterior_paths(
     last = (
         world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
     )
-    by: Literal["hypothesis", "type"] = "type" if world.correctness == "type" else "hypothesis"
+    by = rewarded(world)
     n = len(world.radii)
     kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
     shape = (episodes * world.segments, last)
@@ -105,23 +105,6 @@ class Calibration:
     accuracy: FloatArray
     count: NDArray[np.int64]
 
-    @property
-    def largest_gap(self) -> float:
-        """Stated probability minus accuracy, of the bin where the two differ most.
-
-        Only bins with at least `MIN_COUNT` segments count; NaN if there are none.
-        """
-        large = self.count >= MIN_COUNT
-        gap = (self.stated - self.accuracy)[large]
-        return float(gap[np.abs(gap).argmax()]) if large.any() else float("nan")
-
-
-def _reaches(paths: PosteriorPaths, tick: int) -> NDArray[np.bool_]:
-    """(S,) True where a segment has the given tick."""
-    if check_integer("tick", tick) > paths.length.max():
-        raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
-    return np.asarray(paths.length >= tick)
-
 
 def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     """Calibration of the posterior at a tick, over the segments that reach it.
@@ -129,7 +112,9 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     Raises:
         ArgumentError: no segment reaches the tick.
     """
-    reached = _reaches(paths, tick)
+    if check_integer("tick", tick) > paths.length.max():
+        raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
+    reached = paths.length >= tick
     stated = 1.0 - np.exp(paths.log_error_probability[reached, tick - 1])
     correct = paths.correct[reached, tick - 1]
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
@@ -151,7 +136,8 @@ class CalibrationSummary:
     Attributes:
         right: share of segments in which the declaration would be correct.
         stated: mean posterior probability of the declaration.
-        worst: see `Calibration.largest_gap`.
+        worst: stated probability minus accuracy, of the bin where the two differ most. Only bins with at
+            least `MIN_COUNT` segments count; NaN if there are none.
     """
 
     right: float
@@ -165,9 +151,10 @@ def summarise_calibration(paths: PosteriorPaths, tick: int) -> CalibrationSummar
     Raises:
         ArgumentError: no segment reaches the tick.
     """
-    reached = _reaches(paths, tick)
+    bins, reached = calibration(paths, tick), paths.length >= tick
+    gaps = (bins.stated - bins.accuracy)[bins.count >= MIN_COUNT]
     return CalibrationSummary(
         float(paths.correct[reached, tick - 1].mean()),
         float(1.0 - np.exp(paths.log_error_probability[reached, tick - 1]).mean()),
-        calibration(paths, tick).largest_gap,
+        float(gaps[np.abs(gaps).argmax()]) if gaps.size else float("nan"),
     )

@@ -14,14 +14,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.component_filters import (
+from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
+from baselines.rules.component_filters import (
     ANCHOR_COLUMNS,
     ComponentFilters,
     anchor_rows,
     joint_posterior,
     stated_covariance,
 )
-from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
@@ -87,14 +87,8 @@ class RefilteringDecider(Decider):
         """
         raise NotImplementedError
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """See `Decider.predict`. The state holds the filters and is changed in place."""
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state holds the filters and is changed in place."""
         rows = np.asarray(observation)
         tracks, layout = len(rows), self.layout
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
@@ -209,7 +203,6 @@ def fit_calibrated_anchor(
     seed: int,
     rounds: int = 2,
     alpha: float = 0.05,
-    on_progress: Callable[[float], None] | None = None,
     robust: bool = False,
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
@@ -220,15 +213,12 @@ def fit_calibrated_anchor(
         seed: of the first episode.
         rounds: the first round declares with the stated covariance, later rounds with the last fit.
         alpha: error probability at which the decider declares.
-        on_progress: called with the finished share.
         robust: see `RefilteringDecider`.
     """
     prior: AnchorPrior | None = None
     for k in range(rounds):
         decider = CalibratedAnchorDecider(world, prior, alpha, robust)
         prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
-        if on_progress is not None:
-            on_progress((k + 1) / rounds)
     assert prior is not None
     return prior
 

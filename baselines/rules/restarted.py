@@ -6,22 +6,21 @@ start from the estimate of a wrong mode.
 """
 
 from collections.abc import Callable
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.restarted_filters import (
+from baselines.rules.decider import Actions, Decider
+from baselines.rules.measurements import FloatArray, MeasurementDecider, filter_model, run_compiled
+from baselines.rules.restarted_filters import (
     RestartedFilters,
     RestartModel,
     begin_restarted,
     restart_arrays,
     step_restarted,
 )
-from baselines.rules.decider import Actions, Decider
-from baselines.rules.measurements import FloatArray, MeasurementDecider, check_measured, run_compiled
 from hybrid_env.checks import check_choice, check_integer, check_positive
-from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks
@@ -35,37 +34,46 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         options: of the environment.
         threshold: of the logarithm of the statistic of the new mode, above 0.
         margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
-        window: number of last ticks at which the switch can be, 1 to 10,000. At most the ticks since the last
-            change of the statement are used.
+        window: number of last ticks at which the switch can be, 1 to 10,000; None is that of the rule. At
+            most the ticks since the last change of the statement are used.
         bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of
-            `hybrid_env.HybridTrackEnv`; their covariance is that of the estimate at which they start.
+            `hybrid_env.HybridTrackEnv`; None is that of the rule. Their covariance is that of the estimate at
+            which they start.
 
     Raises:
         ArgumentError: an argument is out of range.
     """
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
-    mean: bool
+    mean: ClassVar[bool]
+    own_window: ClassVar[int]
+    own_bank: ClassVar[Bank]
 
-    def __init__(self, options: QuickestOptions, threshold: float, margin: float, window: int, bank: Bank):
-        check_measured(options)
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 5.0,
+        margin: float = 2.0,
+        window: int | None = None,
+        bank: Bank | None = None,
+    ):
+        model = filter_model(options)
         self.hypotheses = options.hypotheses
-        variances = options.variances
+        chosen = self.own_bank if bank is None else bank
         self.model = RestartModel(
             np.array(options.radii),
-            check_integer("window", window, maximum=LONGEST_WINDOW),
-            check_choice("bank", bank, ("published", "anchor_aware")) == "published",
+            check_integer("window", self.own_window if window is None else window, maximum=LONGEST_WINDOW),
+            check_choice("bank", chosen, ("published", "anchor_aware")) == "published",
             self.mean,
             check_positive("threshold", threshold),
             check_positive("margin", margin, allow_zero=True),
-            FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1])),
+            model,
         )
 
     @classmethod
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
-        kind: Callable[..., Decider] = cls
-        return lambda threshold: kind(options, threshold)
+        return lambda threshold: cls(options, threshold)
 
     def begin(self, tracks: int) -> RestartedFilters:
         """Return filters without meaning; see `MeasurementDecider.begin`."""
@@ -97,22 +105,13 @@ class GLRDecider(RestartDecider):
     mode before they tell the other modes apart.
 
     Args:
-        options, threshold, margin, window, bank: see `RestartDecider`.
+        options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and
+            "anchor_aware".
     """
 
     name, title, symbol = "glr", "GLR", "ln GLR"
     colour, marker = "#0000b4", ">"
-    mean = False
-
-    def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 5.0,
-        margin: float = 2.0,
-        window: int = 60,
-        bank: Bank = "anchor_aware",
-    ):
-        super().__init__(options, threshold, margin, window, bank)
+    mean, own_window, own_bank = False, 60, "anchor_aware"
 
 
 class MeanRatioDecider(RestartDecider):
@@ -120,7 +119,7 @@ class MeanRatioDecider(RestartDecider):
 
     The statistic of a mode is the mean of the likelihood ratios of all start ticks, lambda_k of eq. (6). It
     is the likelihood ratio of a switch at a uniformly distributed moment. The paper tests one turn against
-    straight motion, once; `baselines.papers.switch_detection.detect_switch` does that on recordings, with
+    straight motion, once; `baselines.papers.golubkov2020.detect_switch` does that on recordings, with
     the same filters and the same corrections of eq. (5) and (7). Here every mode is tested against the stated
     one, and after a change of the statement the test begins anew from the most likely filter of the new mode.
 
@@ -130,19 +129,9 @@ class MeanRatioDecider(RestartDecider):
     stated mode, is not used: here the test would begin anew, and forget switches that have just begun.
 
     Args:
-        options, threshold, margin, window, bank: see `RestartDecider`.
+        options, threshold, margin, window, bank: see `RestartDecider`; by default 40 ticks and "published".
     """
 
     name, title, symbol = "detector-2020", "detector 2020", "ln lambda"
     colour, marker = "#695a00", "P"
-    mean = True
-
-    def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 5.0,
-        margin: float = 2.0,
-        window: int = 40,
-        bank: Bank = "published",
-    ):
-        super().__init__(options, threshold, margin, window, bank)
+    mean, own_window, own_bank = True, 40, "published"

@@ -119,14 +119,10 @@ class SPRTDecider(Decider):
     def __init__(self, alpha: float = 1e-3, beta: float | None = None):
         self.upper, self.lower = sprt_thresholds(alpha, beta)
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
-        """See `Decider.predict`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
+        """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
 
         If there is no state after the first tick of a segment, the test starts from the clipped ratios with
         all hypotheses.
@@ -160,7 +156,7 @@ class SPRTDecider(Decider):
         self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> NDArray[np.float64]:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
-        log_likelihood = self.predict(observation, state, episode_start)[1][0]
+        log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)
         return log_likelihood - np.take_along_axis(log_likelihood, active[:, None], axis=-1)
 

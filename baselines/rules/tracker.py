@@ -18,9 +18,9 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.limits import check_ticks
+from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.worlds.live import OnlineTrack, live_track
 
 FloatArray = NDArray[np.float64]
 
@@ -166,9 +166,7 @@ class OnlineTracker:
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
         if missing and self.decider.needs_measurements:
-            allowed = (
-                f"0: {type(self.decider).__name__} needs a measurement at every tick; begin() a new track"
-            )
+            allowed = f"0: {self.decider.class_name} needs a measurement at every tick; begin() a new track"
             raise reject("missing measurements", missing, allowed)
         if moment is not None:
             self._last_time = moment
@@ -266,7 +264,7 @@ class OnlineTracker:
             self._ask_decider()
         except Exception as error:
             allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
-            raise reject("decider", type(self.decider).__name__, allowed) from error
+            raise reject("decider", self.decider.class_name, allowed) from error
 
     def _checked_estimate(
         self, estimate: ArrayLike, covariance: ArrayLike | None

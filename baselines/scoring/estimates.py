@@ -1,5 +1,6 @@
 """Point estimates with confidence intervals over episodes."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -54,10 +55,12 @@ def confidence_interval(
     def statistic(index: NDArray[np.int64], axis: int) -> Any:
         return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
 
-    found = stats.bootstrap(
-        (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile",
-        confidence_level=confidence, rng=seed,
-    ).bootstrap_distribution  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # of resamples that do not count
+        found = stats.bootstrap(
+            (np.arange(len(episodes)),), statistic, n_resamples=RESAMPLES, batch=100, method="percentile",
+            confidence_level=confidence, rng=seed,
+        ).bootstrap_distribution  # fmt: skip
     if np.isnan(found).all():
         return float("nan"), float("nan")
     low, high = np.nanquantile(found, (0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence))

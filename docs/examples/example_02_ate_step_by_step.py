@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from baselines import sprt_thresholds, track_ate
-from hybrid_env.rendering.modes import mode_colour, mode_name
+from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
 radii = [5.0]  # hypotheses: straight, left turn, right turn

@@ -19,7 +19,7 @@ from stable_baselines3 import PPO
 from agents.learned.policy import PolicyDecider
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines import SPRTDecider
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 
 torch.set_num_threads(1)
 steps = 400_000

@@ -18,7 +18,7 @@ import numpy as np
 from agents.recordings.tracking import track_recording
 from baselines import OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions
-from hybrid_env.rendering.modes import mode_colour, mode_name
+from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 
 radii, variance, tau = (5.0,), 0.05, 0.1

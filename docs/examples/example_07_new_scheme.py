@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from baselines import MSPRTDecider
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import RandomScheme
 
 env = gym.make("hybrid_env:HybridTrack-v0", scheme="S80 L40r5 R40r5 S60")

@@ -18,7 +18,7 @@ from scipy import stats
 
 import hybrid_env
 from baselines import MSPRTDecider, SPRTDecider
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 
 tracks = 16_667
 envs = gym.make_vec("hybrid_env:HybridTrack-v0", num_envs=tracks, tick_info=False)

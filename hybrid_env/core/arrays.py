@@ -1,21 +1,30 @@
 """Arrays that are declared once: allocated from Python, and found by their addresses in compiled code.
 
+Large arrays request huge pages, and all are aligned to a cache line.
+
 A named tuple of arrays declares each of them by `Annotated[NDArray[...], Array(dtype, sizes)]`. A size is a
 number or the name of a field of the parameter record, and the address of an array is in the field with its
 name.
 """
 
+import math
+import mmap
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numba import carray, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.memory import aligned_zeros, array_at
 
 Owner = Literal["tracks", "options", "thread"]
+
+CACHE_LINE = 64  # bytes
+HUGE_PAGE = 1 << 21  # bytes
 
 
 @dataclass(frozen=True)
@@ -42,10 +51,51 @@ def declared(arrays: type, *owners: Owner) -> dict[str, Array]:
     return {name: one for name, one in found.items() if not one.at and (not owners or one.of in owners)}
 
 
+def aligned_zeros(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one line.
+
+    A step accesses the state of all tracks once. With pages of 4 kB the translation lookaside buffer misses
+    every few tracks, which takes longer than the computation. Large arrays therefore request huge pages.
+    """
+    kind = np.dtype(dtype)
+    size = math.prod(shape) * kind.itemsize
+    memory: NDArray[np.uint8]
+    line = CACHE_LINE
+    if size >= HUGE_PAGE // 2 and hasattr(mmap, "MADV_HUGEPAGE"):
+        line = HUGE_PAGE
+        # private mapping: a forked process gets a copy, and huge pages require it
+        pages = mmap.mmap(-1, size + 2 * HUGE_PAGE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        with suppress(OSError):  # the system has no huge pages
+            pages.madvise(mmap.MADV_HUGEPAGE)
+        memory = np.frombuffer(pages, np.uint8)
+    else:
+        memory = np.zeros(size + CACHE_LINE, np.uint8)
+    start = -memory.ctypes.data % line
+    return memory[start : start + size].view(kind).reshape(shape)
+
+
 def allocate(one: Array, sizes: Mapping[str, int] | np.void) -> NDArray[Any]:
     """Return an array of zeros with the declared type and shape."""
     shape = tuple(size if isinstance(size, int) else int(sizes[size]) for size in one.sizes)
     return aligned_zeros(shape, one.dtype)
+
+
+def _inttoptr(_typing: Any, address: Any) -> Any:
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(address), build
+
+
+_pointer_to: Any = intrinsic(_inttoptr)
+"""Convert an integer to a pointer for `numba.carray`."""
+
+
+@inlined
+def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
+    """Return the C-ordered array at an address; for compiled code only."""
+    return carray(_pointer_to(address), shape, dtype)
 
 
 # In compiled code a tuple of different types is built by a chain of functions, one for each element.

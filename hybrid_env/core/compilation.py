@@ -9,28 +9,29 @@ cached in the folder NUMBA_CACHE_DIR, because numba does not distinguish it from
 
 import functools
 import gc
+import os
 import sys
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import numba
 from numba import njit, typeof
 from numba.extending import register_jitable
 
-from hybrid_env.core.cached_files import CachedFiles, drop_stale_files
+from hybrid_env.core.cached_files import cache_name, cached_files, drop_stale_files
 
 config: Any = numba.config  # filled at run time
 
-OPTIONS: Any = {"error_model": "numpy", "nogil": True}
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+"""Options of all functions. C never calls one."""
 
 inlined: Any = njit(**OPTIONS, inline="always")
 """Decorator of a scalar formula or a part of a loop, which numba inlines before it infers types."""
 
-CALLEE_OPTIONS: Any = OPTIONS | {"no_cfunc_wrapper": True}
-"""Options of functions that only compiled functions call, and C never."""
-
-internal: Any = register_jitable(**CALLEE_OPTIONS)
+internal: Any = register_jitable(**OPTIONS)
 """Decorator of a function that is compiled when a compiled function calls it. Python runs it as it is."""
 
 
@@ -50,8 +51,9 @@ def compiled(function: Callable[..., Any]) -> Any:
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces the first compilation of a process. Without a writable cache every process
-    compiles. Cached files that are damaged or cannot be loaded are removed.
+    One line on stderr announces the first compilation of a process. Of several processes one compiles, and
+    the others load its files; without a writable cache every process compiles. Cached files that are damaged
+    or cannot be loaded are removed.
 
     Raises:
         RuntimeError: NUMBA_DISABLE_JIT is set, or a damaged cache cannot be removed.
@@ -61,23 +63,80 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     types = tuple(map(typeof, arguments))
     if types in dispatcher.signatures:
         return
-    files = CachedFiles(dispatcher)
-    files.remove_damaged()
-    found = files.paths() != []
-    if not found:
-        _announce()
+    name = cache_name(dispatcher)
+    with _alone(name):
+        _remove_damaged(name)
+        for found in (cached_files(name) != [], False):
+            if not found:
+                _announce()
+            try:
+                with _collector_paused():
+                    dispatcher.compile(types)
+                _save_checksums(name)
+                return
+            except Exception:  # unpickling a damaged file can raise anything
+                if types in dispatcher.signatures:
+                    return  # compiled, but not saved: the disk is full or read-only
+                if not found:
+                    raise
+                _remove(name)
+
+
+@contextmanager
+def _alone(name: Path | None) -> Iterator[None]:
+    """Wait until no other process prepares a function, where the system and the cache can tell."""
+    with ExitStack() as stack:
+        with suppress(ImportError, OSError):
+            import fcntl
+
+            if name is not None:
+                lock = stack.enter_context(name.with_name(f"{name.name}.lock").open("w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed
+        yield
+
+
+def _checksums(name: Path) -> Path:
+    """Return the file of checksums of a function."""
+    return name.with_name(f"{name.name}.checksums")
+
+
+def _checksum(path: Path) -> str:
+    """Return the line of a file in the file of checksums."""
+    return f"{zlib.crc32(path.read_bytes()):08x} {path.name}"
+
+
+def _remove_damaged(name: Path | None) -> None:
+    """Remove all files of a function if one of them differs from its checksum."""
+    if name is not None and _checksums(name).exists():
+        known = set(_checksums(name).read_text(errors="replace").splitlines())
+        names = {line.partition(" ")[2] for line in known}
+        if any(path.name in names and _checksum(path) not in known for path in cached_files(name)):
+            _remove(name)
+
+
+def _save_checksums(name: Path | None) -> None:
+    """Write the checksums of the files of a function, unless the folder is not writable."""
+    text = "".join(f"{_checksum(path)}\n" for path in cached_files(name))
+    with suppress(OSError):
+        if (
+            name is not None
+            and text
+            and not (_checksums(name).exists() and _checksums(name).read_text() == text)
+        ):
+            part = _checksums(name).with_suffix(f".{os.getpid()}")
+            part.write_text(text)
+            part.replace(_checksums(name))
+
+
+def _remove(name: Path | None) -> None:
+    """Remove the files of a function. Raises `RuntimeError` if that is not allowed."""
     try:
-        with _collector_paused():
-            dispatcher.compile(types)
-    except Exception:  # unpickling a damaged file can raise anything
-        if types in dispatcher.signatures:
-            return  # compiled, but not saved: the disk is full or read-only
-        if not found:
-            raise
-        files.remove()
-        prepare(dispatcher, *arguments)
-        return
-    files.save_checksums()
+        for path in cached_files(name):
+            path.unlink(missing_ok=True)
+    except OSError:
+        raise RuntimeError(
+            f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR"
+        ) from None
 
 
 @functools.cache

@@ -5,16 +5,16 @@ Decisions and new segments occur in few tracks and are computed for single lanes
 blocks.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, likeliest, mode_type
+from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, filter_model, likeliest, mode_type
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
 from hybrid_env.core.observation_row import (
@@ -24,7 +24,7 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
-from hybrid_env.core.true_object import begin_motion, move, move_lane
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
@@ -120,13 +120,42 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
 
+@internal
+def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -> None:
+    """Advance every filter where measurements may be missing or of different variances, lane by lane.
+
+    Args:
+        bank: bank of the block.
+        first, last: range of lanes, first .. last - 1.
+        block: a record with `measurement`, (2, LANES) [m], NaN where it is missing, and `variance_ratio`,
+            (LANES,), of the measurement over R.
+        setting: a record with the fields of `FilterModel`.
+    """
+    for lane in range(first, last):
+        if math.isnan(block.measurement[0, lane]):
+            operations.predict(bank, np.uint64(lane), filter_model(setting, 1.0))
+        else:
+            model = filter_model(setting, block.variance_ratio[lane])
+            operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, model)
+
+
+@internal
+def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting: Any) -> None:
+    """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
+    if math.isnan(block.measurement[0, lane]):
+        operations.predict(bank, np.uint64(lane), filter_model(setting, 1.0))
+    else:
+        model = filter_model(setting, block.variance_ratio[lane])
+        operations.follow(bank, lane, hypothesis, block.measurement, model)
+
+
 @inlined
 def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
-        operations.step_irregular(bank, first, last, block, setting)
+        step_irregular(bank, first, last, block, setting)
     else:
-        operations.step(bank, first, last, block.measurement, operations.filter_model(setting, 1.0))
+        operations.step(bank, first, last, block.measurement, filter_model(setting, 1.0))
 
 
 @internal
@@ -176,13 +205,13 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
-    model, start, stop = operations.filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
+    model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
     while irregular and block.tick[lane] < block.length[lane]:
         move(block, noise, start, stop, arrays.sensors, setting)
         if merged:
-            operations.step_irregular(bank, start, stop, block, setting)
+            step_irregular(bank, start, stop, block, setting)
         else:
-            operations.follow_irregular(bank, lane, chosen, block, setting)
+            follow_irregular(bank, lane, chosen, block, setting)
         _record_estimate(block, lane, bank.hypotheses, trace, merged)
     while block.tick[lane] < block.length[lane]:
         ticks = min(LANES, block.length[lane] - block.tick[lane])

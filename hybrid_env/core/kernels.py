@@ -1,18 +1,160 @@
-"""The compiled entry points of the kernel, one for each bank. All other options are read at run time."""
+"""The compiled entry points of the kernel, one for each bank. All other options are read at run time.
+
+On a live sensor the measurement comes from the caller instead of `true_object.move`. Everything else is
+computed by the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same
+observations as in the environments. The track is the first lane of the first block, and `irregular` is True
+in its parameters, because any measurement may be missing.
+"""
 
 from typing import Any
 
+import numpy as np
+
 from hybrid_env.core import kernel, quickest_kernel
+from hybrid_env.core.arrays import array_at
+from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
-from hybrid_env.core.banks.imm import ImmBank, imm_banks
+from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
-from hybrid_env.core.compilation import compiled
-from hybrid_env.core.live import advance_live, advance_live_quickest
-from hybrid_env.core.memory import array_at
+from hybrid_env.core.compilation import compiled, inlined, internal
+from hybrid_env.core.kernel import (
+    HAS_DECISION,
+    begin_bank,
+    chosen_mode,
+    follow_irregular,
+    set_anchor,
+    step_irregular,
+)
+from hybrid_env.core.observation_row import (
+    compare_hypotheses,
+    write_expected_displacement,
+    write_quickest_row,
+    write_segment,
+    write_tick,
+)
+from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
 STEP, RESET, MEASURE, BEGIN = range(4)
-"""Commands: of the environments the first two, on a live sensor the others (see `live`)."""
+"""Commands: of the environments the first two, on a live sensor the others."""
+
+FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
+
+
+@inlined
+def _begin(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
+    """End the segment, which decides it if it is undecided, and begin the next one at its estimate."""
+    if block.segment[0] >= 0:
+        if not arrays.decision_flags[HAS_DECISION, 0]:
+            block.active_mode[0] = chosen_mode(block, 0, bank, 0, setting)
+        set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
+    block.segment[0] += 1
+    arrays.decision_flags[HAS_DECISION, 0] = False
+    for k in range(4):
+        block.anchor[k, 0] = block.estimate[k, 0]
+    begin_bank(block, 0, bank, arrays.radii, setting)
+
+
+@inlined
+def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
+    """Advance the bank by one tick; before the decision of the segment also write the observation."""
+    decided = arrays.decision_flags[HAS_DECISION, 0]
+    block.tick[0] += 1
+    block.length[0] = max(block.length[0], block.tick[0])
+    if decided and not setting.merged:
+        follow_irregular(bank, 0, block.active_mode[0], block, setting)
+    else:
+        step_irregular(bank, FIRST, LAST, block, setting)
+    if not decided:
+        scratch, row = arrays.scratch[0], arrays.observations[0]
+        compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
+        if block.tick[0] == 1:
+            write_segment(row, block, 0, arrays.radii, setting)
+        write_tick(row, block, 0, scratch, bank, setting)
+        write_expected_displacement(row, block, 0, bank, setting)
+
+
+@internal
+def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
+    """Begin a segment, process a measurement, or declare a mode.
+
+    With `begins` the last segment ends, and the bank starts from its estimate; the first one starts from
+    `estimate` and `covariance` of the block, and its `segment` is -1. Otherwise action 0 advances the bank by
+    the `measurement` of the block, which is NaN if there is none, and writes the observation until a mode is
+    declared; action i + 1 declares mode i and advances nothing. Then `estimate` and `covariance` of the block
+    are those of the last decided mode, or merged over the bank.
+
+    Returns:
+        0.
+    """
+    block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
+    if begins:
+        _begin(block, bank, arrays, setting)
+        return 0
+    action = arrays.actions[0]
+    if action > 0:
+        block.active_mode[0] = chosen_mode(block, 0, bank, action, setting)
+        arrays.decision_flags[HAS_DECISION, 0] = True
+    else:
+        _measure(block, bank, arrays, setting)
+    set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
+    return 0
+
+
+@internal
+def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
+    """Begin a track, or process a statement and a measurement, with unknown switch moments.
+
+    With `begins` every filter starts from `estimate` and `covariance` of the block; the action is the mode
+    before the first tick, -1 if it is not known. Otherwise the action is the statement of the last tick,
+    which does not count before the first one; the bank advances by the `measurement` of the block, which is
+    NaN if there is none, and the observation is written.
+
+    Returns:
+        0.
+    """
+    block, bank = arrays.blocks[0], imm_of_block(banks, 0)
+    if begins:
+        block.time[0], block.stated_mode[0], block.stated_ticks[0] = 0, 0, 0
+        begin_imm(bank, block, 0, arrays.actions[0])
+        return 0
+    if block.time[0] > 0:
+        record_statement(block, 0, arrays.actions[0])
+    step_imm_irregular(bank, block, FIRST, LAST, arrays.radii, setting)
+    block.time[0] += 1
+    write_quickest_row(arrays.observations[0], block, 0, bank, setting)
+    return 0
+
+
+# An entry only calls one function: numba would compile what both the entry, which Python calls, and another
+# function call twice.
+
+
+@internal
+def _advance_published(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = published_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
+
+
+@internal
+def _advance_aware(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = aware_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live(command == BEGIN, banks, arrays, setting)
+    return kernel.advance(command == RESET, banks, arrays, setting)
+
+
+@internal
+def _advance_quickest(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    banks, arrays = imm_banks(setting), arrays_of(setting)
+    if command >= MEASURE:
+        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
+    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
 
 
 @compiled
@@ -31,31 +173,19 @@ def advance_published(address: int, command: int) -> int:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
         is outside the space, -1 - i; then no track is stepped. On a live sensor 0.
     """
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = published_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_published(address, command)
 
 
 @compiled
 def advance_aware(address: int, command: int) -> int:
     """Like `advance_published`, with the anchor-aware bank."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = aware_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_aware(address, command)
 
 
 @compiled
 def advance_quickest(address: int, command: int) -> int:
     """Like `advance_published`, with unknown switch moments; a statement is not an event."""
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = imm_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
-    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
+    return _advance_quickest(address, command)
 
 
 KERNELS: dict[type, Any] = {

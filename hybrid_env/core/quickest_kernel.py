@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.imm import begin_imm, imm_model, imm_of_block, step_imm, step_imm_irregular
+from hybrid_env.core.banks.bank import filter_model
+from hybrid_env.core.banks.imm import begin_imm, imm_of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.first_estimate import draw_first_estimate
 from hybrid_env.core.kernel import TERMINATED, invalid_action
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.records import LANES
-from hybrid_env.core.true_object import begin_motion, move
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1  # rows of the table of durations
 
@@ -117,7 +117,7 @@ def step_lanes(bank: Any, block: Any, first: int, last: int, arrays: Any, settin
     if setting.irregular:
         step_imm_irregular(bank, block, first, last, arrays.radii, setting)
     else:
-        step_imm(bank, block, first, last, arrays.radii, imm_model(setting, 1.0))
+        step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0))
 
 
 @inlined

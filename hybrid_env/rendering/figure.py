@@ -16,9 +16,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hybrid_env.rendering.evidence import EvidencePanel
+from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, mode_colour, mode_name
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name
 from hybrid_env.rendering.panels import (
     SKIPPED_STYLE,
     THRESHOLD_STYLE,

@@ -15,9 +15,8 @@ from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
 from hybrid_env.options import ModelOptions
-from hybrid_env.rendering.evidence import EvidencePanel
+from hybrid_env.rendering.evidence import EvidencePanel, mode_colour
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, Decision, History
-from hybrid_env.rendering.modes import mode_colour
 
 CORRECT, WRONG = "o", "X"
 CURRENT_COLOUR = "#f0e442"

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from agents.cli import main
-from agents.evaluation import shifted_worlds
+from agents.studies import shifts
 from hybrid_env import WorldOptions
 
 
@@ -24,11 +24,11 @@ def test_evaluate_prints_and_writes_its_results(capsys, tmp_path):
     assert main(["evaluate", "ate:0.01", "--episodes", "20", "--scheme", "S20 L30r5", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "accuracy" in printed
-    figures = json.loads(out.read_text())
-    assert figures["segments"] == 40
-    assert f"{figures['accuracy']['mean']:.4f}" in printed
-    low, high = figures["accuracy"]["interval"]
-    assert low <= figures["accuracy"]["mean"] <= high
+    (figures,) = json.loads(out.read_text())
+    assert figures["size"] == "40 segments"
+    accuracy = figures["accuracy"]
+    assert f"{100 * accuracy['value']:.1f}" in printed
+    assert accuracy["low"] <= accuracy["value"] <= accuracy["high"]
 
 
 def test_a_run_is_trained_resumed_and_evaluated(capsys, tmp_path):
@@ -86,7 +86,7 @@ def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path):
         "fixed time",
         "MSPRT",
         "ppo",
-        "ppo compared with ATE",
+        "On the operating curves",
         "Error rate",
         "published bank",
     ):
@@ -120,7 +120,7 @@ def test_compare_without_curves_evaluates_the_selected_thresholds_only(tmp_path,
     assert len(first["curve"]["thresholds"]) > 10
     assert second["curve"]["thresholds"] == [second["threshold"]["chosen"]]
     assert "equal_time_error" not in second
-    assert not (out / "episode.png").exists()
+    assert (out / "episode.png").exists()
 
 
 def test_an_anchor_agent_is_trained_resumed_and_evaluated_in_its_own_environment(tmp_path, capsys):
@@ -135,7 +135,7 @@ def test_an_anchor_agent_is_trained_resumed_and_evaluated_in_its_own_environment
 
 
 def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 3)
+    monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 3)
     out = tmp_path / "shifts.json"
     line = f"evaluate fixed msprt --shifted --episodes 10 --scheme random\\ 2x20-30 --out {out}"
     import shlex
@@ -159,7 +159,7 @@ def test_evaluate_shows_degradation_in_shifted_environments(tmp_path, capsys, mo
 
 
 def test_evaluate_draws_random_worlds(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(shifted_worlds, "MOST_THRESHOLDS", 2)
+    monkeypatch.setattr(shifts, "MOST_THRESHOLDS", 2)
     out = tmp_path / "drawn.json"
     assert main(["evaluate", "fixed", "--drawn", "3", "--episodes", "5", "--out", str(out)]) == 0
     assert "random world 3" in capsys.readouterr().out

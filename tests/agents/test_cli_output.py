@@ -6,13 +6,11 @@ import shutil
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from agents.evaluation.deciders import SHIPPED_FOLDER
-from rich.console import Console
 
 from agents.cli import main
-from agents.evaluation.shifted_worlds import ShiftResult, shift_table
+from agents.evaluation.registry import SHIPPED, policy_folder
+from baselines.rules.decider import ANNOUNCED
 
 COMMAND = [sys.executable, "-m", "agents.cli"]
 NO_SPACE = os.strerror(errno.ENOSPC)
@@ -43,7 +41,7 @@ def test_an_error_of_the_system_is_one_line(error, monkeypatch, capsys):
     def fail(self):
         raise error
 
-    monkeypatch.setattr("agents.evaluation.command.Evaluate.run", fail)
+    monkeypatch.setattr("agents.studies.evaluate_command.Evaluate.run", fail)
     assert main(["evaluate"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert len(line) <= 300
@@ -63,17 +61,11 @@ def test_any_text_of_the_user_gives_one_line(line, text, capsys):
 @pytest.mark.parametrize("name", ["s[b]", "a:dog:", "back\\"])
 def test_names_of_run_folders_are_printed_as_they_are(name, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shutil.copytree(SHIPPED_FOLDER, tmp_path / name)
+    shutil.copytree(policy_folder(SHIPPED, ANNOUNCED), tmp_path / name)
     few = ["--episodes", "2", "--scheme", "S5"]
     assert main(["evaluate", name, *few]) == 0
-    assert f"{name} on HybridTrack-v0" in capsys.readouterr().out
+    assert name in capsys.readouterr().out
     assert main(["play", "--decider", name, "--scheme", "S5", "--out", "[b]x.png"]) == 0
     printed = capsys.readouterr().out
     assert f"{name}, episode 1" in printed
     assert "[b]x.png" in printed
-
-
-def test_names_of_run_folders_in_tables_of_shifts_are_printed_as_they_are(capsys):
-    result = ShiftResult("nominal", "s[/b]", 0.1, *[0.5] * 9, np.zeros(2), np.zeros(2))
-    Console().print(shift_table([result], "title"))
-    assert "s[/b]" in capsys.readouterr().out

@@ -4,14 +4,14 @@ import shlex
 from dataclasses import fields
 
 import pytest
-from agents.comparison.command import Compare
-from agents.evaluation.command import Evaluate
-from agents.limits.command import Limits
-from agents.playing.command import Play
 
 from agents.cli import main
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
+from agents.studies.compare_command import Compare
+from agents.studies.evaluate_command import Evaluate
+from agents.studies.limits_command import Limits
+from agents.studies.play_command import Play
 from agents.training.command import Train
 from agents.tuning.command import Tune
 

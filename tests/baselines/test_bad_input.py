@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from baselines import track_ate
-from baselines.papers.known_modes import filter_known_modes
-from baselines.papers.switch_detection import detect_switch
+from baselines.papers.golubkov2018 import filter_known_modes
+from baselines.papers.golubkov2020 import detect_switch
 from hybrid_env import ArgumentError, KalmanBank, Layout
 
 POSITIONS = np.cumsum(np.full((10, 2), 0.2), axis=0)

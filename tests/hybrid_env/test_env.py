@@ -19,7 +19,7 @@ from hybrid_env import (
     Sensor,
 )
 from hybrid_env.core.records import TRACE_COLUMNS
-from hybrid_env.worlds.world import World
+from hybrid_env.world import World
 
 
 def play(env, policy, seed):
@@ -83,7 +83,9 @@ def test_mean_rewards_of_declaring_immediately_and_of_never_declaring_have_their
 @pytest.mark.parametrize(
     "options",
     [
-        {}, {"noise": "outliers 0.3"}, {"noise": "levy 1.5", "missed": 0.2},
+        {}, {"missed": 0.4}, {"noise": "outliers 0.3"}, {"noise": "outliers 0.3", "missed": 0.4},
+        {"noise": "levy 1"}, {"noise": "levy 1.5", "missed": 0.2}, {"noise": "student_t 3"},
+        {"noise": "student_t 3", "missed": 0.4},
         {"sensors": [Sensor(variance=0.2, range=9.0), Sensor(variance=0.05, period=7)], "missed": 0.1},
     ],
 )  # fmt: skip

@@ -1,96 +1,18 @@
-"""Missed measurements and several sensors: the banks equal filters in matrix form, tick by tick."""
+"""Missed measurements and several sensors."""
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter, transition_matrix
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from hybrid_env import (
-    HybridTrackEnv,
-    HybridTrackQuickestEnv,
-    HybridTrackVectorEnv,
-    Layout,
-    QuickestLayout,
-    Sensor,
-)
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Sensor
 
-TICKS, TAU, Q = 60, 0.1, 0.001
 SENSORS = (
     Sensor(variance=0.4, period=2),
     Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
     Sensor(variance=2.0, position=(-3.0, 0.0), range=6.0, period=3),
 )
-WORLDS = {
-    "missed": {"missed": 0.4},
-    "sensors": {"sensors": SENSORS},
-    "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
-}
-
-
-def measured(info):
-    """Return the measurement of a tick, None without one."""
-    missing = np.isnan(info["measurement"])
-    assert missing[0] == missing[1]
-    return None if missing[0] else info["measurement"]
-
-
-@pytest.mark.parametrize("name", WORLDS)
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_a_bank_equals_matrix_filters_that_only_predict_in_a_tick_without_a_measurement(name, bank):
-    env = HybridTrackEnv(scheme=f"L{TICKS}r5", bank=bank, **WORLDS[name])
-    layout = Layout(3)
-    row, info = env.reset(seed=4)
-    anchor, P = info["anchor"], np.diag([0.03, 0.02] * 2)
-    if bank == "published":
-        filters = [MatrixKalmanFilter(anchor, np.eye(4), m, 5.0, TAU, Q, 0.1 * np.eye(2)) for m in "SLR"]
-    else:
-        filters = [MatrixExtendedKalmanFilter(anchor, P, r, TAU, Q, [0.1, 0.1]) for r in (0.0, 5.0, -5.0)]
-    missing = 0
-    for k in range(TICKS):
-        z = measured(info)
-        missing += z is None
-        variance = 0.1 * env.world.field("variance_ratio")[0]
-        for one in filters:
-            one.R = variance * np.eye(2) if bank == "published" else [variance] * 2
-            one.step(z)
-        found = env.world.bank.hypotheses[0]
-        states = [one.x if bank == "published" else one.s[:4] for one in filters]
-        for h in range(3):
-            np.testing.assert_allclose([found[h][n][0] for n in ("x", "vx", "y", "vy")], states[h], atol=1e-6)
-        np.testing.assert_allclose(info["log_likelihood"], [one.log_likelihood for one in filters], atol=2e-5)
-        along, across = (layout.read(row, f"innovation_{one}") for one in ("along", "across"))
-        assert (z is None) == (not along.any() and not across.any())
-        assert env.observation_space.contains(row), k
-        if k < TICKS - 1:
-            row, *_, info = env.step(0)
-    assert 0 < missing < TICKS
-
-
-@pytest.mark.parametrize("name", WORLDS)
-def test_the_imm_bank_equals_matrix_filters_that_only_predict_in_a_tick_without_a_measurement(name):
-    env = HybridTrackQuickestEnv(start="random", ticks=TICKS, heading=0.3, initial_error=0, **WORLDS[name])
-    matrix = env.options.transition_matrix
-    np.testing.assert_allclose(matrix, transition_matrix(3, env.options.assumed_hazard))
-    row, info = env.reset(seed=5)
-    layout = QuickestLayout(3)
-    start = [0.0, 2.0 * np.cos(0.3), 0.0, 2.0 * np.sin(0.3)]
-    literal = LiteralImm(start, np.zeros((4, 4)), [0.0, 0.2, -0.2], matrix, TAU, Q, [0.1, 0.1])
-    missing = 0
-    for k in range(TICKS):
-        z = measured(info)
-        missing += z is None
-        literal.R = 0.1 * env.world.field("variance_ratio")[0] * np.eye(2)
-        literal.step(z)
-        np.testing.assert_allclose(info["estimate"], literal.estimate, atol=1e-9)
-        np.testing.assert_allclose(np.exp(info["log_probability"]), literal.probability, atol=1e-9)
-        np.testing.assert_allclose(env.world.field("covariance")[0][0], literal.covariance[0, 0], rtol=1e-8)
-        along, across = (layout.read(row, f"innovation_{one}") for one in ("along", "across"))
-        assert (z is None) == (not along.any() and not across.any())
-        assert env.observation_space.contains(row), k
-        row, *_, info = env.step(0)
-    assert 0 < missing < TICKS
 
 
 def test_independent_measurements_of_a_tick_equal_successive_corrections():
@@ -165,32 +87,3 @@ def test_the_environment_checkers_accept_noises_missing_measurements_and_sensors
     env = gym.make(f"hybrid_env:{env_id}", **options).unwrapped
     check_env(env, skip_render_check=True)
     check_env_sb3(env, skip_render_check=True)
-
-
-@pytest.mark.parametrize(
-    ("length", "time"),
-    [(1.0, 1.0), (1e3, 10.0), (1e-3, 1e-2), (250.0, 1.0)],
-    ids=["walker", "ship", "insect", "aircraft"],
-)
-def test_units_change_no_row(length, time):
-    options = {
-        "radii": 5.0 * length, "speed": 2.0 * length / time, "tau": 0.1 * time,
-        "process_variance": 0.001 * (length / time) ** 2, "measurement_variance": 0.1 * length**2,
-        "initial_error": (0.3, 0.02 * (length / time) ** 2), "reset_covariance": False, "missed": 0.2,
-        "noise": "student_t 3",
-        "sensors": [
-            {"variance": 0.2 * length**2, "period": 2},
-            {"variance": 0.1 * length**2, "position": (4.0 * length, 0.0), "range": 6.0 * length},
-        ],
-    }  # fmt: skip
-    base = HybridTrackEnv(
-        reset_covariance=False, missed=0.2, noise="student_t 3",
-        sensors=[Sensor(variance=0.2, period=2), Sensor(variance=0.1, position=(4.0, 0.0), range=6.0)],
-    )  # fmt: skip
-    scaled = HybridTrackEnv(**options)
-    layout = Layout(3)
-    row, other = base.reset(seed=3)[0], scaled.reset(seed=3)[0]
-    for _ in range(100):
-        for name in ("log_ratio", "innovation_along", "innovation_across", "displacement_along"):
-            np.testing.assert_allclose(layout.read(row, name), layout.read(other, name), atol=1e-4)
-        row, other = base.step(0)[0], scaled.step(0)[0]

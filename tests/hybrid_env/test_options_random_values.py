@@ -1,5 +1,6 @@
 """Random values of options: a world is refused in one line, or its rows are in the observation space."""
 
+import dataclasses
 import datetime
 import decimal
 import math
@@ -15,7 +16,7 @@ from hybrid_env import FixedScheme, RandomScheme, Segment, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import RANGES
 
-NAMES = sorted(WorldOptions.__dataclass_fields__)
+NAMES = sorted(field.name for field in dataclasses.fields(WorldOptions))
 LIMITS = sorted({value for pair in RANGES.values() for value in pair})
 
 numbers = st.one_of(

@@ -1,6 +1,7 @@
 """Options are plain values that do not change later, inside ranges that no unit of measurement leaves."""
 
 import copy
+import dataclasses
 import datetime
 import decimal
 import fractions
@@ -97,16 +98,9 @@ NUMBERS = [
     "initial_error", "delay_cost",
 ]  # fmt: skip
 WORDS = [
-    "scheme",
-    "noise",
-    "likelihood",
-    "bank",
-    "reset_covariance",
-    "follow",
-    "correctness",
-    "actions",
-    "undecided",
-]
+    "scheme", "noise", "likelihood", "bank", "reset_covariance", "follow", "correctness",
+    "actions", "undecided",
+]  # fmt: skip
 
 
 def refused(function, *arguments, **keywords):
@@ -118,6 +112,10 @@ def refused(function, *arguments, **keywords):
     assert message.isprintable()  # also no line break
     assert "expected" in message
     return message
+
+
+def test_every_option_is_tested():
+    assert {*NUMBERS, *WORDS, "sensors"} == {field.name for field in dataclasses.fields(WorldOptions)}
 
 
 @pytest.mark.parametrize("name", NUMBERS + WORDS)
@@ -172,11 +170,13 @@ SCHEMES = [
     "S" + "9" * 4400, "L5r" + "9" * 4400, "random " + "9" * 4400 + "x5", "random 5x" + "9" * 4400,
     "S5 " * (MAX_PIECES + 1), "S" + "5" * 4400 + "x", "L50r0", "L50r" + "0" * 400 + "1" * 400, "S1000001",
     "random 1000001x5", "random 5x1000001", "S٣", "S5\x00", "S5\n\nX" * 100, "'" * 400,
+    "", "   ", "X50", "S", "S0", "S50r3", "L50", "L50r-1", "Lr5", "S50 L50", "L50rx", "S5.5", "random 0x5",
+    "random 3x9-5", "random x", "S99999999", "nonsense", None, 5, [], ("S50",), b"S50",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=range(len(SCHEMES)))
-def test_long_numbers_and_odd_characters_in_a_scheme_are_refused(scheme):
+def test_other_texts_and_values_of_a_scheme_are_refused(scheme):
     refused(parse_scheme, scheme)
     refused(WorldOptions, scheme=scheme)
 
@@ -190,6 +190,13 @@ OUTSIDE = [
     {"scheme": RandomScheme(radii=(1e-3, 5.0)), "correctness": "type"},
     {"process_variance": 1e18, "tau": 1.0, "measurement_variance": 1e-3},
     {"initial_error": (0.0, 1e18), "tau": 1.0, "measurement_variance": 1e-3},
+    {"radii": 0.0}, {"radii": -5.0}, {"radii": (5.0, 5.0)}, {"radii": ((5.0,),)}, {"speed": 0.0},
+    {"tau": 0.0}, {"tau": [0.1]}, {"process_variance": -1e-9}, {"measurement_variance": 0.0},
+    {"measurement_variance": (0.1, 0.0)}, {"initial_error": 0.5}, {"initial_error": (0.3,)},
+    {"initial_error": (-0.3, 0.0)}, {"initial_error": (math.nan, 0.0)}, {"noise": "outliers -0.1"},
+    {"noise": "outliers 1"}, {"noise": "levy 3"}, {"sensors": "radar"}, {"sensors": [5]}, {"missed": 1.0},
+    {"delay_cost": -0.01}, {"bank": "aware"}, {"bank": 1}, {"reset_covariance": 1}, {"follow": "both"},
+    {"correctness": "approximate"}, {"actions": "some"}, {"undecided": "forget"},
 ]  # fmt: skip
 
 
@@ -240,6 +247,12 @@ def test_objects_in_other_units_are_far_inside_the_range(name, bank):
         soak(scaled, tracks=16, ticks=2000, seed=1)
 
 
+SENSED = {
+    "missed": 0.2, "noise": "student_t 3",
+    "sensors": [
+        {"variance": 0.2, "period": 2}, {"variance": 0.1, "position": (4.0, 0.0), "range": 6.0}
+    ],
+}  # fmt: skip
 UNITLESS = (
     "log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "ticks", "ticks_left",
     "log_error_probability", "displacement_along", "displacement_across", "anchor_xx",
@@ -248,11 +261,12 @@ UNITLESS = (
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware", "oracle"])
 @pytest.mark.parametrize(("length", "time"), [(1e3, 1e-3), (1e-3, 60.0), (1e5, 1e5)])
-def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time):
+@pytest.mark.parametrize("measured", [{}, SENSED], ids=["one sensor", "sensors"])
+def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time, measured):
     # P := I has units; the bank therefore carries its covariance over
     options = {
         "radii": (3.0, 5.0), "speed": 2.0, "tau": 0.1, "process_variance": 0.001, "measurement_variance": 0.1,
-        "initial_error": (0.3, 0.02), "bank": bank, "reset_covariance": False,
+        "initial_error": (0.3, 0.02), "bank": bank, "reset_covariance": False, **measured,
     }  # fmt: skip
     envs = [HybridTrackVectorEnv(16, **one) for one in (options, unit_scales(options, length, time))]
     layout = Layout(5)

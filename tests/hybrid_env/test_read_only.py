@@ -13,8 +13,12 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
     KalmanBank,
+    QuickestOptions,
+    WorldOptions,
 )
 from hybrid_env.core.records import LANES
+from hybrid_env.live import OnlineQuickestWorld, OnlineWorld
+from hybrid_env.world import World
 
 ENVIRONMENTS = [HybridTrackVectorEnv, HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv]
 
@@ -36,16 +40,6 @@ def test_the_model_of_a_bank_cannot_be_replaced(name):
     bank.anchor([0.0, 2.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="read-only"):
         bank.radii[0] = 1.0
-
-
-def test_an_array_given_as_an_option_can_change_later():
-    variance = np.array([0.1, 0.2])
-    env = HybridTrackEnv(measurement_variance=variance, radii=np.array([3.0, 5.0]))
-    env.reset(seed=0)
-    variance.resize(1, refcheck=False)
-    variance[:] = np.nan
-    copied = copy.deepcopy(env)
-    np.testing.assert_array_equal(copied.step(0)[0], env.step(0)[0])
 
 
 @pytest.mark.parametrize("tracks", [1, LANES, LANES + 3])
@@ -85,11 +79,6 @@ def _text(arrays):
     arrays["trace"] = "text"
 
 
-def _out_of_range(arrays, name, value):
-    arrays["blocks"] = arrays["blocks"].copy()
-    arrays["blocks"][name][0, 0] = value
-
-
 @pytest.mark.parametrize("damage", [_missing, _wider, _fewer, _text])
 def test_a_state_of_other_arrays_is_refused(damage):
     world = HybridTrackVectorEnv(8).world
@@ -99,18 +88,49 @@ def test_a_state_of_other_arrays_is_refused(damage):
         world.restore(arrays)
 
 
-@pytest.mark.parametrize(
-    ("make", "names"),
-    [
-        (HybridTrackVectorEnv, ("segment", "true_mode", "active_mode", "trace_length", "length")),
-        (HybridTrackQuickestVectorEnv, ("segment", "true_mode", "stated_mode", "time", "length")),
-    ],
-)
+ANNOUNCED, UNKNOWN = WorldOptions(), QuickestOptions()
+INDICES = [
+    (World, ANNOUNCED, ("segment", "true_mode", "active_mode", "trace_length", "length")),
+    (World, UNKNOWN, ("segment", "true_mode", "stated_mode", "time", "length")),
+    (OnlineWorld, ANNOUNCED, ("active_mode",)),
+    (OnlineQuickestWorld, UNKNOWN, ("stated_mode",)),
+]
+LIVE = [(OnlineWorld, ANNOUNCED), (OnlineQuickestWorld, UNKNOWN)]
+
+
+@pytest.mark.parametrize(("kind", "options", "names"), INDICES)
 @pytest.mark.parametrize("value", [-1, 2**40, 2**62])
-def test_a_state_with_an_index_out_of_range_is_refused(make, names, value):
-    world = make(8).world
+def test_a_state_with_an_index_out_of_range_is_refused(kind, options, names, value):
+    world = kind(options, 1)
     for name in names:
         arrays = dict(world.arrays())
-        _out_of_range(arrays, name, value)
+        arrays["blocks"] = arrays["blocks"].copy()
+        arrays["blocks"][name][0, 0] = value
         with pytest.raises(ArgumentError, match=f"blocks.{name}="):
             world.restore(arrays)
+
+
+@pytest.mark.parametrize(("kind", "options"), LIVE)
+def test_arrays_of_a_live_sensor_are_those_of_the_environment(kind, options):
+    live, world = kind(options), World(options, 1)
+    assert {name: (array.dtype, array.shape) for name, array in live.arrays().items()} == {
+        name: (array.dtype, array.shape) for name, array in world.arrays().items()
+    }
+    assert live.action_space() == world.action_space()
+
+
+@pytest.mark.parametrize(("kind", "options"), LIVE)
+def test_more_segments_and_ticks_than_an_episode_has_are_allowed_on_a_live_sensor(kind, options):
+    world = kind(options)
+    world.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), np.eye(4), -1)
+    world.begin_segment(5)
+    for k in range(2000):
+        if k % 100 == 0:
+            world.begin_segment(5)
+        world.measure(0.2 * (k + 1), 0.0)
+        world.decide(0)
+    other = copy.deepcopy(world)
+    world.measure(400.2, 0.0)
+    other.measure(400.2, 0.0)
+    assert other.observations.tobytes() == world.observations.tobytes()
+    assert np.isfinite(world.observations).all()

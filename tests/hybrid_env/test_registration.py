@@ -1,11 +1,13 @@
 """The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
 
+import functools
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
+from gymnasium.vector import AsyncVectorEnv
 from stable_baselines3.common.env_checker import check_env as sb3_check
-from stable_baselines3.common.vec_env import SubprocVecEnv
 
 import hybrid_env
 
@@ -35,15 +37,11 @@ def test_every_vectorization_mode_gives_the_same_episodes(env_id, mode):
         env.close()
 
 
-def make_by_module():
-    return gym.make("hybrid_env:HybridTrack-v0")
-
-
 def test_forkserver_processes_create_the_environment_by_module_and_id():
-    env = SubprocVecEnv([make_by_module, make_by_module], start_method="forkserver")
+    make = functools.partial(gym.make, "hybrid_env:HybridTrack-v0")
+    env = AsyncVectorEnv([make, make], context="forkserver")
     try:
-        env.seed(6)
-        rows = env.reset()
+        rows = env.reset(seed=6)[0]
         assert rows.shape == (2, 28)
         np.testing.assert_array_equal(rows[1], gym.make("HybridTrack-v0").reset(seed=7)[0])
         assert env.step(np.array([0, 1]))[0].shape == (2, 28)

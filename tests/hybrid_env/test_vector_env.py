@@ -10,6 +10,8 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from hybrid_env import (
+    HybridTrackEasyEnv,
+    HybridTrackEasyVectorEnv,
     HybridTrackEnv,
     HybridTrackQuickestEnv,
     HybridTrackQuickestVectorEnv,
@@ -33,10 +35,13 @@ MADE = [
         for options in ({"missed": 0.4}, {"sensors": SENSORS}, {"sensors": SENSORS, "missed": 0.4})
     ),
     ("HybridTrack-v0", {"noise": "levy 1.5 1 44"}),
+    ("HybridTrack-v0", {"bank": "anchor_aware", "noise": "outliers 0.1"}),
+    ("HybridTrack-v0", {"bank": "anchor_aware", "follow": "bank"}),
     ("HybridTrackQuickest-v0", SHORT | {"noise": "student_t 3"}),
 ]
 VIEWS = {
     "announced": (HybridTrackVectorEnv, HybridTrackEnv, {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}),
+    "easy": (HybridTrackEasyVectorEnv, HybridTrackEasyEnv, {"scheme": "random 2x5-9", "radii": (3.0, 5.0)}),
     "unknown": (HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv, SHORT),
 }
 """The vector and the single environment with each kind of switches, and options of short episodes."""
@@ -214,15 +219,6 @@ def test_a_reset_of_some_tracks_keeps_the_traces_of_the_others():
     assert min(lengths) > 1
     env.reset(options={"reset_mask": np.array([False, True, False])})
     assert [len(env.world.read_trace(k)) for k in range(3)] == [lengths[0], 1, lengths[2]]
-
-
-@pytest.mark.parametrize("seed", [1.5, "one", (1, 2), (1, 2, 0.5), (1, 2, -3), object()])
-def test_invalid_seeds_raise_and_arrays_of_seeds_are_accepted(seed):
-    env = HybridTrackVectorEnv(3)
-    with pytest.raises(ValueError, match="seed="):
-        env.reset(seed=seed)
-    rows, _ = env.reset(seed=np.array([4, 5, 6]))
-    np.testing.assert_array_equal(rows, env.reset(seed=4)[0])
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,13 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.reproduction.canvas import (
-    DARK_GREY,
-    GREY,
-    RUN,
-    TRUTH,
-    decimal,
-    label_lines,
-    new_figure,
-    plot_by_mode,
-    style_map,
-)
+from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
+from agents.figures.curve_labels import label_lines
+from agents.figures.tracks import plot_by_mode
+from agents.reproduction.figures.golubkov2018 import RUN, decimal
 from baselines.papers.golubkov2020 import ALPHAS, PUBLISHED_DELAY, RIGHT_TURN, SWITCH
 from baselines.papers.reproduction import Reproduction
-from hybrid_env.rendering.modes import TYPE_COLOURS
+from hybrid_env.rendering.evidence import TYPE_COLOURS
 
 ALPHA_STYLES = (
     {"color": "#000000", "linestyle": "-"},
@@ -29,7 +22,7 @@ ALPHA_STYLES = (
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name."""
-    figure, (map_axes, ratio_axes, delay_axes) = new_figure(
+    figure, (map_axes, ratio_axes, delay_axes) = paper_figure(
         f"{result.paper}: detection of a right turn (r = 5 m) that begins after tick {SWITCH}",
         (15.5, 5.2), (0.9, 1.2, 1.2),
     )  # fmt: skip

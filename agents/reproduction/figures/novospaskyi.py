@@ -7,11 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from agents.reproduction.canvas import DARK_GREY, GREY, TRUTH, label_lines, new_figure, style_map
-from baselines.papers.novospaskyi.published import FILTERS, TABLES, UNFILTERED
+from agents.figures.canvas import DARK_GREY, GREY, TRUTH, paper_figure, style_map
+from agents.figures.curve_labels import label_lines
+from baselines.papers.novospaskyi.filters import THESIS
 from baselines.papers.novospaskyi.radars import NOISES, RANGE, Noise
 from baselines.papers.novospaskyi.study import Example
-from baselines.papers.novospaskyi.tables import NOISE_NAMES, as_published
+from baselines.papers.novospaskyi.tables import NOISE_NAMES, TABLES, UNFILTERED, as_published
 from baselines.papers.reproduction import Cell, Reproduction
 
 RADAR = "#AA3377"
@@ -41,7 +42,7 @@ def draw(result: Reproduction) -> dict[str, Figure]:
 
 def _flight(result: Reproduction, example: Example) -> Figure:
     """The flight with its radars (as figures 2.1.3 and 2.1.4), and its strongest turn for each noise."""
-    figure, axes = new_figure(
+    figure, axes = paper_figure(
         f"{result.paper}: one test flight, two radars with a range of {RANGE / 1000:g} km", (16.0, 5.8),
         (1.0, 1.0, 1.0),
     )  # fmt: skip
@@ -95,7 +96,7 @@ def _draw_turn(axes: Any, example: Example, noise: Noise, first: int) -> None:
 
 def _errors(result: Reproduction) -> Figure:
     """RMSE of every filter with both noises, as figures 3.3.1 to 3.3.5."""
-    figure, axes = new_figure(
+    figure, axes = paper_figure(
         f"{result.paper}: RMSE on the test flights; thin lines: 95 % of studies of this size",
         (17.0, 6.4), (1.0, 1.0, 1.0, 1.0),
     )  # fmt: skip
@@ -121,7 +122,7 @@ def _draw_bars(axes: Any, result: Reproduction, noise: Noise, metric: str) -> No
     names = [cell.row for cell in (*thesis, *sound)]
     rows = np.arange(len(names), dtype=np.float64)
     ours = rows[: len(thesis)]
-    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *FILTERS)])
+    _bars(axes, ours + 0.2, thesis, [COLOURS[name] for name in (UNFILTERED, *THESIS)])
     axes.barh(
         ours - 0.2, [cell.published for cell in thesis], 0.36, facecolor="white", edgecolor=DARK_GREY,
         hatch="////", linewidth=0.6,
@@ -152,7 +153,7 @@ def _cells(result: Reproduction, table: str, metric: str) -> list[Cell]:
 
 def _anomaly(result: Reproduction, example: Example) -> Figure:
     """Velocity and position errors of KF CV with the published and with the tuned parameters."""
-    figure, axes = new_figure(
+    figure, axes = paper_figure(
         f"{result.paper}: KF CV with the published R (about 1e-9 m²) and with the true one, Gaussian noise",
         (14.0, 5.0), (1.0, 1.0),
     )  # fmt: skip

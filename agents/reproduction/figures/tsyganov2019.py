@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from agents.reproduction.tracking_figure import tracking_figures
+from agents.reproduction.figures.golubkov2018 import tracking_figures
 from baselines.papers.reproduction import Reproduction
 from baselines.papers.tsyganov2019 import ALPHA, MEASUREMENT_VARIANCES, RADIUS
 

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.reproduction.canvas import GREY, label_lines, new_figure
+from agents.figures.canvas import GREY, paper_figure
+from agents.figures.curve_labels import label_lines
 from baselines.papers import zimchuk
 from baselines.papers.reproduction import Cell, Reproduction
 
@@ -24,7 +25,7 @@ LIMITS = (1.2, 50.0)  # of the error axes [m]
 
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name."""
-    figure, (time_axes, leg_axes) = new_figure(
+    figure, (time_axes, leg_axes) = paper_figure(
         f"{result.paper}: uniform motion and two manoeuvres, R = {zimchuk.VARIANCE:g} m²",
         (14.0, 5.6),
         (1.4, 1.0),

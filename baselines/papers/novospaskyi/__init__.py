@@ -6,9 +6,8 @@ different noise models", master's thesis (in Ukrainian), National University of 
 
 - `flights`, `quadrotor`: random curves, the aircraft, and what flies it, by default a point mass.
 - `radars`: placement, scans, noise, and errors as the thesis computes them.
-- `filters`, `g_h`, `moving_average`: the compared filters. `tuning`: their parameters by Optuna, resumable.
-- `published`: the published values, and why KF CV fails in the thesis.
-- `study`, `tables`: `reproduce`, and its results.
+- `filters`: the compared filters. `tuning`: their parameters by Optuna, resumable.
+- `study`: `reproduce`. `tables`: the published values, the results, and why KF CV fails in the thesis.
 
 What the thesis does not state is inferred from its unfiltered rows and its tables 3.1 to 3.4; each
 constant says so where it stands.

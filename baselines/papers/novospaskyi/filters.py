@@ -1,6 +1,6 @@
 """The compared filters: those of the thesis, sound settings of the same filters, and robust ones.
 
-Each has a function of its parameters and the space in which these are tuned. Novospaskyi 2025, section 2.2.
+Novospaskyi 2025, section 2.2. Each has a function of its parameters and the space in which these are tuned.
 """
 
 import math
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
 from baselines.estimation.imm import IMMFilter
@@ -17,11 +17,11 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, Robust, StudentT
 from baselines.estimation.run_filter import run_filter
-from baselines.estimation.track_filter import TrackFilter
+from baselines.estimation.track_filter import TrackFilter, check_measurements
+from baselines.papers.g_h import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
-from baselines.papers.novospaskyi.g_h import GHFilter
-from baselines.papers.novospaskyi.moving_average import moving_average
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
+from hybrid_env.checks import check_integer, check_number, dimensions, reject
 
 FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, Any]
@@ -37,6 +37,41 @@ START_VARIANCE = 1e4
 
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 """Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
+
+
+def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
+    """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
+
+    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none. With
+    ratio 1 the average is (window - 1) / 2 ticks late. A missing measurement remains missing. The errors of
+    the averages are smaller than those of the measurements but correlated in time, which no filter here
+    assumes.
+
+    Args:
+        measurements: (T, B, d) or (T, d) [m], NaN where there is none.
+        window: number of ticks, >= 1.
+        ratio: of the weight of a measurement to that of the next one, above 0, at most 1.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+
+    >>> moving_average([[0.0], [1.0], [2.0], [3.0]], window=2).T
+    array([[0. , 0.5, 1.5, 2.5]])
+    """
+    shape = (None, None) if dimensions(measurements) == 2 else (None, None, None)
+    values = check_measurements("measurements", measurements, shape)
+    window = check_integer("window", window)
+    ratio = check_number("ratio", ratio)
+    if not 0.0 < ratio <= 1.0:
+        raise reject("ratio", ratio, "a number above 0, at most 1")
+    present = ~np.isnan(values)
+    sums, weights = np.zeros_like(values), np.zeros_like(values)
+    known = np.where(present, values, 0.0)
+    for age in range(min(window, len(values))):
+        weight = ratio**age
+        sums[age:] += weight * known[: len(values) - age]
+        weights[age:] += weight * present[: len(values) - age]
+    return np.where(present, sums / np.where(present, weights, 1.0), np.nan)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.published import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
+from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
 from hybrid_env.checks import check_integer, reject
@@ -196,20 +196,23 @@ def evaluate(
     return errors(name, parameters, draw_test_tracks(scans, noise, runs, seed)).reshape(runs, len(scans), 4)
 
 
+def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Names and parameters of the filters by label: tuned, and those of the thesis as published."""
+    published = PARAMETERS[noise]
+    return {
+        **{name: (name, tuned[name]) for name in CONTENDERS},
+        **{tables.as_published(name): (name, published[name]) for name in THESIS},
+        tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
+    }
+
+
 def _evaluate(
     work: _Work, parameters: dict[Noise, dict[str, dict[str, Any]]], scans: list[Scan], runs: int, seed: int
 ) -> dict[Noise, dict[str, FloatArray]]:
     """Errors on the test flights with the tuned and with the published parameters, see `tables.Results`."""
     calls = {}
     for noise in NOISES:
-        published = PARAMETERS[noise]
-        rows: dict[str, tuple[str | None, dict[str, Any]]] = {
-            UNFILTERED: (None, {}),
-            **{name: (name, parameters[noise][name]) for name in CONTENDERS},
-            **{tables.as_published(name): (name, published[name]) for name in THESIS},
-            tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
-        }
-        for label, (name, chosen) in rows.items():
+        for label, (name, chosen) in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items():
             calls[noise, label] = partial(evaluate, name, chosen, scans, noise, runs, seed)
     found: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
     for (noise, label), values in work.results("test flights", calls).items():
@@ -220,13 +223,11 @@ def _evaluate(
 def _example(
     flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]
 ) -> Example:
-    """The first test flight with estimates of every filter, and of KF CV with the published parameters."""
+    """The first test flight with estimates of every filter."""
     tracks = {noise: draw_test_tracks([scan], noise, 1, seed) for noise in NOISES}
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {noise: {} for noise in NOISES}
     for noise in NOISES:
-        rows = {name: (name, chosen) for name, chosen in parameters[noise].items()}
-        rows[tables.as_published("KF CV")] = "KF CV", PARAMETERS[noise]["KF CV"]
-        for label, (name, chosen) in rows.items():
+        for label, (name, chosen) in _rows(noise, parameters[noise]).items():
             positions, velocities = run_contender(CONTENDERS[name], chosen, tracks[noise])
             estimates[noise][label] = positions[0], velocities[0]
     return Example(flight, scan, tracks, estimates)

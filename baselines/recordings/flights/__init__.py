@@ -1,11 +1,12 @@
 """Recorded flights: reading, labels, and the environment in which rules state a mode at every position.
 
 `samples` reads the ADS-B reports of the package `traffic` where they are installed, `flight` cleans them and
-`tiers` says how good they are. `labels` finds the turns with a smoother that sees the whole flight. `tracks`
-are flights as an environment with unknown switches, whose rows come from the filter `turn_imm` or from the
-semi-Markov posterior `turn_beam` of `baselines.estimation`; `metrics` compares statements with the labels.
-`simulated` makes flights that look like the recorded ones, and simulated twins of these. `semi_real` puts any
-of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that environment.
+says how good they are. `labels` finds the turns with a smoother that sees the whole flight. `tracks` are
+flights as an environment with unknown switches, whose rows come from the filters of
+`baselines.estimation.turns` or from the semi-Markov posterior of `turn_beam`; `metrics` compares statements
+with the labels. `simulated` makes flights that look like the recorded ones, and simulated twins of these.
+`semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that
+environment.
 
     samples = Samples()                                     # or a folder or wheel
     flights = [samples.flight("samu31:39ac45:0")]
@@ -15,6 +16,6 @@ of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that e
     stated = tracks.statements(FlightThresholdDecider(0.6), [len(flights[0].times)])
     scores = score_flights("imm", flights, labels, stated)
 
-May import: `hybrid_env`, `baselines.estimation`, `baselines.scoring`, `baselines.rules` and
-`baselines.recordings`. Never `agents`.
+May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never
+`agents`.
 """

@@ -7,18 +7,17 @@ turns (slow drifts, wiggles), low speeds, and rows in which the same rules say s
 applied to the track angle that the aircraft reports from its own sensors.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT
+from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT, Batch
 from baselines.recordings.flights.flight import Flight, stack_flights
 
 FloatArray = NDArray[np.float64]
@@ -100,33 +99,38 @@ def label_flights(
     chosen = LabelRules() if rules is None else rules
     batch = stack_flights(flights)
     rates, speeds = smoothed_rates(batch, chosen.jerk) if smoothed is None else smoothed
-    columns = {piece: column for column, piece in enumerate(batch.pieces)}
-    found = []
-    for k, flight in enumerate(flights):
-
-        def piece(first: int, end: int, k: int = k, flight: Flight = flight) -> Labels:
-            column = columns[k, first, end]
-            count = end - first
-            return make_labels(
-                flight.times[first:end], rates[:count, column], speeds[:count, column],
-                flight.tracks[first:end], chosen,
-            )  # fmt: skip
-
-        found.append(label_pieces(flight, piece))
-    return found
+    lengths = [len(flight.times) for flight in flights]
+    arrays = zip(flights, batch.unstack(rates, lengths), batch.unstack(speeds, lengths), strict=True)
+    return [label_flight(*of_flight, chosen) for of_flight in arrays]
 
 
-def label_pieces(flight: Flight, piece: Callable[[int, int], Labels]) -> Labels:
-    """Return the labels of a flight; `piece` returns those of its rows from a first one to an end."""
+def label_flight(flight: Flight, rates: FloatArray, speeds: FloatArray, rules: LabelRules) -> Labels:
+    """Return the labels of one flight; rows outside of its pieces are not scored.
+
+    Args:
+        flight: the flight.
+        rates: (n,) turn rate [rad/s].
+        speeds: (n,) [m/s].
+        rules: settings.
+    """
     n = len(flight.times)
-    nothing = np.zeros(n, np.int64)
-    weights, rates, speeds = np.zeros((3, n))
-    found = Labels(flight.times, nothing, np.zeros(n, np.bool_), weights, rates, speeds, nothing - 1)
+    modes, own, weights = np.zeros(n, np.int64), np.full(n, -1), np.zeros(n)
+    scored, inside = np.zeros((2, n), np.bool_)
     for first, end in flight.pieces:
-        part = piece(first, end)
-        for name in ("modes", "scored", "weights", "rates", "speeds", "own"):
-            getattr(found, name)[first:end] = getattr(part, name)
-    return found
+        rows = slice(first, end)
+        inside[rows] = True
+        times = flight.times[rows]
+        edges = row_edges(times)
+        modes[rows], turning = find_turns(edges, rates[rows], rules)
+        known = first + np.flatnonzero(~np.isnan(flight.tracks[rows]))
+        if known.size > 2:
+            own_rates = angle_rates(flight.times[known], flight.tracks[known])
+            own[known] = find_turns(row_edges(flight.times[known]), own_rates, rules)[0]
+        scored[rows] = (modes[rows] != STRAIGHT) | ~turning
+        weights[rows] = np.minimum(np.diff(edges), LONGEST_WEIGHT * float(np.median(np.diff(times))))
+    scored &= (speeds >= rules.speed) & ((own < 0) | (own == modes))
+    rates, speeds = (np.where(inside, values, 0.0) for values in (rates, speeds))
+    return Labels(flight.times, modes, scored, np.where(scored, weights, 0.0), rates, speeds, own)
 
 
 def scored_alike(labels: Labels, other: Labels) -> Labels:
@@ -166,31 +170,6 @@ def local_velocities(batch: Batch) -> FloatArray:
     moved = batch.positions[after, which] - batch.positions[before, which]
     passed = batch.times[after, which] - batch.times[before, which]
     return np.asarray(moved / np.where(passed > 0.0, passed, np.inf)[..., None])
-
-
-def make_labels(
-    times: FloatArray, rates: FloatArray, speeds: FloatArray, tracks: FloatArray, rules: LabelRules
-) -> Labels:
-    """Return the labels of one flight.
-
-    Args:
-        times: (n,) [s].
-        rates: (n,) turn rate [rad/s].
-        speeds: (n,) [m/s].
-        tracks: (n,) own track angle [rad], NaN where there is none.
-        rules: settings.
-    """
-    edges = row_edges(times)
-    modes, turning = find_turns(edges, rates, rules)
-    own = np.full(len(times), -1)
-    known = ~np.isnan(tracks)
-    if known.sum() > 2:
-        own_rates = angle_rates(times[known], tracks[known])
-        own[known] = find_turns(row_edges(times[known]), own_rates, rules)[0]
-    scored = (modes != STRAIGHT) | ~turning
-    scored &= (speeds >= rules.speed) & ((own < 0) | (own == modes))
-    widths = np.minimum(np.diff(edges), LONGEST_WEIGHT * float(np.median(np.diff(times))))
-    return Labels(times, modes, scored, np.where(scored, widths, 0.0), rates, speeds, own)
 
 
 def row_edges(times: FloatArray) -> FloatArray:

@@ -7,15 +7,16 @@ from a folder or wheel that the user names, and are no part of this package.
 
 import gzip
 import importlib.util
+import io
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.flights.flight import Flight, clean_flight
-from baselines.recordings.flights.tiers import UNUSABLE, tier_of
+from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
 from hybrid_env.checks import ArgumentError, reject
 
 GAP = 600.0
@@ -65,7 +66,20 @@ class Samples:
         """
         if name not in self._files:
             raise reject("file", name, f"a sample of {self.source}")
-        return _read_table(str(self.source), self._files[name])
+        place = self._files[name]
+        try:
+            if zipfile.is_zipfile(self.source):
+                with zipfile.ZipFile(self.source) as archive:
+                    content = archive.read(place)
+            else:
+                content = Path(place).read_bytes()
+            table = pd.read_json(io.BytesIO(gzip.decompress(content)), dtype=False)
+        except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+            raise ArgumentError(f"{place} cannot be read: {error}") from None
+        missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
+        if missing:
+            raise ArgumentError(f"{place} has no column {', '.join(sorted(missing))}")
+        return table
 
     def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
         """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
@@ -137,19 +151,3 @@ def report_times(column: pd.Series) -> NDArray[np.float64]:
 
 def _numbers(column: pd.Series) -> NDArray[np.float64]:
     return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
-
-
-def _read_table(source: str, name: str) -> pd.DataFrame:
-    try:
-        if zipfile.is_zipfile(source):
-            with zipfile.ZipFile(source) as archive, archive.open(name) as raw, gzip.open(raw) as file:
-                table = pd.read_json(file, dtype=False)
-        else:
-            with gzip.open(name) as file:
-                table = pd.read_json(file, dtype=False)
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-        raise ArgumentError(f"{name} cannot be read: {error}") from None
-    missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
-    if missing:
-        raise ArgumentError(f"{name} has no column {', '.join(sorted(missing))}")
-    return table

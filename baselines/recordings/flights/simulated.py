@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from baselines.estimation.turns import STRAIGHT
-from baselines.recordings.flights.flight import Flight
-from baselines.recordings.flights.labels import LabelRules, Labels, label_pieces, make_labels
-from baselines.recordings.flights.tiers import Tier
+from baselines.recordings.flights.flight import Flight, Tier
+from baselines.recordings.flights.labels import LabelRules, Labels, label_flight
 from baselines.recordings.projection import Projection
 
 FloatArray = NDArray[np.float64]
@@ -99,18 +98,15 @@ def simulate_flights(
         world: settings.
     """
     settings = FlightWorld() if world is None else world
-    flights, labels = [], []
+    results = []
     for k in range(count):
         times = _draw_times(tier, duration, generator)
         grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
         wanted = _draw_rates(grid, dict(settings.straight)[tier.name], generator, settings)
         speed = np.exp(generator.uniform(*np.log(settings.speeds)))
-        flight, label = fly(
-            f"simulated:{k}:0", tier, times, wanted, np.full(len(grid), speed), generator, settings
-        )
-        flights.append(flight)
-        labels.append(label)
-    return flights, labels
+        speeds = np.full(len(grid), speed)
+        results.append(fly(f"simulated:{k}:0", tier, times, wanted, speeds, generator, settings))
+    return [one for one, _ in results], [one for _, one in results]
 
 
 def twins(
@@ -131,17 +127,8 @@ def twins(
         row = np.clip(np.searchsorted(flight.times, grid, "right") - 1, 0, len(rates) - 1)
         speeds = np.interp(grid, flight.times, np.clip(label.speeds, 1.0, 400.0))
         smooth = np.convolve(np.pad(speeds, 30, mode="edge"), np.ones(61) / 61.0, "valid")
-        results.append(
-            fly(
-                f"twin of {flight.identity}",
-                flight.tier,
-                flight.times,
-                rates[row],
-                smooth,
-                generator,
-                settings,
-            )
-        )
+        name = f"twin of {flight.identity}"
+        results.append(fly(name, flight.tier, flight.times, rates[row], smooth, generator, settings))
     return [one for one, _ in results], [one for _, one in results]
 
 
@@ -179,10 +166,7 @@ def fly(
     positions += before[:, None] * moved[0] / GRID + after[:, None] * moved[-1] / GRID
     flight = Flight(identity, tier, times, positions, np.full(len(times), np.nan), Projection(0.0, 0.0), 0, 0)
     true_rates, speed = np.interp(times, grid, rates), np.interp(times, grid, speeds)
-    return flight, label_pieces(
-        flight,
-        lambda a, b: make_labels(times[a:b], true_rates[a:b], speed[a:b], flight.tracks[a:b], LabelRules()),
-    )
+    return flight, label_flight(flight, true_rates, speed, LabelRules())
 
 
 def _coloured(count: int, deviation: float, time: float, generator: np.random.Generator) -> FloatArray:

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.batch import Batch
-from baselines.estimation.turn_imm import TurnEstimates
+from baselines.estimation.turns import Batch, TurnEstimates
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.rollout import rollout
 from hybrid_env.observation import LOG_FLOOR, QuickestLayout
@@ -81,7 +80,4 @@ class FlightTracks:
                 stated[now.step - 1] = now.actions
             if now.step == len(stated):
                 break
-        flights = [np.zeros(length, np.int64) for length in lengths]
-        for column, (k, first, end) in enumerate(self.batch.pieces):
-            flights[k][first:end] = stated[: end - first, column]
-        return flights
+        return self.batch.unstack(stated, lengths)

@@ -231,8 +231,6 @@ def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
 def _cells(line: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
     except (csv.Error, StopIteration):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import allocate, declared
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.records import lanes_of
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +32,8 @@ class FilterModel(NamedTuple):
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         variance_x, variance_y: R of each axis [m^2].
+        stay_probability: diagonal entry of the transition matrix of unknown switches, 1 - hazard.
+        switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
         freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
     """
 
@@ -39,7 +41,18 @@ class FilterModel(NamedTuple):
     process_variance: float
     variance_x: float
     variance_y: float
+    stay_probability: float = 1.0
+    switch_probability: float = 0.0
     freedom: float = 0.0
+
+
+@inlined
+def filter_model(setting: Any, ratio: float) -> FilterModel:
+    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
+    return FilterModel(
+        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
+        setting.stay_probability, setting.switch_probability, setting.freedom,
+    )  # fmt: skip
 
 
 IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)

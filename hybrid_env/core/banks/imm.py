@@ -27,7 +27,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import (
+    INNOVATION,
+    Records,
+    State,
+    Triangle4,
+    filter_model,
+    set_estimate,
+    signed_radius,
+)
 from hybrid_env.core.banks.coordinated_turn import (
     condition_x,
     exchange_axes,
@@ -70,36 +78,6 @@ class ImmBank(NamedTuple):
 
 imm_banks = reader(ImmBank)
 imm_of_block = block_reader(ImmBank)
-
-
-class ImmModel(NamedTuple):
-    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
-
-    Attributes:
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        variance_x, variance_y: R of each axis [m^2].
-        stay_probability: diagonal entry of the transition matrix, 1 - hazard.
-        switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
-        freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
-    """
-
-    tau: float
-    process_variance: float
-    variance_x: float
-    variance_y: float
-    stay_probability: float
-    switch_probability: float
-    freedom: float = 0.0
-
-
-@inlined
-def imm_model(setting: Any, ratio: float) -> ImmModel:
-    """Return the model of the filters for a measurement whose variance over R is `ratio`."""
-    return ImmModel(
-        setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
-        setting.stay_probability, setting.switch_probability, setting.freedom,
-    )  # fmt: skip
 
 
 @internal
@@ -251,7 +229,7 @@ def step_imm(
             merged estimate, (4, LANES) and (10, LANES).
         first, last: range of lanes.
         radii: (n,) turn radii of the bank [m].
-        model: an `ImmModel`, or a record with its fields; with degrees of freedom the likelihood is robust,
+        model: a `FilterModel`, or a record with its fields; with degrees of freedom the likelihood is robust,
             see `kalman.weigh`.
     """
     for h in range(bank.hypotheses.size):
@@ -321,7 +299,7 @@ def step_imm_irregular(
     """
     for lane in range(first, last):
         if math.isnan(block.measurement[0, lane]):
-            predict_imm(bank, block, lane, radii, imm_model(model, 1.0))
+            predict_imm(bank, block, lane, radii, filter_model(model, 1.0))
         else:
-            of_tick = imm_model(model, block.variance_ratio[lane])
+            of_tick = filter_model(model, block.variance_ratio[lane])
             step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

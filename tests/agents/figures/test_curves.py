@@ -1,13 +1,15 @@
 """Panels of curves: labels, colours, arrows, bands, and points without a value."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from agents.figures.canvas import save_figure
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import STYLES
+from agents.figures.decider_colours import decider_style
+from hybrid_env import ArgumentError
 
 TICKS = np.array([5.0, 15.0, 30.0, 50.0, 90.0])
 TIME = Axis("ticks", (0.0, 60.0))
@@ -15,7 +17,7 @@ REWARD = Axis("reward", (0.0, 1.0), levels=(0.5,))
 
 
 def curve(name, values, **more):
-    return Curve(name, STYLES[name], TICKS, np.array(values), **more)
+    return Curve(name, decider_style(name), TICKS, np.array(values), **more)
 
 
 CURVES = [
@@ -80,7 +82,7 @@ def test_points_without_a_value_have_hollow_markers_in_the_strip_and_the_last_on
 
 
 def test_levels_that_are_not_reached_are_marked_at_the_edge():
-    styles = [STYLES["MSPRT"], STYLES["gap rule"]]
+    styles = [decider_style("MSPRT"), decider_style("gap rule")]
     panel = Panel("", TIME, REWARD, CURVES[:1], unreached={0.9: ("90 % not reached", styles)})
     [axes] = curve_figure([[panel]], (6.0, 4.0)).axes
     marks = [line for line in axes.lines if len(line.get_xdata()) == 1 and line.get_xdata()[0] == 1.0]
@@ -93,3 +95,28 @@ def test_only_the_outer_panels_of_a_shared_grid_have_labels_at_their_axes():
     figure = curve_figure([[panel] * 2] * 2, (8.0, 6.0), sharex=True, sharey=True)
     assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "ticks", "ticks"]
     assert [axes.get_ylabel() for axes in figure.axes] == ["reward", "", "reward", ""]
+
+
+def test_axes_have_the_scale_the_ticks_and_the_dashed_levels_that_are_given():
+    x = Axis("ticks", (1.0, 100.0), ticks={5.0: "five", 50.0: "fifty"}, log=True, levels=(20.0,))
+    [axes] = curve_figure([[Panel("title", x, REWARD, CURVES[:1])]], (6.0, 4.0)).axes
+    assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "title")
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["five", "fifty"]
+    assert not axes.get_xticks(minor=True).size
+    dashed = [line.get_xydata().tolist() for line in axes.lines if line.get_linestyle() == "--"]
+    assert dashed == [[[20.0, 0.0], [20.0, 1.0]], [[0.0, 0.5], [1.0, 0.5]]]
+    [minor] = curve_figure([[Panel("", replace(x, minor=True), REWARD, CURVES[:1])]], (6.0, 4.0)).axes
+    assert minor.get_xticks(minor=True).size
+
+
+def test_bands_and_bars_reach_from_the_lower_to_the_upper_bound():
+    banded = curve("ppo", [0.5] * 5, bounds=np.array([[0.2] * 5, [0.9] * 5]))
+    barred = curve("ATE (SPRT)", [0.4] * 5, bars=np.array([[0.1] * 5, [0.3] * 5]))
+    [axes] = curve_figure([[Panel("", TIME, REWARD, [banded, barred])]], (6.0, 4.0)).axes
+    ends = [collection.get_datalim(axes.transData) for collection in axes.collections]
+    np.testing.assert_allclose([(box.y0, box.y1) for box in ends], [(0.2, 0.9), (0.3, 0.7)])
+
+
+def test_a_figure_that_cannot_be_written_is_an_error_that_names_its_file(figure, tmp_path):
+    with pytest.raises(ArgumentError, match=r"missing.curves\.png"):
+        save_figure(figure, tmp_path / "missing" / "curves.png")

@@ -4,23 +4,29 @@ import itertools
 
 import numpy as np
 import pytest
-from agents.evaluation.deciders import CLASSICAL, SHIPPED, bayes_family
-from agents.evaluation.statement_deciders import RULES
 from matplotlib.colors import to_rgb
 
+from agents.evaluation.registry import SHIPPED
 from agents.figures.decider_colours import (
+    AGENT_STYLES,
     FURTHER_STYLES,
-    STATEMENT_STYLES,
-    STYLES,
     decider_style,
     decider_styles,
     name_without_seed,
+    rule_styles,
 )
-from hybrid_env import WorldOptions
-from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 RADII = tuple(map(float, range(1, 11)))
+STYLES = {
+    task: {kind.title: rule_styles()[kind.title] for kind in rules(task).values() if kind.colour}
+    | AGENT_STYLES
+    for task in (ANNOUNCED, UNKNOWN)
+}
+"""Styles of the deciders that may share a figure, by task and title."""
+PALETTE = sorted({style.colour for styles in STYLES.values() for style in styles.values()})
+COLOURS = sorted({*PALETTE, *(style.colour for style in FURTHER_STYLES)})
 VISION = {
     "normal": np.eye(3),
     # Machado, Oliveira and Fernandes 2009, severity 1
@@ -72,55 +78,47 @@ def test_perceptual_difference_of_black_and_white_is_100():
     assert difference("#000000", "#ffffff") == pytest.approx(100.0, abs=0.01)
 
 
-def test_every_classical_rule_and_the_shipped_agent_has_a_style_of_its_own():
-    names = [family.name for family in CLASSICAL.values()] + [
-        bayes_family(WorldOptions()).name,
-        SHIPPED,
-        "ppo",
-    ]
-    assert set(names) <= set(STYLES)
-    assert len({style.colour for style in STYLES.values()}) == len(STYLES)
-    assert len({style.marker for style in STYLES.values()}) == len(STYLES)
-
-
-def test_rules_that_state_modes_have_colours_of_the_palette_that_no_agent_has():
-    options = QuickestOptions()
-    assert {make(options).name for make in RULES.values()} <= set(STATEMENT_STYLES)
-    agents = [STYLES[name] for name in ("ppo", "anchor", SHIPPED)]
-    styles = [*STATEMENT_STYLES.values(), *agents]
-    assert {style.colour for style in styles} <= {style.colour for style in STYLES.values()}
+@pytest.mark.parametrize("task", STYLES)
+def test_every_rule_and_common_agent_has_a_style_of_its_own(task):
+    titles = {kind.title for kind in rules(task).values()}
+    assert titles - set(STYLES[task]) <= {"ATE (SPRT), robust", "MSPRT, robust"}
+    styles = STYLES[task].values()
     assert len({style.colour for style in styles}) == len({style.marker for style in styles}) == len(styles)
-    assert decider_style("beam") == STATEMENT_STYLES["beam"]
+    assert all(decider_style(title) == style for title, style in STYLES[task].items())
+    assert {SHIPPED, "ppo", "anchor"} <= set(STYLES[task])
+
+
+def test_the_tasks_share_one_palette():
+    assert sorted(style.colour for style in STYLES[ANNOUNCED].values()) == PALETTE
 
 
 @pytest.mark.parametrize("vision", VISION)
 def test_deciders_are_distinguishable(vision):
-    for one, other in itertools.combinations(STYLES.values(), 2):
-        assert difference(one.colour, other.colour, vision) > 10.0, (one, other)
+    for one, other in itertools.combinations(PALETTE, 2):
+        assert difference(one, other, vision) > 10.0, (one, other)
 
 
-@pytest.mark.parametrize("style", [*STYLES.values(), *FURTHER_STYLES], ids=str)
-def test_no_decider_has_the_colour_of_a_mode(style):
+@pytest.mark.parametrize("colour", COLOURS)
+def test_no_decider_has_the_colour_of_a_mode(colour):
     modes = [mode_colour(mode, RADII) for mode in range(2 * len(RADII) + 1)]
     for mode in (*TYPE_COLOURS, *modes):
-        assert difference(style.colour, mode) > 8.0, mode
+        assert difference(colour, mode) > 8.0, mode
 
 
 @pytest.mark.parametrize("vision", ["protanopia", "deuteranopia"])
 def test_no_decider_has_the_colour_of_a_mode_type_with_colour_blindness(vision):
-    for style in STYLES.values():
-        for mode in TYPE_COLOURS:
-            assert difference(style.colour, mode, vision) > 5.5, (style, mode)
+    for colour, mode in itertools.product(PALETTE, TYPE_COLOURS):
+        assert difference(colour, mode, vision) > 5.5, (colour, mode)
 
 
 def test_lines_are_visible_on_white():
-    for style in (*STYLES.values(), *FURTHER_STYLES):
-        assert difference(style.colour, "#ffffff") > 20.0, style
+    for colour in COLOURS:
+        assert difference(colour, "#ffffff") > 20.0, colour
 
 
 def test_training_seeds_and_default_run_folders_have_the_style_of_their_recipe():
     for name in ("ppo seed 3", "ppo-seed3", "HybridTrack-v0-ppo-seed0", "HybridTrackBank-v0-ppo-seed12"):
-        assert decider_style(name) == STYLES["ppo"]
+        assert decider_style(name) == AGENT_STYLES["ppo"]
     assert name_without_seed("anchor seed 1") == "anchor"
     assert name_without_seed("seed") == "seed"
 
@@ -131,10 +129,12 @@ def test_unknown_names_have_stable_styles():
     assert len(set(FURTHER_STYLES)) == len(FURTHER_STYLES)
 
 
-def test_styles_of_one_figure_differ():
-    names = [*STYLES, "ppo seed 1", "ppo seed 2", *(f"agent {number}" for number in range(12))]
+@pytest.mark.parametrize("task", STYLES)
+def test_styles_of_one_figure_differ(task):
+    known = STYLES[task]
+    names = [*known, "ppo seed 1", "ppo seed 2", *(f"agent {number}" for number in range(12))]
     styles = decider_styles(names)
     assert list(styles) == names
     assert len(set(styles.values())) == len(names)
-    assert all(styles[name] == STYLES[name] for name in STYLES)
+    assert all(styles[name] == style for name, style in known.items())
     assert len(decider_styles(f"agent {number}" for number in range(40))) == 40

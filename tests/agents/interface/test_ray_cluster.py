@@ -5,9 +5,9 @@ import threading
 import time
 
 import pytest
-from agents.limits.study import type_accuracy_calls
 
 from agents.interface.parallel import Workers
+from agents.studies.limits import calls as limit_calls
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # those of Ray are not ours
 
@@ -42,7 +42,7 @@ def test_a_killed_node_changes_no_byte(nodes):
     assert [number for number, _ in found] == list(range(4))
     assert len({node for _, node in found}) == 2
 
-    study = type_accuracy_calls(200, 0)
+    study = limit_calls("", 200, 0)["golubkov2018"]
     expected = list(Workers().results(study))
     slow = {number: functools.partial(node_after, 4.0, number) for number in range(4)}
     killer = threading.Timer(2.0, lambda: cluster.remove_node(second, allow_graceful=False))

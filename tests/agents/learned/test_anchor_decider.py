@@ -16,9 +16,9 @@ from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_network, load_policy, save_policy
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
-from baselines.estimation.component_filters import stated_covariance
+from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"

@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from agents.evaluation.registry import policy_folder
-from agents.learned.families import learned_family
-from agents.learned.flight_decider import FlightAgent
-from agents.learned.flight_inputs import flight_inputs
+from agents.evaluation.registry import learned_family, policy_folder
+from agents.learned.flight_decider import FlightAgent, flight_inputs
 from agents.learned.policy_file import save_policy
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.recordings.flights.flight import stack_flights
+from baselines.estimation.turns import run_turn_imm
+from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS
 from hybrid_env import QuickestOptions

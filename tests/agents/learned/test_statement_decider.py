@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.families import learned_family
+from agents.evaluation.registry import learned_family
 from agents.learned.policy_file import save_policy
 from agents.learned.statement_decider import StatementDecider
-from agents.learned.statement_inputs import INPUTS, statement_inputs
-from agents.learned.statement_net import StatementNet
+from agents.learned.statement_net import INPUTS, StatementNet, statement_inputs
 from agents.training.recipe import load_recipe
 from agents.training.simulated_tracks import simulate
 from baselines import ThresholdDecider, measure_statements, record_statements

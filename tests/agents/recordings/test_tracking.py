@@ -1,6 +1,5 @@
 """Tracking of recordings of objects of any size, with and without known switches."""
 
-import dataclasses
 import re
 
 import numpy as np
@@ -8,8 +7,8 @@ import pytest
 from recorded_tracks import LENGTHS, OBJECTS, TRUE_MODES
 
 from agents.evaluation.registry import load_decider, needed_options
-from agents.recordings.command import Track, report_lines
-from agents.recordings.tracking import TrackingArguments, track_recording
+from agents.recordings.command import report_lines
+from agents.recordings.tracking import track_recording
 from baselines.recordings.decisions import ModelUnits, decide_recording
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.recording import make_recording
@@ -163,12 +162,6 @@ def test_a_model_that_does_not_fit_is_said(options, message, drive):
     found = track_recording(TIMES, drive, **options)
     assert re.search(message, found.warnings[0]), found.warnings
     assert any("warning: " in line for line in report_lines(found))
-
-
-def test_the_function_has_the_options_and_defaults_of_the_command():
-    of_function = {field.name: field.default for field in dataclasses.fields(TrackingArguments)}
-    of_command = {field.name: field.default for field in dataclasses.fields(Track)}
-    assert of_function.items() <= of_command.items()
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ from PIL import Image
 from agents.cli import main
 from agents.reproduction import command
 from baselines.papers import novospaskyi
-from baselines.papers.novospaskyi.published import METRICS, TABLES, TEST_ERRORS, UNFILTERED
-from baselines.papers.novospaskyi.tables import as_published
+from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, as_published
 
 FIGURES = {"novospaskyi_flight.png", "novospaskyi_errors.png", "novospaskyi_kf_cv.png"}
 

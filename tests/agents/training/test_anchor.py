@@ -7,7 +7,7 @@ from agents.learned.anchor_decider import AnchorDecider
 from agents.training.recipe import load_recipe, recipe_of
 from agents.training.runs import make_run
 from baselines import FixedTimeDecider
-from baselines.rules.decisions import evaluate
+from baselines.rules.rollout import evaluate
 from hybrid_env import WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"

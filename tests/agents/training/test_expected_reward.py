@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from agents.learned.statement_net import StatementOutputs
-from agents.training.expected_reward import Batch, change_probabilities, cross_entropy, expected_reward
 from agents.training.simulated_tracks import simulate
+from agents.training.statements import Batch, change_probabilities, cross_entropy, expected_reward
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 

@@ -9,17 +9,14 @@ import torch
 from small_training import KINDS, QUICK, SCHEME, SMALL_PPO, log_often, small_run
 
 from agents.cli import main
-from agents.evaluation.registry import load_decider
-from agents.learned.families import learned_family
-from agents.training.learning_curve import environment_curve
-from agents.training.learning_figure import draw_learning_curve
+from agents.evaluation.registry import learned_family, load_decider
+from agents.training.learning_curve import draw_learning_curve, environment_curve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import read_metrics
 from agents.training.runs import make_run, resume_run
 from baselines import measure_statements
 from baselines.rules import seeds
-from baselines.rules.decisions import evaluate
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from agents.training.state import check_tracks, track_arrays
+from agents.training.checkpoint import check_tracks, track_arrays
 from agents.training.vec_env import HybridTrackVecEnv
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 

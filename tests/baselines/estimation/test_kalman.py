@@ -206,3 +206,15 @@ def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
         smooth(f.model, run, t).states for f, run, t in ((one, first, times), (other, second, time * times))
     ]
     np.testing.assert_allclose(smoothed[1], smoothed[0] * np.tile(scales, 2), rtol=1e-6, atol=1e-9)
+
+
+def test_covariances_stay_symmetric_with_turned_noise():
+    generator = np.random.default_rng(0)
+    velocity = np.array([100.0, 70.0])
+    noise = 2.5 * np.eye(2) + 0.0064 * np.outer(velocity, velocity)
+    times = np.cumsum(generator.uniform(0.5, 2.5, 6000))
+    values = times[:, None] * velocity + generator.multivariate_normal(np.zeros(2), noise, 6000)
+    kalman = KalmanFilter(MotionModel("CA", 2, 1.0), noise, (200.0, 5.0))
+    covariances = run_filter(kalman, values, times).covariances
+    assert np.abs(covariances - covariances.swapaxes(-1, -2)).max() < 1e-6
+    assert np.linalg.eigvalsh(covariances[100:]).min() > 0.0

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from baselines.estimation.batch import Batch
 from baselines.estimation.turn_beam import TurnHistories, run_turn_beam
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.estimation.turns import START_SPEED, STRAIGHT, TurnModel
-from baselines.recordings.flights.flight import stack_flights
+from baselines.estimation.turns import START_SPEED, STRAIGHT, Batch, TurnModel, run_turn_imm
+from baselines.recordings.flights.flight import TIERS, stack_flights
 from baselines.recordings.flights.simulated import simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 
 
 def one_piece(positions, times, across, timing=0.0):

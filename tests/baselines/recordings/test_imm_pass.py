@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded_tracks import OBJECTS
 
-from baselines.recordings.first_state import first_state
+from baselines.recordings.decisions import first_state
 from baselines.recordings.imm_pass import BURN_IN, PassOutput, imm_pass, make_chunks, no_output
 from baselines.recordings.model_fit import NEVER, fit_model, imm_model
 from baselines.recordings.recording import make_recording

@@ -5,7 +5,7 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
-from baselines.papers.known_modes import filter_known_modes
+from baselines.papers.golubkov2018 import filter_known_modes
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
@@ -116,7 +116,6 @@ def test_the_filter_with_known_modes_equals_matrix_filters(carry):
 
 
 INVALID = [
-    ({"measurements": [[0.0, np.nan]] * 4}, "measurements[0, 1]=nan"),
     ({"lengths": [3]}, "lengths=[3]"),
     ({"signed_radii": [0.0, 5.0]}, "signed_radii="),
     ({"signed_radii": [np.nan]}, "signed_radii[0]=nan"),
@@ -134,11 +133,3 @@ def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, me
         filter_known_modes(**(valid | arguments))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("recalculation", "twice"), ("reference", "left"), ("refine_radius", "yes")]
-)
-def test_an_invalid_option_of_ate_raises(name, value):
-    with pytest.raises(ArgumentError, match=f"{name}={value!r}.*expected"):
-        track_ate(np.zeros((4, 2)), [4], **{name: value})

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 from scipy import stats
 
 from baselines import MSPRTDecider
@@ -15,6 +14,7 @@ from baselines.rules.posterior_paths import (
     simulate_posterior_paths,
     summarise_calibration,
 )
+from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 
 DRIFT, LAST, COST = 0.35, 60, 0.02

@@ -1,17 +1,16 @@
-"""The beam equals the posterior of all histories of switches, and survives outliers and new episodes."""
+"""The beam equals the posterior of all histories of switches, and is better than the bank."""
 
 import copy
-import itertools
 
 import numpy as np
 import pytest
-from baselines.rules.metrics import measure_statements
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider, hazards
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
-from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from baselines.scoring.statements import measure_statements
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
 
 TRIANGLE = np.triu_indices(4)
@@ -139,51 +138,8 @@ def test_the_hazard_of_a_geometric_law_stays_the_same_in_very_long_segments():
     np.testing.assert_allclose(hazards(laws), 0.1, rtol=1e-3)
 
 
-def test_episodes_that_begin_again_have_the_statements_of_fresh_ones():
-    options = {"ticks": 30, "durations": "uniform 5-12", "radii": (3.0, 8.0)}
-    env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)
-    env.reset(seed=1)
-    decider, state = BeamDecider(env.options, branches=20), None
-    start, second = np.ones(5, bool), []
-    for k in range(60):
-        seen = decider.observe(env.world)
-        actions, state = decider.predict(seen, state, start)
-        if k >= 30:
-            second.append((seen, actions, state.log_probability.copy()))
-        _, _, start, _, _ = env.step(actions)
-    assert start.all()
-    state = None
-    for seen, actions, log_probability in second:
-        again, state = decider.predict(seen, state)
-        np.testing.assert_array_equal(again, actions)
-        np.testing.assert_array_equal(state.log_probability, log_probability)
-
-
-def test_probabilities_are_finite_after_outliers():
-    env = HybridTrackQuickestVectorEnv(4, ticks=100)
-    env.reset(seed=0)
-    decider, state = BeamDecider(env.options, branches=16), None
-    for k in range(100):
-        seen = decider.observe(env.world)
-        seen[:, :2] += 30.0 * (k % 10 == 5)  # 100 sigma
-        actions, state = decider.predict(seen, state)
-        assert np.isfinite(state.log_probability).all()
-        np.testing.assert_allclose(np.exp(state.log_probability).sum(1), 1, rtol=1e-9)
-        env.step(actions)
-
-
 def test_a_beam_that_knows_the_law_is_better_than_the_bank():
     options = {"durations": "uniform 50-100", "measurement_variance": 0.1}
     rules = ThresholdDecider(0.6), BeamDecider(QuickestOptions(**options), 0.6, branches=32)
     rewards = [measure_statements(record_statements(rule, 40, 3, **options)).reward for rule in rules]
     assert (rewards[1] - rewards[0]).mean() > 0.0
-
-
-def test_arguments_out_of_range_are_refused():
-    options = QuickestOptions(radii=(3.0, 8.0))
-    for bad in ({"branches": 4}, {"threshold": 2.0}, {"durations": "often"}):
-        with pytest.raises(ArgumentError):
-            BeamDecider(options, **bad)
-    for shape in itertools.product((3,), (2, 28)):
-        with pytest.raises(ArgumentError, match="observation shape"):
-            BeamDecider(options).predict(np.zeros(shape))

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from agents.evaluation.evaluate import evaluate
 from scipy.special import softmax
 
 from baselines import GapDecider, MSPRTDecider
 from baselines.rules.msprt import error_and_best, type_posteriors
+from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.checks import ArgumentError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
-from baselines.rules.statements import record_statements
+from baselines.rules.rollout import record_statements
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestLayout
 

@@ -1,13 +1,15 @@
 """The cache of compiled functions: announced, outdated, damaged, missing and not writable."""
 
 import os
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 import hybrid_env
+from hybrid_env.core import compilation
 from hybrid_env.core.cached_files import drop_stale_files
 from hybrid_env.core.compilation import compiled, prepare
 
@@ -42,32 +44,29 @@ def element(x, i):
     return x[i] + 1.0
 
 prepare(element, np.ones(3), 1)
-print(element(np.ones(3), 1))
 """
 
 
-def run(arguments, **environment):
-    return subprocess.run(
-        [sys.executable, *arguments],
-        env=os.environ | environment,
-        text=True,
-        capture_output=True,
-        check=True,
-    )
-
-
 @pytest.fixture
-def program(tmp_path):
+def run(tmp_path, monkeypatch, capsys):
+    """Return a function that runs the program as a new process would, and counts its announcements."""
     path = tmp_path / "program.py"
     path.write_text(PROGRAM)
-    return path
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+
+    def run(index=1):
+        compilation._announce.cache_clear()
+        module = runpy.run_path(str(path), run_name="program")
+        assert module["element"](np.ones(3), index) == 2.0
+        lines = capsys.readouterr().err.splitlines()
+        assert all("compiling once" in line for line in lines)
+        return len(lines)
+
+    return run
 
 
-def test_only_the_first_process_announces_a_compilation(tmp_path, program):
-    for announced in (1, 0):
-        result = run([program], NUMBA_CACHE_DIR=str(tmp_path / "cache"))
-        assert result.stderr.count("compiling once") == announced
-        assert len(result.stderr.splitlines()) == announced
+def test_only_the_first_process_announces_a_compilation(run):
+    assert [run(), run()] == [1, 0]
 
 
 def _truncate(path):
@@ -90,22 +89,20 @@ def _replace_by_text(path):
     ("suffix", "damage"),
     [("nbi", _truncate), ("nbc", _truncate), ("nbc", _flip), ("nbc", _replace_by_text)],
 )
-def test_a_damaged_cache_is_replaced(tmp_path, program, suffix, damage):
-    cache = tmp_path / "cache"
-    run([program], NUMBA_CACHE_DIR=str(cache))
-    (path,) = cache.rglob(f"program.element-*.{suffix}")
+def test_a_damaged_cache_is_replaced(tmp_path, run, suffix, damage):
+    run()
+    (path,) = (tmp_path / "cache").rglob(f"program.element-*.{suffix}")
     damage(path)
-    for compiled_again in (True, False):
-        result = run([program], NUMBA_CACHE_DIR=str(cache))
-        assert result.stdout == "2.0\n"
-        assert result.stderr.count("compiling once") == compiled_again
+    assert [run(), run()] == [1, 0]
 
 
 @pytest.mark.parametrize("folder", ["/dev/null/cache", "/proc/cache"])
-def test_a_cache_that_cannot_be_written_is_not_used(program, folder):
-    environment = {"NUMBA_CACHE_DIR": folder, "XDG_CACHE_HOME": folder, "HOME": folder}
-    program.parent.joinpath("__pycache__").write_text("a file where numba would make a folder")
-    assert run([program], **environment).stdout == "2.0\n"
+def test_a_cache_that_cannot_be_written_is_not_used(tmp_path, run, monkeypatch, folder):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", folder)
+    for name in ("XDG_CACHE_HOME", "HOME"):
+        monkeypatch.setenv(name, folder)
+    (tmp_path / "__pycache__").write_text("a file where numba would make a folder")
+    assert [run(), run()] == [1, 1]
 
 
 def test_a_full_disk_does_not_stop_a_compilation(monkeypatch):
@@ -126,10 +123,9 @@ def test_an_error_of_the_compiler_is_raised():
         prepare(halve, "text")
 
 
-def test_checked_indices_raise(tmp_path):
-    program = tmp_path / "program.py"
-    program.write_text(PROGRAM.replace("print(element(np.ones(3), 1))", "element(np.ones(3), 5)"))
-    with pytest.raises(subprocess.CalledProcessError) as caught:
-        run([program], NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR="")
-    assert "IndexError" in caught.value.stderr
+def test_checked_indices_raise(tmp_path, run, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
+    with pytest.raises(IndexError):
+        run(index=5)
     assert not list(tmp_path.rglob("*.nb[ic]"))

@@ -59,22 +59,3 @@ def test_a_declaration_does_not_change_the_stream(bank):
         assert info["segment"] == 1
     np.testing.assert_array_equal(rows[0], rows[1])
     np.testing.assert_array_equal(rows[0], rows[2])
-
-
-def test_views_are_equal():
-    vector = HybridTrackVectorEnv(4, follow="bank", bank="anchor_aware")
-    singles = [HybridTrackEnv(follow="bank", bank="anchor_aware") for _ in range(4)]
-    rows, _ = vector.reset(seed=3)
-    for i, env in enumerate(singles):
-        np.testing.assert_array_equal(env.reset(seed=3 + i)[0], rows[i])
-    rng = np.random.default_rng(0)
-    for _ in range(150):
-        actions = np.where(rng.random(4) < 0.05, rng.integers(1, 4, 4), 0)
-        rows, _, terminated, _, info = vector.step(actions)
-        for i, env in enumerate(singles):
-            row, _, ended, _, single = env.step(actions[i])
-            np.testing.assert_array_equal(row, rows[i])
-            np.testing.assert_array_equal(single["estimate"], info["estimate"][i])
-            assert ended == terminated[i]
-        if terminated.any():
-            break

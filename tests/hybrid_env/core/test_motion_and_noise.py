@@ -15,7 +15,7 @@ from hybrid_env.core.motion import (
     propagate,
     turn_centre,
 )
-from hybrid_env.core.noise import draw_normals, integer_below, next_uint64, uniform
+from hybrid_env.core.noise import integer_below, next_uint64, uniform
 from hybrid_env.core.records import LANES
 
 
@@ -70,14 +70,6 @@ def integers(state, count, bound):
     return np.array([integer_below(state, 2, bound) for _ in range(count)])
 
 
-@compiled
-def normals(state, count):
-    drawn = np.empty((count, 4, state.shape[1]))
-    for k in range(count):
-        draw_normals(state, drawn[k], 0, state.shape[1])
-    return drawn
-
-
 def seeded(seed):
     return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
 
@@ -96,29 +88,6 @@ def test_the_generator_gives_the_published_stream():
     ]
     assert [int(value) for value in bits(state, len(expected))] == expected
     assert not state[:, [0, 1, *range(3, LANES)]].any()
-
-
-def test_normals_pass_tests_of_distribution_moments_tails_and_correlation():
-    drawn = normals(seeded(5), 12_500)
-    sample = drawn.ravel()
-    assert stats.kstest(sample, "norm").pvalue > 1e-3
-    # moments of N(0, 1) have standard errors 1, sqrt(2), sqrt(15), sqrt(96) over sqrt(n); tolerance 4
-    for power, moment, deviation in (
-        (1, 0, 1),
-        (2, 1, math.sqrt(2)),
-        (3, 0, math.sqrt(15)),
-        (4, 3, math.sqrt(96)),
-    ):
-        assert abs((sample**power).mean() - moment) < 4 * deviation / math.sqrt(sample.size)
-    beyond = np.abs(sample[np.abs(sample) > 3.0])
-    assert stats.binomtest(beyond.size, sample.size, 2 * stats.norm.sf(3.0)).pvalue > 1e-3
-    assert stats.kstest(beyond, lambda x: 1 - stats.norm.sf(x) / stats.norm.sf(3.0)).pvalue > 1e-3
-    # correlations between the four draws of a tick, lanes, and successive ticks
-    variables = np.concatenate(
-        [drawn.reshape(len(drawn), -1)[:-1], drawn.reshape(len(drawn), -1)[1:]], axis=1
-    )
-    off = np.corrcoef(variables.T)[np.triu_indices(variables.shape[1], 1)]
-    assert np.abs(off).max() < stats.norm.isf(5e-4 / off.size) / math.sqrt(len(drawn))
 
 
 def test_uniforms_and_integers_are_uniform():

@@ -9,15 +9,15 @@ import pytest
 import hybrid_env  # noqa: F401
 from hybrid_env.rendering.evidence import (
     SINGLE_COLOUR,
+    TYPE_COLOURS,
     EvidencePanel,
     Threshold,
+    mode_colour,
     sprt_panel,
 )
 from hybrid_env.rendering.figure import EpisodeFigure
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour
 from hybrid_env.rendering.panels import probability_ticks
-from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.rendering.window import FRAME_SIZE
+from hybrid_env.rendering.window import FRAME_SIZE, Renderer
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 POSTERIOR = EvidencePanel(

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hybrid_env.rendering.modes import TYPE_COLOURS, mode_colour, mode_name
+from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 

@@ -8,8 +8,7 @@ import pytest
 
 import hybrid_env  # noqa: F401
 from hybrid_env.rendering.evidence import probability_panel
-from hybrid_env.rendering.renderer import Renderer
-from hybrid_env.rendering.window import NoDisplayError, display_available
+from hybrid_env.rendering.window import NoDisplayError, Renderer, display_available
 
 
 def make(render_mode):

@@ -9,9 +9,8 @@ import pytest
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
-from baselines.estimation.turn_imm import run_turn_imm
-from baselines.estimation.turns import TurnModel
-from baselines.recordings.flights.flight import stack_flights
+from baselines.estimation.turns import TurnModel, run_turn_imm
+from baselines.recordings.flights.flight import SCORED, TIERS, stack_flights
 from baselines.recordings.flights.labels import (
     LEFT,
     RIGHT,
@@ -22,18 +21,11 @@ from baselines.recordings.flights.labels import (
     row_edges,
     scored_alike,
 )
-from baselines.recordings.flights.metrics import (
-    FlightCounts,
-    bootstrap,
-    count_flight,
-    figures,
-    paired_agreement,
-    unstack,
-)
+from baselines.recordings.flights.metrics import STATISTICS, count_flight, score_flights
 from baselines.recordings.flights.samples import Samples, installed_samples
 from baselines.recordings.flights.simulated import draw_world, simulate_flights, twins
-from baselines.recordings.flights.tiers import SCORED, TIERS
-from baselines.rules.flight_rules import Cusum, Threshold, held
+from baselines.recordings.flights.tracks import FlightTracks
+from baselines.rules.flight_rules import FlightCusumDecider, FlightThresholdDecider
 from hybrid_env.checks import ArgumentError
 
 METRE = 1.0 / 111_320.0  # degrees of latitude
@@ -135,14 +127,17 @@ def test_the_own_track_angle_takes_rows_out_of_the_score(tmp_path):
 
 def test_the_deciders_find_known_turns(flight):
     batch = stack_flights([flight])
-    estimates = run_turn_imm(batch)
-    (labels,) = label_flights([flight])
-    for decider in (Threshold(), Cusum()):
-        (stated,) = unstack(batch, decider.state_modes(batch, estimates), [len(flight.times)])
-        values = figures([count_flight(labels, stated, flight.pieces)])
-        assert values.agreement > 0.93
-        assert values.misses == 0.0
-        assert values.delay < 8.0
+    tracks = FlightTracks(batch, run_turn_imm(batch))
+    labels = label_flights([flight])
+    for decider in (FlightThresholdDecider(), FlightCusumDecider()):
+        stated = tracks.statements(decider, [len(flight.times)])
+        scores = score_flights("rule", [flight], labels, stated)
+        agreement, misses, delay = (
+            scores.estimate(STATISTICS[name]).value for name in ("agreement", "misses", "delay")
+        )
+        assert agreement > 0.93
+        assert misses == 0.0
+        assert delay < 8.0
 
 
 def test_the_filter_with_one_model_is_a_kalman_filter(flight):
@@ -168,40 +163,20 @@ def test_flights_of_different_length_do_not_affect_each_other(tmp_path, flight):
     np.testing.assert_allclose(together.probabilities[:count, 1], alone.probabilities[:, 0], atol=1e-9)
 
 
-def test_held_statements():
-    values = np.array([[1], [2], [2], [1]])
-    assert held(values, np.array([[False], [True], [False], [True]]))[:, 0].tolist() == [0, 2, 2, 1]
-
-
 def test_counts_by_hand(flight):
     (labels,) = label_flights([flight])
-    exact = count_flight(labels, labels.modes, flight.pieces)
+    exact = count_flight(flight, labels, labels.modes)
     assert (exact.labels, exact.missed, exact.delay, exact.false, exact.changes) == (4, 0, 0.0, 0, 4)
     assert exact.agreed == exact.scored
     stated = labels.modes.copy()
     stated[labels.modes == RIGHT] = STRAIGHT  # a miss
     stated[100:110] = LEFT  # two changes, one of them false
-    wrong = count_flight(labels, stated, flight.pieces)
+    wrong = count_flight(flight, labels, stated)
     assert (wrong.missed, wrong.false, wrong.false_turns) == (1, 1, 1)
     stated = labels.modes.copy()
     stated[215:222] = STRAIGHT  # a turn with a gap: two changes, one of them false
-    gap = count_flight(labels, stated, flight.pieces)
+    gap = count_flight(flight, labels, stated)
     assert (gap.missed, gap.false, gap.false_turns, gap.changes) == (0, 1, 0, 6)
-    assert [
-        low <= value <= high
-        for value, (low, high) in zip(figures([wrong]), bootstrap([wrong]).values(), strict=True)
-    ]
-
-
-def test_paired_agreement_of_flights_that_differ_equally():
-    counts = [FlightCounts(100.0, 100.0 - k, 1, 0, 0.0, 0, 0, 0) for k in (5.0, 20.0, 40.0)]
-    better = [one._replace(agreed=one.agreed + 3.0) for one in counts]
-    value, interval = paired_agreement(better, counts)
-    np.testing.assert_allclose((value, *interval), 0.03)  # the same in every draw
-    nothing = FlightCounts(0.0, 0.0, 0, 0, 0.0, 0, 0, 0)
-    assert np.isnan(paired_agreement([nothing], [nothing])[1]).all()
-    low, high = bootstrap(counts)["agreement"]
-    assert high - low > 0.1
 
 
 def test_simulated_flights_have_the_noise_of_their_tier():
@@ -234,18 +209,6 @@ def test_twins_are_scored_where_their_flights_are(flight):
     assert found.weights[labels.times < 300.0].sum() == labels.weights[labels.times < 300.0].sum()
     assert not found.weights[labels.times >= 300.0].any()
     np.testing.assert_array_equal(found.modes, labels.modes)
-
-
-def test_covariances_stay_symmetric_with_turned_noise():
-    generator = np.random.default_rng(0)
-    velocity = np.array([100.0, 70.0])
-    noise = 2.5 * np.eye(2) + 0.0064 * np.outer(velocity, velocity)
-    times = np.cumsum(generator.uniform(0.5, 2.5, 6000))
-    values = times[:, None] * velocity + generator.multivariate_normal(np.zeros(2), noise, 6000)
-    kalman = KalmanFilter(MotionModel("CA", 2, 1.0), noise, (200.0, 5.0))
-    covariances = run_filter(kalman, values, times).covariances
-    assert np.abs(covariances - covariances.swapaxes(-1, -2)).max() < 1e-6
-    assert np.linalg.eigvalsh(covariances[100:]).min() > 0.0
 
 
 @pytest.mark.parametrize(

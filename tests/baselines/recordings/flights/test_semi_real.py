@@ -9,7 +9,8 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
 from baselines.estimation.turns import STRAIGHT
-from baselines.recordings.flights.metrics import count_flight, figures
+from baselines.recordings.flights.flight import TIERS
+from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.semi_real import (
     WORLD,
     noise_deviation,
@@ -18,7 +19,6 @@ from baselines.recordings.flights.semi_real import (
     state_semi_real,
 )
 from baselines.recordings.flights.simulated import FlightWorld, simulate_flights
-from baselines.recordings.flights.tiers import TIERS
 
 
 def test_between_positions_the_path_is_that_of_the_smoother():
@@ -95,10 +95,8 @@ def test_ticks_far_from_any_position_are_not_scored(simulated):
 def test_deciders_of_the_environment_read_flights_in_any_unit(simulated):
     made, copied = semi_real_flights(*simulated, np.random.default_rng(1))
     stated = state_semi_real(ThresholdDecider(0.6), made)
-    values = figures(
-        [count_flight(label, s, f.pieces) for label, s, f in zip(copied, stated, made, strict=True)]
-    )
-    assert values.agreement > 0.85
+    scores = score_flights("threshold", made, copied, stated)
+    assert scores.estimate(STATISTICS["agreement"]).value > 0.85
     assert any((one != STRAIGHT).any() for one in stated)
     scaled = [
         replace(

@@ -1,0 +1,163 @@
+"""Environments other than the nominal one: with one property changed, and random ones.
+
+Random worlds have objects, sensors and banks of many kinds, without units.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from hybrid_env.options import WorldOptions
+from hybrid_env.scheme import RandomScheme
+
+NOMINAL = "nominal"
+
+LENGTH_UNITS = (0.03, 1000.0)  # standard deviation of a measurement [m], where units are drawn
+TICKS = (0.01, 60.0)  # length of a tick [s], likewise
+MOTION = (0.08, 8.0)  # distance per tick over the deviation of a measurement
+TURN = (0.012, 0.25)  # turn angle per tick of the smallest radius [rad]
+WIDEST_BANK = 25.0  # largest over smallest radius
+PROCESS = (0.003, 0.06)  # deviation of process noise per tick over the speed
+MOST_OUTLIERS = 0.1
+HEAVY_TAILS = 0.3  # share of worlds whose noise is stable or Student's t
+LEVY_INDICES = (1.2, 1.9)
+LEVY_SCALES = (0.5, 1.2)  # over the assumed standard deviation
+LEVY_CLIPS = (10.0, 1000.0)
+FREEDOMS = (1.5, 8.0)
+LARGEST_AXIS_RATIO = 20.0  # measurement variance of one axis over that of the other
+SHORTEST = (20, 100)  # ticks of the shortest segment
+LONGEST_OVER_SHORTEST = 2.5
+LEAST_DEVIATION = 3.0  # of the widest turn from a straight line after half a segment, over sqrt(R)
+BANKS = (
+    ("published", "declared"), ("anchor_aware", "declared"), ("published", "bank"), ("anchor_aware", "bank"),
+)  # fmt: skip
+SHARES = (0.55, 0.2, 0.1, 0.15)
+
+
+def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
+    """Return name and changed options of the environments around the nominal one, the nominal one first."""
+    R, Q = np.asarray(world.measurement_variance), world.process_variance
+    position, velocity = world.initial_error if isinstance(world.initial_error, tuple) else (0.0, 0.0)
+    mean = float(np.exp(np.log(R).mean()))
+    shifts: dict[str, dict[str, Any]] = {
+        NOMINAL: {},
+        "R / 100": {"measurement_variance": _plain(R / 100)},
+        "R / 10": {"measurement_variance": _plain(R / 10)},
+        "R x 10": {"measurement_variance": _plain(R * 10)},
+        "R of y is 16 R of x": {"measurement_variance": (mean / 4, mean * 4)},
+        "Q / 10": {"process_variance": Q / 10},
+        "Q x 10": {"process_variance": 10 * Q},
+        "2 % outliers": {"noise": "outliers 0.02"},
+        "5 % outliers": {"noise": "outliers 0.05"},
+        "Student's t noise": {"noise": "student_t 3"},
+        "Lévy noise": {"noise": "levy 1.5 1 44"},
+        "half the speed": {"speed": world.speed / 2},
+        "twice the speed": {"speed": world.speed * 2},
+        "4 times the speed": {"speed": world.speed * 4},
+        "half the tick": {"tau": world.tau / 2},
+        "twice the tick": {"tau": world.tau * 2},
+        "exact first estimate": {"initial_error": 0},
+        "first estimate 3 times as wrong": {"initial_error": (9 * position, 9 * velocity)},
+        "all filters followed": {"follow": "bank"},
+    }
+    if isinstance(world.scheme, RandomScheme) and world.scheme.radii is None:
+        segments, (short, long) = world.scheme.segments, world.scheme.lengths
+        for name, factor in (("half the radii", 0.5), ("twice the radii", 2.0), ("2.4 times the radii", 2.4)):
+            shifts[name] = {"radii": tuple(radius * factor for radius in world.radii)}
+        two = tuple(sorted({factor * radius for radius in world.radii for factor in (0.8, 1.8)}))
+        shifts["two radii for each"] = {"radii": two}
+        for name, factor in (("half the length", 0.5), ("twice the length", 2.0)):
+            lengths = max(1, round(short * factor)), max(1, round(long * factor))
+            shifts[name] = {"scheme": f"random {segments}x{lengths[0]}-{lengths[1]}"}
+    return shifts
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if np.ndim(value) == 0 else tuple(np.asarray(value).tolist())
+
+
+def _log_uniform(generator: Generator, limits: tuple[float, float], beyond: float = 1.0) -> float:
+    """Return a number from low / beyond to high * beyond, uniform in its logarithm."""
+    low, high = limits
+    return float(np.exp(generator.uniform(np.log(low / beyond), np.log(high * beyond))))
+
+
+def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:
+    """Return options of a random world.
+
+    Half of the worlds have the tick and the speed of HybridTrack-v0, because the published reset of the
+    covariance to the identity depends on the units. In each, some properties differ from their usual values.
+
+    Args:
+        generator: source of randomness.
+        radii_count: number of radii of the bank.
+        beyond: factor by which the ranges are wider at both ends.
+    """
+    low, high = SHORTEST
+    drawn = round(_log_uniform(generator, (low, high), beyond))
+    shortest = drawn if generator.random() < 0.6 else 50
+    longest = round(shortest * generator.uniform(1.0, LONGEST_OVER_SHORTEST))
+    spread = _log_uniform(generator, (1.5, WIDEST_BANK), beyond) if radii_count > 1 else 1.0
+    motion, turn = 0.0, 0.0
+    while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < LEAST_DEVIATION:
+        motion, turn = _log_uniform(generator, MOTION, beyond), _log_uniform(generator, TURN, beyond)
+    tau, deviation = 0.1, 0.0
+    if generator.random() < 0.5:
+        deviation = 0.2 / motion
+    else:
+        tau, deviation = _log_uniform(generator, TICKS), _log_uniform(generator, LENGTH_UNITS)
+    speed = motion * deviation / tau
+    smallest = speed * tau / turn
+    largest = smallest * spread
+    if generator.random() < 0.5:
+        radii = np.linspace(smallest, largest, radii_count)
+    else:
+        radii = np.geomspace(smallest, largest, radii_count)
+    noise = _log_uniform(generator, PROCESS, beyond) if generator.random() < 0.6 else 0.0158
+    ratio = _log_uniform(generator, (1.0 / LARGEST_AXIS_RATIO, LARGEST_AXIS_RATIO), beyond)
+    axes = ratio**0.5 if generator.random() < 0.3 else 1.0
+    velocity = speed * _log_uniform(generator, (0.01, 0.3))
+    bank, follow = BANKS[generator.choice(len(BANKS), p=SHARES)]
+    world = {
+        "scheme": f"random 6x{shortest}-{longest}",
+        "radii": tuple(radii.tolist()),
+        "speed": speed,
+        "tau": tau,
+        "process_variance": (noise * speed) ** 2,
+        "measurement_variance": (deviation**2 * axes, deviation**2 / axes),
+        "noise": f"outliers {generator.uniform(0.0, beyond * MOST_OUTLIERS)}"
+        if generator.random() < 0.35
+        else "gaussian",
+        "initial_error": (_log_uniform(generator, (0.05, 5.0)), velocity**2),
+        "bank": bank,
+        "follow": follow,
+        "correctness": "type" if radii_count > 1 and generator.random() < 0.6 else "exact",
+    }
+    if generator.random() < HEAVY_TAILS:
+        world["noise"] = _draw_heavy_tails(generator)
+    return world
+
+
+def _draw_heavy_tails(generator: Generator) -> str:
+    """Return a law of the measurement noise with heavy tails, stable or Student's t."""
+    if generator.random() < 0.7:
+        index, scale = generator.uniform(*LEVY_INDICES), _log_uniform(generator, LEVY_SCALES)
+        return f"levy {index:.6g} {scale:.6g} {_log_uniform(generator, LEVY_CLIPS):.6g}"
+    return f"student_t {_log_uniform(generator, FREEDOMS):.6g}"
+
+
+def draw_worlds(count: int, seed: int, beyond: float) -> dict[str, dict[str, Any]]:
+    """Return name and options of random worlds with 3, 7 or 21 hypotheses.
+
+    Args:
+        count: number of worlds.
+        seed: of the first world.
+        beyond: see `draw_world`.
+    """
+    worlds = {}
+    for k in range(count):
+        generator = np.random.default_rng(seed + k)
+        radii_count = int(generator.choice([1, 3, 10], p=[0.6, 0.2, 0.2]))
+        worlds[f"random world {k + 1}"] = draw_world(generator, radii_count, beyond)
+    return worlds

@@ -1,0 +1,246 @@
+"""Files of recordings: flags that say how they are read and where the results go; work on many of them."""
+
+import functools
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import joblib
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from agents.interface.help_texts import shown_default
+from agents.interface.parallel import Workers
+from agents.interface.progress import progress_display
+from baselines.recordings.reading.names import ROLES
+from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
+
+if TYPE_CHECKING:
+    from baselines.recordings.reading.read import RecordingFile
+
+TAU_RANGE = (1e-9, 1e9)  # [s]
+COLUMN_ROLES = ("t", *ROLES)
+PARALLEL_FILES = 8
+"""With fewer files the start of processes takes longer than it saves."""
+
+
+@dataclass(kw_only=True)
+class FileArguments:
+    """How files are read and where the results go."""
+
+    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")]
+    """CSV, TSV, Parquet or GPX files, also compressed by gzip. Header, delimiter, decimal comma and index are
+    found; columns are known by names such as time, timestamp, t, x, y, easting, northing, lat, lon."""
+    columns: tuple[str, ...] = ()
+    """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date lat=B lon=L."""
+    object: str | None = None
+    """Column that tells several objects apart; 'none' for a single one. By default columns such as id."""
+    unit: str | None = None
+    """Unit of x and y, for example m or km; 'deg' for longitude and latitude. By default from the header."""
+    time_unit: str | None = None
+    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
+    ISO dates, seconds, and s, ms, us or ns since 1970 are recognised."""
+    tau: float | None = None
+    """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
+    gap: float | None = None
+    """Longest time between two measurements [s]; after a longer gap the track starts anew. By default 20
+    ticks."""
+    out: Path | None = None
+    """Output folder; by default <file name>_track in the folder of the file. With several files each has a
+    folder of this name inside."""
+    overwrite: bool = False
+    """Replace existing results."""
+    jobs: int | None = None
+    """Files that are tracked at the same time. By default one for each core if there are many files."""
+
+    def read(self, path: Path) -> "RecordingFile":
+        """Read a file.
+
+        Raises:
+            ArgumentError: the file is invalid, or its columns are unclear.
+        """
+        from baselines.recordings.reading.read import read_recordings  # pandas; other commands start faster
+
+        return read_recordings(
+            path, columns=self.column_names(), object_column=self.object, unit=self.unit,
+            time_unit=self.time_unit, tau=self.tau, gap=self.gap,
+        )  # fmt: skip
+
+    def column_names(self) -> dict[str, str]:
+        """Return the columns by role.
+
+        Raises:
+            ArgumentError: an element is not of the form role=column, or a role is given twice.
+        """
+        names: dict[str, str] = {}
+        for text in self.columns:
+            role, sign, column = text.partition("=")
+            if not sign or role not in COLUMN_ROLES or not column:
+                raise reject("columns", text, f"role=column with a role of {', '.join(COLUMN_ROLES)}")
+            if role in names:
+                raise reject("columns", text, f"one column for {role}")
+            names[role] = column
+        return names
+
+    def folders(self) -> list[Path]:
+        """Return the output folder of each file.
+
+        Raises:
+            ArgumentError: two files have the same one.
+        """
+        folders = [self._folder(Path(path)) for path in self.files]
+        first: dict[Path, Path] = {}
+        for path, folder in zip(self.files, folders, strict=True):
+            if folder.resolve() in first:
+                other = first[folder.resolve()]
+                raise ArgumentError(
+                    f"{other} and {path} both have the output folder {folder}: rename one, or track each by "
+                    "itself with --out"
+                )
+            first[folder.resolve()] = Path(path)
+        return folders
+
+    def check_files(self) -> None:
+        """Check all arguments before any work.
+
+        Raises:
+            ArgumentError: one is not allowed.
+        """
+        if not self.files:
+            raise reject("files", self.files, "at least one file")
+        self.column_names()
+        if self.tau is not None:
+            check_between("tau", self.tau, *TAU_RANGE)
+        if self.gap is not None:
+            check_positive("gap", self.gap)
+        if self.unit is not None and not self.unit.strip():
+            raise reject("unit", self.unit, "the name of a unit, for example m, km or deg")
+        if self.jobs is not None:
+            check_integer("jobs", self.jobs)
+
+    def _folder(self, path: Path) -> Path:
+        name = f"{Path(path.name.removesuffix('.gz')).stem}_track"
+        if self.out is None:
+            return path.with_name(name)
+        return self.out if len(self.files) == 1 else self.out / name
+
+
+def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Return the output folder of each object of a file: that of the file if it has only one."""
+    if len(names) == 1:
+        return [folder]
+    found: list[Path] = []
+    for number, name in enumerate(names, start=1):
+        plain = "".join(letter if letter.isalnum() or letter in "._-+" else "_" for letter in name)
+        plain = plain.strip(".") or str(number)
+        path = folder / plain
+        found.append(path if path not in found else folder / f"{plain}_{number}")
+    return found
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is printed about a file.
+
+    Attributes:
+        lines: what was read, found and written.
+        table: details, which are printed for a single file only.
+        files: the files that were written, printed for a single file only.
+    """
+
+    lines: tuple[str, ...]
+    table: Table | None = None
+    files: tuple[Path, ...] = ()
+
+
+Work = Callable[[Path, Path], Report]
+"""Work on a file: its path and output folder. Raises ArgumentError. It can be pickled."""
+
+
+def work_on_files(
+    work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None
+) -> None:
+    """Work on files and print a report for each, in their order.
+
+    The results do not depend on the number of jobs.
+
+    Args:
+        work: work on one file.
+        paths: the files.
+        folders: their output folders.
+        jobs: number of processes; None is one for each core if there are at least eight files.
+
+    Raises:
+        ArgumentError: a file could not be worked on. If there are several, each such file has its line on the
+            standard error output and the error gives their number.
+    """
+    console = Console(emoji=False)
+    if len(paths) == 1:
+        with console.status("Tracking"):
+            report = work(paths[0], folders[0])
+        _print(console, report)
+        return
+    errors = Console(stderr=True, emoji=False)
+    failed = 0
+    with progress_display(console, transient=True) as progress:
+        task = progress.add_task("Tracking", total=len(paths), note="")
+        calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
+        for _, result in Workers(_jobs(jobs, len(paths))).results(calls):
+            if isinstance(result, Report):
+                for line in result.lines:
+                    progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+            else:
+                failed += 1
+                errors.print(f"hybridtrack: {result}", markup=False, highlight=False, soft_wrap=True)
+            progress.update(task, advance=1, note=f"{failed} failed" if failed else "")
+    if failed:
+        verb = "is" if failed == 1 else "are"
+        raise ArgumentError(f"{failed:,} of {len(paths):,} files {verb} not tracked; the others are")
+
+
+def check_free(folder: Path, overwrite: bool) -> None:
+    """Check that the results of a file can be written to a folder, before any work.
+
+    Raises:
+        ArgumentError: the folder holds files and may not be overwritten, or it cannot be written to.
+    """
+    try:
+        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+            raise reject("out", str(folder), "a new or empty folder, or --overwrite")
+        existing = folder
+        while not existing.exists() and existing != existing.parent:
+            existing = existing.parent
+        writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    except (OSError, ValueError) as error:
+        if isinstance(error, ArgumentError):
+            raise
+        writable = False
+    if not writable:
+        raise reject("out", str(folder), "a writable folder")
+
+
+def _jobs(jobs: int | None, files: int) -> int:
+    if jobs is None:
+        jobs = joblib.cpu_count() if files >= PARALLEL_FILES else 1
+    return min(jobs, files)
+
+
+def _attempt(work: Work, path: Path, folder: Path) -> Report | str:
+    try:
+        return work(path, folder)
+    except ArgumentError as error:
+        return str(error)
+    except OSError as error:
+        return f"{path}: {error.strerror or error}"
+
+
+def _print(console: Console, report: Report) -> None:
+    for line in report.lines:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    if report.table is not None:
+        console.print(report.table)
+    for file in report.files:
+        console.print(str(file), markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,283 @@
+"""The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
+
+A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
+(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At
+every tick a branch continues or switches to one of the other modes, with the probabilities that the law of
+the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
+measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
+histories, up to the linearization in the filters.
+
+Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be
+merged into one branch, whose filter starts from the mean and the covariance of their mixture. Then a branch
+is a pair of mode and age, and far fewer of them are needed.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.arrays import aligned_zeros
+from hybrid_env.core.banks.anchor_aware import (
+    AWARE_HYPOTHESIS,
+    begin_hypothesis,
+    covariance_of,
+    step_hypothesis,
+)
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
+from hybrid_env.core.compilation import compiled, internal
+from hybrid_env.core.records import LANES
+
+FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
+
+
+class Branches(NamedTuple):
+    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES.
+
+    Attributes:
+        filters: (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
+        modes: (N, B) present mode.
+        ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
+        rows: (N, B) `FIRST` or `LATER`.
+        counts: (N,) number of branches.
+    """
+
+    filters: NDArray[Any]
+    modes: NDArray[np.int64]
+    ages: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
+
+class BeamModel(NamedTuple):
+    """What the branches assume.
+
+    Attributes:
+        radii: (n,) turn radii [m].
+        hazards: (2, ages) probability that a segment ends after each age; rows `FIRST` and `LATER`. Older
+            segments have the last one.
+        merged: whether branches that switch to the same mode at the same tick become one.
+        filters: model of the filters.
+    """
+
+    radii: NDArray[np.float64]
+    hazards: NDArray[np.float64]
+    merged: bool
+    filters: FilterModel
+
+
+def branch_arrays(tracks: int, branches: int) -> Branches:
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES."""
+    groups = -(-branches // LANES)
+    modes, ages, rows = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(3))
+    filters = aligned_zeros((tracks, groups), AWARE_HYPOTHESIS)
+    return Branches(filters, modes, ages, rows, np.zeros(tracks, np.int64))
+
+
+@compiled
+def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], model: BeamModel) -> None:
+    """Start one branch of every mode in the first segment.
+
+    Args:
+        branches: of all tracks; those of the track are replaced.
+        track: index of the track.
+        start: (14 + M,) estimate [x, vx, y, vy], its covariance, upper triangle row by row, and
+            the logarithms of the mode probabilities.
+        model: of the branches.
+    """
+    modes = 2 * model.radii.size + 1
+    anchor = (start[0], start[1], start[2], start[3])
+    covariance = triangle(start[4:14])
+    for mode in range(modes):
+        kalman, lane = branches.filters[track, mode // LANES], mode % LANES
+        radius = signed_radius(mode, model.radii)
+        begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
+        kalman.log_likelihood[lane] = start[14 + mode]
+        branches.modes[track, mode] = mode
+        branches.ages[track, mode] = 1
+        branches.rows[track, mode] = FIRST
+    branches.counts[track] = modes
+
+
+@internal
+def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) -> None:
+    """Copy one lane of a record `AWARE_HYPOTHESIS` to a lane of another."""
+    target.x[target_lane], target.vx[target_lane] = source.x[source_lane], source.vx[source_lane]
+    target.y[target_lane], target.vy[target_lane] = source.y[source_lane], source.vy[source_lane]
+    target.centre_x[target_lane] = source.centre_x[source_lane]
+    target.centre_y[target_lane] = source.centre_y[source_lane]
+    target.turn_rate[target_lane] = source.turn_rate[source_lane]
+    target.log_likelihood[target_lane] = source.log_likelihood[source_lane]
+    for k in range(28):
+        target.covariance[k, target_lane] = source.covariance[k, source_lane]
+
+
+@internal
+def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, track: int, c: int) -> None:
+    """Copy branch b of a track to branch c of another."""
+    copy_filter(
+        source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES
+    )
+    target.modes[track, c] = source.modes[source_track, b]
+    target.ages[track, c] = source.ages[source_track, b]
+    target.rows[track, c] = source.rows[source_track, b]
+
+
+@internal
+def triangle(entries: NDArray[np.float64]) -> Triangle4:
+    """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
+    return (
+        entries[0], entries[1], entries[2], entries[3], entries[4],
+        entries[5], entries[6], entries[7], entries[8], entries[9],
+    )  # fmt: skip
+
+
+@internal
+def _begin_child(
+    children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel
+) -> None:
+    """Begin child c with a segment of a mode, from an estimate and its covariance."""
+    radius = signed_radius(mode, model.radii)
+    kalman = children.filters[0, c // LANES]
+    begin_hypothesis(kalman, c % LANES, anchor, covariance, radius, model.filters.tau)
+    children.modes[0, c] = mode
+    children.ages[0, c] = 1
+    children.rows[0, c] = LATER
+
+
+@internal
+def _switch(
+    branches: Branches,
+    track: int,
+    weights: NDArray[np.float64],
+    parents: tuple[int, int],
+    children: Branches,
+    count: int,
+    model: BeamModel,
+) -> int:
+    """Write one child for every mode, after `count` others: the mixture of parents in other modes.
+
+    Args:
+        branches: of all tracks.
+        track: index of the track.
+        weights: (branches,) log probability of a branch and a switch to one certain mode.
+        parents: the first branch that switches, and the end of these branches.
+        children: of one track.
+        count: number of children so far.
+        model: of the branches.
+
+    Returns:
+        Number of children.
+    """
+    mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
+    for mode in range(2 * model.radii.size + 1):
+        largest, total = -np.inf, 0.0
+        for b in range(parents[0], parents[1]):
+            if branches.modes[track, b] != mode:
+                largest = max(largest, weights[b])
+        if largest == -np.inf:
+            continue
+        mean[:] = 0.0
+        covariance[:] = 0.0
+        for b in range(parents[0], parents[1]):
+            if branches.modes[track, b] != mode:
+                probability = math.exp(weights[b] - largest)
+                total += probability
+                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                    mean[k] += probability * value
+        mean /= total
+        for b in range(parents[0], parents[1]):
+            if branches.modes[track, b] != mode:
+                probability = math.exp(weights[b] - largest) / total
+                for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
+                    difference[k] = value - mean[k]
+                entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
+                k = 0
+                for row in range(4):
+                    for column in range(row, 4):
+                        covariance[k] += probability * (entries[k] + difference[row] * difference[column])
+                        k += 1
+        anchor = (mean[0], mean[1], mean[2], mean[3])
+        _begin_child(children, count, mode, anchor, triangle(covariance), model)
+        children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        count += 1
+    return count
+
+
+@internal
+def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
+    """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
+    count = 0
+    switches = np.full(branches.counts[track], -np.inf)
+    for b in range(branches.counts[track]):
+        row, age = branches.rows[track, b], branches.ages[track, b]
+        hazard = model.hazards[row, min(age, model.hazards.shape[1]) - 1]
+        weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
+        if hazard > 0.0:
+            switches[b] = weight + math.log(hazard / (2 * model.radii.size))
+        if hazard < 1.0:
+            _copy_branch(branches, track, b, children, 0, count)
+            children.ages[0, count] = age + 1
+            children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
+            count += 1
+    if model.merged:
+        return _switch(branches, track, switches, (0, switches.size), children, count, model)
+    for b in range(switches.size):
+        count = _switch(branches, track, switches, (b, b + 1), children, count, model)
+    return count
+
+
+@compiled
+def step_branches(
+    branches: Branches,
+    children: Branches,
+    innovations: NDArray[Any],
+    measurements: NDArray[np.float64],
+    log_probability: NDArray[np.float64],
+    model: BeamModel,
+) -> None:
+    """Advance the branches of all tracks by one tick.
+
+    Args:
+        branches: of all tracks.
+        children: of one track, (1, ...), with room for M times as many branches; overwritten.
+        innovations: (1,) record `INNOVATION`, overwritten.
+        measurements: (N, 2) measured positions [m].
+        log_probability: (N, M) logarithms of the probabilities of the modes, written.
+        model: of the branches.
+    """
+    capacity = branches.modes.shape[1]
+    measured = np.empty((2, LANES))
+    for track in range(measurements.shape[0]):
+        for lane in range(LANES):
+            measured[0, lane], measured[1, lane] = measurements[track, 0], measurements[track, 1]
+        count = _extend(branches, track, children, model)
+        weights = np.empty(count)
+        for group in range((count + LANES - 1) // LANES):
+            kalman = children.filters[0, group]
+            step_hypothesis(kalman, innovations[0], 0, LANES, measured, model.filters)
+            for c in range(group * LANES, min(count, (group + 1) * LANES)):
+                weights[c] = -kalman.log_likelihood[c % LANES]
+        order = np.argsort(weights, kind="mergesort")
+        kept = min(count, capacity)
+        smallest = weights[order[0]]  # of the most probable branch
+        total = 0.0
+        for k in range(kept):
+            total += math.exp(smallest - weights[order[k]])
+        shift = smallest - math.log(total)
+        log_probability[track] = 0.0
+        for k in range(kept):
+            c = order[k]
+            _copy_branch(children, 0, c, branches, track, k)
+            log_weight = shift - weights[c]
+            branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
+            log_probability[track, children.modes[0, c]] += math.exp(log_weight)
+        branches.counts[track] = kept
+        for mode in range(log_probability.shape[1]):
+            log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
+
+
+def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, NDArray[Any]]:
+    """Return the `children` and `innovations` of `step_branches`."""
+    return branch_arrays(1, hypotheses * branches.modes.shape[1]), aligned_zeros((1,), INNOVATION)

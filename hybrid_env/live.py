@@ -1,0 +1,216 @@
+"""The state of a track on a live sensor: the measurements come from the caller.
+
+Arrays, parameters, kernels and observations are those of the environments; the commands of a live sensor in
+`core.kernels` have no object. `baselines.OnlineTracker` puts a decider in front of them.
+"""
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.checks import reject
+from hybrid_env.core.kernel import HAS_DECISION
+from hybrid_env.core.kernels import BEGIN, MEASURE
+from hybrid_env.options import WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.world import World
+
+FloatArray = NDArray[np.float64]
+
+TRIANGLE = np.triu_indices(4)
+SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+"""Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
+
+
+class OnlineTrack(World):
+    """One track that is stepped with measurements from outside, with announced or unknown switches.
+
+    Attributes:
+        announced: whether switches are announced by `begin_segment`.
+        environment: id of the environment whose rows it writes.
+    """
+
+    announced: ClassVar[bool]
+    environment: ClassVar[str]
+
+    def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
+        parameters["irregular"] = True  # any measurement may be missing
+        super()._bind(parameters, *arrays)
+        block = self.blocks[0]
+        block["variance_ratio"] = 1.0  # those that are not have variance R
+        self._measurement: FloatArray = block["measurement"][:, 0]
+        self._estimate: FloatArray = block["estimate"][:, 0]
+        self._triangle: FloatArray = block["covariance"][:, 0]
+        self._values: FloatArray = self.bank.hypotheses[self.options.hypothesis_field][0, :, 0]
+
+    def largest(self) -> dict[str, int]:
+        """See `World.largest`: lengths and ticks are those of the sensor."""
+        return dict.fromkeys(("active_mode", "stated_mode"), self.options.hypotheses - 1)
+
+    def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
+        """Begin a track one tick before its first measurement.
+
+        Args:
+            estimate: (4,) [x, vx, y, vy] [m, m/s].
+            covariance: (4, 4) of the estimate.
+            mode: before the first tick; -1 if it is not known.
+        """
+        self._estimate[:] = estimate
+        self._triangle[:] = covariance[TRIANGLE]
+
+    def begin_segment(self, ticks: int) -> None:
+        """Begin a segment of a number of ticks, before its first measurement."""
+
+    def measure(self, x: float, y: float) -> None:
+        """Advance by one tick with a measurement [m]; write the observation."""
+        self._measurement[0] = x
+        self._measurement[1] = y
+        self._run(MEASURE)
+
+    def skip(self) -> None:
+        """Advance by one tick without a measurement: the filters predict; write the observation."""
+        self._measurement[:] = np.nan
+        self._run(MEASURE)
+
+    @property
+    def decided(self) -> bool:
+        """Whether `mode` has been decided, not assumed: since the switch, if switches are announced."""
+        raise NotImplementedError
+
+    @property
+    def asks(self) -> bool:
+        """Whether the present observation is for a decider."""
+        raise NotImplementedError
+
+    @property
+    def mode(self) -> int:
+        """The last decided mode."""
+        raise NotImplementedError
+
+    def decide(self, action: int) -> None:
+        """Apply an action of the action space, after a measurement."""
+        raise NotImplementedError
+
+    def probabilities(self) -> FloatArray:
+        """Return the probabilities of the modes, (M,)."""
+        raise NotImplementedError
+
+    def estimate(self) -> FloatArray:
+        """Return the estimate [x, vx, y, vy], (4,) [m, m/s]."""
+        return self._estimate.copy()
+
+    def covariance(self) -> FloatArray:
+        """Return the covariance of the estimate, (4, 4)."""
+        return self._triangle[SQUARE]
+
+
+class OnlineWorld(OnlineTrack):
+    """A track with known switch moments.
+
+    The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
+    bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
+    filter runs on, and they do not change until the next segment; with `follow="bank"` all run on. The
+    published bank with one measurement variance has one covariance for both axes: it starts from that of x.
+
+    Args:
+        options: of the model; `bank="oracle"` is not available.
+    """
+
+    announced = True
+    environment = "HybridTrack-v0"
+
+    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
+        if options.bank == "oracle":
+            raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
+        super().__init__(options, tracks, trace_rows, threads)
+
+    def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
+        """See `OnlineTrack.begin_track`; the first segment still has to begin."""
+        super().begin_track(estimate, covariance, mode)
+        self.blocks["segment"][0, 0] = -1
+        self.blocks["active_mode"][0, 0] = max(mode, 0)  # straight: Golubkov 2018, algorithm 1, line 2
+        self.decision_flags[HAS_DECISION, 0] = False
+        self.actions[0] = 0
+        self._values[:] = 0.0
+
+    def begin_segment(self, ticks: int) -> None:
+        """See `OnlineTrack.begin_segment`. A last segment without a decision is decided as in the options."""
+        self.blocks["length"][0, 0] = ticks
+        self._run(BEGIN)
+
+    @property
+    def decided(self) -> bool:
+        """Whether the segment has a decision."""
+        return bool(self.decision_flags.item(HAS_DECISION, 0))
+
+    @property
+    def asks(self) -> bool:
+        """Whether the segment has no decision yet."""
+        return not self.decided
+
+    @property
+    def mode(self) -> int:
+        """The last decided mode."""
+        return int(self.blocks["active_mode"].item(0, 0))
+
+    def decide(self, action: int) -> None:
+        """Wait (action 0) or declare the mode of an action; see `WorldOptions.actions`."""
+        if action:
+            self.actions[0] = action
+            self._run(MEASURE)
+            self.actions[0] = 0
+
+    def probabilities(self) -> FloatArray:
+        """Return the posteriors of the modes with equal priors at the switch, (M,)."""
+        # maximum and sum of a list: NumPy's take longer for a few numbers
+        weights: FloatArray = np.exp(self._values - max(self._values.tolist()))
+        weights /= sum(weights.tolist())
+        return weights
+
+
+class OnlineQuickestWorld(OnlineTrack):
+    """A track with unknown switch moments. A decider states a mode at every tick."""
+
+    asks = True
+
+    announced = False
+    environment = "HybridTrackQuickest-v0"
+
+    def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
+        """See `OnlineTrack.begin_track`."""
+        super().begin_track(estimate, covariance, mode)
+        self.actions[0] = mode
+        self._run(BEGIN)
+        self.actions[0] = max(mode, 0)
+
+    @property
+    def decided(self) -> bool:
+        """Whether there has been a statement."""
+        return bool(self.blocks["time"].item(0, 0) > 0)
+
+    @property
+    def mode(self) -> int:
+        """The last statement."""
+        return self.actions.item(0)
+
+    def decide(self, action: int) -> None:
+        """State the mode of an action."""
+        self.actions[0] = action
+
+    def probabilities(self) -> FloatArray:
+        """Return the probabilities of the modes in the present tick, (M,)."""
+        return np.asarray(np.exp(self._values))
+
+
+def live_track(options: Any) -> OnlineTrack:
+    """Return the track of a live sensor for the options of an environment.
+
+    Raises:
+        ArgumentError: they are not the options of an environment.
+    """
+    if isinstance(options, WorldOptions):
+        return OnlineWorld(options)
+    if isinstance(options, QuickestOptions):
+        return OnlineQuickestWorld(options)
+    raise reject("options", options, "WorldOptions or QuickestOptions")

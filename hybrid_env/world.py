@@ -1,0 +1,293 @@
+"""The state of N tracks and the calls of the kernel that steps them, for all environments."""
+
+import functools
+import operator
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from hybrid_env.checks import ArgumentError, ReadOnlyAttributes, reject
+from hybrid_env.core.arrays import allocate, declared
+from hybrid_env.core.compilation import prepare
+from hybrid_env.core.kernels import KERNELS, RESET, STEP
+from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, TICK
+from hybrid_env.core.state import Arrays
+from hybrid_env.observation import Layout
+
+
+class World(ReadOnlyAttributes):
+    """State of N tracks under one set of options.
+
+    The arrays can be changed in place, but not replaced, because the kernel has their addresses.
+
+    Args:
+        options: of an environment; see `options.ModelOptions`.
+        tracks: N, number of tracks.
+        trace_rows: number of ticks per step stored for rendering and recording, 0 to store none.
+        threads: number of threads that step different blocks of tracks in parallel.
+
+    Attributes:
+        layout: of the observation.
+        bank: named tuple of the arrays of all banks; `bank.hypotheses` is (B, M).
+        blocks: (B,) records with the state of `LANES` tracks.
+        actions: (N,) actions of the next step.
+        observations: (N, width).
+        rewards: (N,) of the last step.
+        terminated: (N,) whether the episode has ended.
+        seeded: (N,) whether the random stream has been seeded.
+        trace: (N, trace rows, len(TRACE_COLUMNS)) ticks of the last step, with announced switches.
+        decisions: (len(DECISION), N) decisions of the last step, with announced switches.
+        decision_flags: (len(DECISION_FLAGS), N).
+
+    Raises:
+        ArgumentError: the arrays do not fit into memory, or traces are asked for with unknown switches.
+    """
+
+    read_only = frozenset(
+        ("options", "layout", "threads", "bank", "blocks", "actions", "observations", "rewards",
+         "terminated", "seeded", "trace", "decisions", "decision_flags")
+    )  # fmt: skip
+
+    layout: Layout
+    bank: Any
+    blocks: NDArray[Any]
+    actions: NDArray[np.int64]
+    observations: NDArray[np.float32]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    seeded: NDArray[np.bool_]
+    trace: NDArray[np.float64]
+    decisions: NDArray[np.int64]
+    decision_flags: NDArray[np.bool_]
+
+    def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
+        if trace_rows and not options.traced:
+            raise reject("trace_rows", trace_rows, "0: info describes every tick")
+        self.options = options
+        self.layout = options.layout_class(options.hypotheses)
+        self.threads = min(threads, -(-tracks // LANES))
+        parameters = options.parameters()
+        parameters["tracks"], parameters["blocks_count"] = tracks, -(-tracks // LANES)
+        parameters["width"], parameters["trace_rows"] = self.layout.width, trace_rows
+        sizes = parameters[0]
+        bank = options.bank_class
+        try:
+            state = {name: allocate(one, sizes) for name, one in declared(Arrays, "tracks").items()}
+            filters = {name: allocate(one, sizes) for name, one in declared(bank).items()}
+        except (MemoryError, OSError, OverflowError, ValueError):
+            raise reject(
+                "num_envs", tracks, f"a number of tracks with {trace_rows} trace_rows that fits into memory"
+            ) from None
+        for name, array in state.items():
+            setattr(self, name, array)
+        self.bank = bank(**filters)
+        self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
+        self._constant = {name: np.ascontiguousarray(array) for name, array in options.arrays().items()}
+        self._bind(parameters, state | filters | self._constant)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that hold the state, by name. They are views, not copies."""
+        return dict(self._kept)
+
+    def largest(self) -> dict[str, int]:
+        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
+        largest: dict[str, int] = self.options.largest(self.trace.shape[1])
+        return largest
+
+    def action_space(self) -> spaces.Discrete:
+        """Return the action space of one track."""
+        return spaces.Discrete(self.options.action_count)
+
+    def invalid_action(self, action: Any) -> gym.error.InvalidAction:
+        """Return the error for an action outside the space."""
+        return gym.error.InvalidAction(
+            f"action={action!r} is not allowed: expected an integer from 0 ({self.options.first_action}) "
+            f"to {self.options.action_count - 1}"
+        )
+
+    def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Write the array addresses into one parameter record per thread, with scratch memory for each."""
+        self._advance = KERNELS[self.options.bank_class]
+        prepare(self._advance, 0, 0)
+        cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
+        temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
+        self._parameters, self._scratch = [], []
+        for thread in range(self.threads):
+            scratch = {name: allocate(one, parameters[0]) for name, one in temporary.items()}
+            parameters["first_block"], parameters["last_block"] = cuts[thread : thread + 2]
+            for name, array in (arrays | scratch).items():
+                parameters[name] = array.ctypes.data
+            self._parameters.append(parameters.copy())
+            self._scratch.append(scratch)
+        # the leading bytes of every block, copied as raw memory for speed
+        front = np.dtype((np.void, TICK.itemsize))
+        self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
+        self._hypothesis_values = self.bank.hypotheses[self.options.hypothesis_field]
+        addresses = [parameters.ctypes.data for parameters in self._parameters]
+        ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
+        self._run: Callable[[int], int]
+        self.take_rows: Callable[
+            [], NDArray[np.float32]
+        ]  # after a step or reset, once: (N, width), a new array
+        if self.threads == 1:
+            self._run = functools.partial(self._advance, addresses[0])
+            self.take_rows = self.observations.copy
+        else:
+            shares = list(zip(addresses, ranges, strict=True))
+            self._run = functools.partial(self._run_threads, shares)
+            self.take_rows = self._rows_of_threads
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Copy the state of a world with the same options and number of tracks from its `arrays()`.
+
+        Raises:
+            ArgumentError: an array is missing, or has another type or shape, or an index is out of range.
+                Nothing is copied.
+        """
+        own = self.arrays()
+        for name, array in own.items():
+            other = arrays.get(name)
+            if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (array.dtype, array.shape):
+                raise ArgumentError(
+                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes an element "
+                    f"and shape {array.shape}: it was saved by another version of hybrid_env or with other "
+                    "options"
+                )
+        self.check_blocks(arrays["blocks"], arrays["seeded"])
+        for name, array in own.items():
+            array[...] = arrays[name]
+
+    def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
+        """Check the fields of blocks that the kernel uses as indices, as lengths of loops and as seeds.
+
+        Args:
+            blocks: (B,) records `BLOCK`.
+            seeded: (N,) tracks whose random stream has been seeded.
+
+        Raises:
+            ArgumentError: a value is out of range, which the kernel would not notice.
+        """
+        for name, last in self.largest().items():
+            values = blocks[name]
+            if (values < 0).any() or (values > last).any():
+                raise reject(f"blocks.{name}", values, f"integers from 0 to {last}")
+        if (blocks["tick"] > blocks["length"]).any():
+            raise reject("blocks.tick", blocks["tick"], "at most the length of the segment")
+        if not self._flatten_blocks(blocks["random_state"])[seeded].any(1).all():
+            raise reject("blocks.random_state", 0, "a state that is not zero")
+
+    def __getstate__(self) -> dict[str, Any]:
+        size = {"tracks": self.actions.size, "trace_rows": self.trace.shape[1], "threads": self.threads}
+        return size | {"options": self.options, "arrays": self.arrays()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # new arrays: those of a copy are neither aligned nor in huge pages, and may be read-only
+        arrays = state.pop("arrays")
+        self.__init__(**state)  # type: ignore[misc]
+        self.restore(arrays)
+
+    def _run_threads(self, shares: list[tuple[int, slice]], command: int) -> int:
+        """Step and copy every share of the tracks in a thread; the calling thread takes the first share."""
+        if self._pool is None or self._pool_process != os.getpid():  # a forked process has no threads
+            self._pool, self._pool_process = ThreadPoolExecutor(self.threads - 1), os.getpid()
+        pool = self._pool
+        self._rows = np.empty_like(self.observations)
+        jobs = [pool.submit(self._run_share, *share, command) for share in shares[1:]]
+        events = [self._run_share(*shares[0], command), *(job.result() for job in jobs)]
+        # every thread checks all actions, so that all report the same invalid one
+        return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
+
+    def _run_share(self, address: int, tracks: slice, command: int) -> int:
+        events: int = self._advance(address, command)
+        self._rows[tracks] = self.observations[tracks]
+        return events
+
+    def close(self) -> None:
+        """End the threads; the next step starts them again."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def _rows_of_threads(self) -> NDArray[np.float32]:
+        return self._rows
+
+    def field(self, name: str) -> NDArray[Any]:
+        """Return a copy of a field of the blocks, (N, ...)."""
+        return self._flatten_blocks(self.blocks[name].copy())
+
+    def _flatten_blocks(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Reshape a field of all blocks, (B, ..., LANES), to (N, ...)."""
+        by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
+        return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
+
+    def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
+        """Copy the current tick of every track. The returned function creates the info arrays, (N, ...)."""
+        return functools.partial(self._tick_arrays, self._ticks.copy(), self._hypothesis_values.copy())
+
+    def _tick_arrays(self, ticks: NDArray[Any], values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+        fields = ticks.view(TICK)
+        arrays = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
+        return arrays | {self.options.hypothesis_field: self._flatten_blocks(values)}
+
+    def read_decisions(self) -> dict[str, NDArray[Any]]:
+        """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""
+        rows, flags = self.decisions.copy(), self.decision_flags.copy()
+        values: dict[str, NDArray[Any]] = {key: rows[k] for k, key in enumerate(DECISION)}
+        values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
+        for k, key in enumerate(DECISION_FLAGS):
+            values[key] = flags[k]
+        return values
+
+    def read_trace(self, track: int) -> NDArray[np.float64]:
+        """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
+        block, lane = divmod(track, LANES)
+        return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
+
+    @property
+    def nbytes(self) -> int:
+        """Memory size of all tracks [bytes]."""
+        return sum(array.nbytes for array in self.arrays().values())
+
+    def seed(self, tracks: int | NDArray[np.int64], states: NDArray[np.uint64]) -> None:
+        """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""
+        blocks, lanes = np.divmod(tracks, LANES)
+        self.blocks["random_state"][blocks, :, lanes] = states
+        self.seeded[tracks] = True
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Begin a new episode on the tracks of a mask, (N,)."""
+        self.actions[:] = mask
+        self._run(RESET)
+
+    def step(self) -> int:
+        """Step every track with `actions`. A terminated track begins its next episode.
+
+        Returns:
+            Events of the kernel, combined as bits: `kernel.DECIDED` if any track made a decision,
+            `kernel.TERMINATED` if any terminated.
+
+        Raises:
+            InvalidAction: an action is outside the space. No track is stepped.
+        """
+        events = self._run(STEP)
+        if events < 0:
+            raise self.invalid_action(int(self.actions[-1 - events]))
+        return events
+
+    def observation_space(self) -> spaces.Box:
+        """Return the observation space of one track, with the bounds of bounded quantities."""
+        unbounded = float(np.finfo(np.float32).max)
+        low = np.full(self.layout.width, -unbounded, np.float32)
+        high = np.full(self.layout.width, unbounded, np.float32)
+        for name, (lowest, highest) in self.options.bounds().items():
+            low[self.layout.slices[name]] = lowest
+            high[self.layout.slices[name]] = min(highest, unbounded)
+        return spaces.Box(low, high, dtype=np.float32)

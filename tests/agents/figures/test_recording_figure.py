@@ -1,0 +1,65 @@
+"""The figure of a recorded track: lines and bars in the colours of the modes, gaps left out."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from agents.figures.tracks import recording_figure
+
+NAMES = ("straight", "left turn", "right turn")
+PIECES = [(0, 6), (6, 10)]  # a gap of five minutes between them
+MINUTES = np.array([0.0, 1, 2, 3, 4, 5, 10, 11, 12, 13])
+POINTS = np.stack([MINUTES, 0.5 * MINUTES], axis=1)
+LABELS = np.array([0, 0, 0, 1, 1, 3, 2, 2, 2, 2])  # 3 is not scored
+STATED = {"beam": np.array([0, 0, 0, 0, 1, 1, 0, 2, 2, 2]), "CUSUM": np.zeros(10, int)}
+
+
+@pytest.fixture(scope="module")
+def figure():
+    figure = recording_figure(POINTS, MINUTES, PIECES, LABELS, STATED, NAMES, "a flight")
+    figure.draw_without_rendering()
+    return figure
+
+
+@pytest.fixture(scope="module")
+def colours(figure):
+    """Colours of the modes by the legend."""
+    lines = {line.get_label(): to_hex(line.get_color()) for line in figure.legends[0].get_lines()}
+    return [lines[name] for name in (*NAMES, "not scored")]
+
+
+def test_bars_show_labels_and_statements_but_no_gap(figure, colours):
+    timeline = figure.axes[1]
+    assert [label.get_text() for label in timeline.get_yticklabels()] == ["label", "beam", "CUSUM"]
+    bars = [
+        (round(bar.get_y() + bar.get_height() / 2), bar.get_x(), bar.get_width(), to_hex(bar.get_facecolor()))
+        for bar in timeline.patches
+    ]
+    straight, left, right, _ = colours
+    assert bars == [
+        (0, 0, 3, straight), (0, 3, 2, left), (0, 10, 3, right),
+        (1, 0, 4, straight), (1, 4, 1, left), (1, 10, 1, straight), (1, 11, 2, right),
+        (2, 0, 5, straight), (2, 10, 3, straight),
+    ]  # fmt: skip
+    assert timeline.get_xlabel() == "t [min]"
+    assert timeline.get_xlim() == (0.0, 13.0)
+
+
+def test_the_track_has_a_pale_line_of_labels_and_a_thin_one_of_the_first_decider(figure, colours):
+    labels, stated = figure.axes[0].collections
+    assert labels.get_linewidths()[0] > 3 * stated.get_linewidths()[0]
+    rows = [(segment[0, 0], segment[-1, 0]) for segment in stated.get_segments()]
+    assert rows == [(0, 3), (3, 5), (10, 10), (10, 13)]  # no line through the gap
+    straight, left, right, unscored = colours
+    assert [to_hex(colour) for colour in stated.get_colors()] == [straight, left, straight, right]
+    assert to_hex(labels.get_colors()[2]) == unscored
+    assert not {to_hex(colour) for colour in labels.get_colors()} & {straight, left, right}
+    assert figure.axes[0].get_aspect() == 1.0
+
+
+def test_the_legend_stands_beside_the_axes(figure):
+    legend = figure.legends[0]
+    assert legend.get_title().get_text() == "line: beam"
+    box = legend.get_window_extent()
+    assert not any(box.overlaps(axes.get_window_extent()) for axes in figure.axes)
+    assert figure.get_suptitle() == "a flight"

@@ -1,0 +1,95 @@
+"""`hybridtrack compare` and `evaluate` for unknown switches: tables, files and refused arguments."""
+
+import json
+import shlex
+
+import pytest
+
+from agents.cli import main
+
+QUICKEST = "--env HybridTrackQuickest-v0"
+SMALL = f"{QUICKEST} --ticks 80 --durations 'uniform 15-30'"
+
+
+def test_compare_prints_tables_and_writes_figures_and_data(tmp_path, capsys):
+    out = tmp_path / "results"
+    line = f"compare {SMALL} --deciders threshold cusum beam --episodes 8 --selection-episodes 6 --out {out}"
+    assert main(shlex.split(line)) == 0
+    printed = capsys.readouterr().out
+    for words in ("8 tracks of 80 ticks", "IMM threshold", "CUSUM", "beam", "shipped", "operating curves"):
+        assert words in printed
+    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.png", "episode.png"}
+    data = json.loads((out / "compare.json").read_text())
+    assert data["plan"]["options"] == {"ticks": 80, "durations": "uniform 15-30"}
+    assert data["plan"]["episodes"] == 8
+    assert [one["name"] for one in data["deciders"]] == ["IMM threshold", "CUSUM", "beam", "shipped"]
+    for one in data["deciders"]:
+        chosen = one["curve"]["thresholds"].index(one["threshold"]["chosen"])
+        assert one["reward"]["value"] == pytest.approx(one["curve"]["reward"][chosen])
+
+
+def test_compare_with_one_decider_draws_it_alone(tmp_path):
+    line = f"compare {SMALL} --deciders cusum --agents --episodes 3 --selection-episodes 3 --out {tmp_path}"
+    assert main(shlex.split(line)) == 0
+    assert (tmp_path / "episode.png").exists()
+
+
+def test_evaluate_prints_the_metrics_of_given_thresholds(tmp_path, capsys):
+    out = tmp_path / "rules.json"
+    line = f"evaluate threshold threshold:0.9 cusum:3 {SMALL} --episodes 10 --out {out}"
+    assert main(shlex.split(line)) == 0
+    printed = capsys.readouterr().out
+    assert "10 tracks of 80 ticks" in printed
+    data = json.loads(out.read_text())
+    assert [one["decider"] for one in data] == ["threshold", "threshold:0.9", "cusum:3"]
+    assert [one["threshold"]["value"] for one in data] == [0.6, 0.9, 3.0]
+    for one in data:
+        assert f"{one['reward']['value']:.4f}" in printed
+        assert one["right"]["low"] <= one["right"]["value"] <= one["right"]["high"]
+
+
+def test_evaluate_without_deciders_takes_the_threshold_rule(capsys):
+    assert main(shlex.split(f"evaluate {SMALL} --episodes 3")) == 0
+    assert "threshold 0.6" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (f"compare {QUICKEST} --deciders ate", "deciders='ate'"),
+        (f"compare {QUICKEST} --deciders", "deciders=()"),
+        (f"compare {QUICKEST} --deciders cusum cusum", "deciders=('cusum', 'cusum')"),
+        (f"compare {QUICKEST} --agents nowhere", "agents='nowhere'"),
+        (f"compare {QUICKEST} --episodes 0", "episodes=0"),
+        (f"compare {QUICKEST} --episodes 999999999", "episodes=999999999"),
+        (f"compare {QUICKEST} --selection-episodes 0", "selection-episodes=0"),
+        (f"compare {QUICKEST} --seed 1000000000", "seed=1000000000"),
+        (f"compare {QUICKEST} --accuracy 0.9", "accuracy=0.9"),
+        (f"compare {QUICKEST} --out bad.txt", "out="),
+        (f"compare {QUICKEST} --scheme S5", "scheme='S5'"),
+        (f"compare {QUICKEST} --delay-cost 0.1", "delay_cost=0.1"),
+        (f"compare {QUICKEST} --durations often", "durations='often'"),
+        (f"compare {QUICKEST} --ticks 0", "ticks=0"),
+        (f"compare {QUICKEST} --start late", "start"),
+        (f"compare {QUICKEST} --change-cost -1", "change_cost=-1.0"),
+        (f"compare {QUICKEST} --hazard 2", "hazard=2.0"),
+        (f"evaluate {QUICKEST} ate", "decider='ate'"),
+        (f"evaluate {QUICKEST} threshold threshold", "deciders=('threshold', 'threshold')"),
+        (f"evaluate {QUICKEST} threshold:2", "threshold=2.0"),
+        (f"evaluate {QUICKEST} beam:much", "decider='beam:much'"),
+        (f"evaluate {QUICKEST} cusum:inf", "decider='cusum:inf'"),
+        (f"evaluate {QUICKEST} --shifted", "shifted=True"),
+        (f"evaluate {QUICKEST} --drawn 2", "drawn=2"),
+        (f"evaluate {QUICKEST} --episodes 999999999", "episodes=999999999"),
+        ("evaluate threshold", "decider='threshold'"),
+    ],
+)
+def test_invalid_arguments_are_refused_in_one_line(line, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.txt").write_text("not a folder")
+    assert main(shlex.split(line)) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("hybridtrack: ")
+    assert len(captured.err.splitlines()) == 1
+    assert message in captured.err or message.replace("_", "-") in captured.err
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.txt"]

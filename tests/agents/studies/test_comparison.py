@@ -1,0 +1,163 @@
+"""Figures, tables and JSON of a comparison, from scores with given means."""
+
+import json
+
+import numpy as np
+import pytest
+from given_scores import ANNOUNCED, UNKNOWN, announced_scores, comparison, unknown_scores
+from rich.console import Console
+
+from agents.figures.decider_colours import decider_style
+from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
+
+ATE = announced_scores("ATE (SPRT)", [0.7, 0.9, 0.96, 0.985], [15, 20, 26, 32])
+PPO = announced_scores("ppo", [0.6, 0.95, 0.99, 1.0], [5, 12, 16, 30])
+LATE = announced_scores("fixed time", [0.5, 0.8, 0.97, 0.999, 1.0], [5, 15, 30, 50, 90])
+INACCURATE = announced_scores("MSPRT", [0.4, 0.8, 0.92], [4, 12, 18])
+IMM = unknown_scores("IMM threshold", [16.0, 8.0, 4.0, 1.0], [12, 14, 16, 20], [0.7, 0.75, 0.76, 0.74])
+BEAM = unknown_scores("beam", [15.0, 7.0, 3.0, 0.7], [11.0, 13.0, 15.0, 19.0], [0.71, 0.76, 0.78, 0.75])
+CUSUM = unknown_scores("CUSUM", [40.0, 20.0, 6.0, 3.0], [13.0, 15.0, 19.0, 30.0], [0.5, 0.6, 0.7, 0.68])
+RESULTS = {
+    "announced": comparison(ANNOUNCED, ATE, LATE, PPO, agents=1),
+    "unknown": comparison(UNKNOWN, IMM, BEAM, CUSUM),
+}
+
+
+def figure_of(result):
+    return result.plan.task.figure(result.seed_groups, result.plan.curves)
+
+
+def labels_of(axes):
+    """Texts beside the curves; those of arrows are empty."""
+    return [text.get_text() for text in axes.texts if text.get_text()]
+
+
+def text_of(table):
+    console = Console(width=100)
+    with console.capture() as captured:
+        console.print(table)
+    return captured.get()
+
+
+@pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
+def test_both_panels_show_every_decider_with_its_selected_threshold(result):
+    names = {entry.name for entry in result.entries}
+    for axes in figure_of(result).axes:
+        assert set(labels_of(axes)) == names
+        box = axes.get_window_extent()
+        filled = [line for line in axes.lines if line.get_markersize() == 8]
+        assert {line.get_color() for line in filled} == {decider_style(name).colour for name in names}
+        for line in filled:
+            assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
+
+
+def test_the_axis_of_time_ends_where_curves_are_accurate():
+    assert figure_of(RESULTS["announced"]).axes[0].get_xlim()[1] < 90
+
+
+@pytest.mark.parametrize("chosen", [0, 4])
+def test_the_selected_threshold_is_inside_the_axes(chosen):
+    for axes in figure_of(comparison(ANNOUNCED, ATE, LATE, chosen=chosen)).axes:
+        box = axes.get_window_extent()
+        filled = [line for line in axes.lines if line.get_markersize() == 8]
+        assert len(filled) == 2
+        for line in filled:
+            assert all(box.contains(*point) for point in axes.transData.transform(line.get_xydata()))
+
+
+def test_accuracy_levels_that_are_not_reached_are_marked_at_the_edge():
+    left, _ = figure_of(comparison(ANNOUNCED, ATE, INACCURATE)).axes
+    notes = [text for text in labels_of(left) if "not reached" in text]
+    assert notes == ["95 % not reached", "98 % not reached"]
+    marks = [
+        line for line in left.lines if len(line.get_xdata()) == 1 and line.get_markerfacecolor() == "white"
+    ]
+    assert [line.get_color() for line in marks] == 2 * [decider_style("MSPRT").colour]
+    assert not any("not reached" in name for name in labels_of(figure_of(RESULTS["announced"]).axes[0]))
+    single = comparison(ANNOUNCED, ATE, INACCURATE.at(2), curves=False)  # says nothing about the others
+    assert not any("not reached" in name for name in labels_of(figure_of(single).axes[0]))
+
+
+def test_a_decider_without_wrong_changes_has_no_point_on_the_logarithmic_axis():
+    silent = unknown_scores("CUSUM", [0.0] * 4, [40.0] * 4, [0.4] * 4)
+    left, _ = figure_of(comparison(UNKNOWN, IMM, silent)).axes
+    assert not any(line.get_color() == decider_style("CUSUM").colour for line in left.lines)
+
+
+@pytest.mark.parametrize("task", ["announced", "unknown"])
+def test_training_seeds_are_one_curve(task):
+    if task == "announced":
+        first = ATE
+        seeds = [
+            announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k)
+            for k in range(3)
+        ]
+    else:
+        first = IMM
+        seeds = [
+            unknown_scores(f"agent seed {k}", [9.0, 3.0], [11.0 + k, 15.0 + k], [0.7, 0.78]) for k in range(3)
+        ]
+    name = seeds[0].name.partition(" ")[0]
+    result = comparison(ANNOUNCED if task == "announced" else UNKNOWN, first, *seeds, agents=3)
+    assert {key: len(group) for key, group in result.seed_groups.items()} == {first.name: 1, name: 3}
+    for axes in figure_of(result).axes:
+        assert f"{name}, 3 seeds" in labels_of(axes)
+    assert [line.partition(",")[0] for line in spread_lines(result)] == [f"{name} over 3 training seeds"]
+
+
+def test_an_accuracy_that_is_not_reached_is_said():
+    assert unreached_lines(comparison(ANNOUNCED, ATE, INACCURATE, accuracy=0.95)) == [
+        "MSPRT does not reach 95.0%: its most accurate threshold is shown"
+    ]
+
+
+def test_the_largest_difference_is_that_of_the_best_agent_or_rule():
+    best, episode = RESULTS["announced"].largest_difference()
+    assert (best.name, episode) == ("ppo", 0)
+    assert RESULTS["unknown"].largest_difference()[0].name == "beam"
+    worse = comparison(UNKNOWN, BEAM, unknown_scores("agent", [8.0], [14.0], [0.7]), agents=1)
+    assert worse.largest_difference()[0].name == "agent"
+    assert worse.best_rule.name == "beam"
+
+
+def test_differences_are_to_the_best_rule_and_ratios_to_the_first():
+    result = RESULTS["unknown"]
+    first, beam, cusum = result.entries
+    assert result.best_rule is beam
+    assert result.to_best_rule(beam) is None
+    assert result.to_best_rule(first).value == pytest.approx(0.76 - 0.78)
+    # 16 + 2 / 3 of 4 at 2 changes of the reference; 15 + 1 / 2.3 of 4 of the beam
+    ratio = result.against(beam)["ratio_to_reference"]["full_delay"]
+    assert ratio.value == pytest.approx((15.0 + 4.0 / 2.3) / (16.0 + 8.0 / 3.0))
+    assert np.isinf(result.against(cusum)["ratio_to_reference"]["full_delay"].value)
+    text = text_of(levels_table(result))
+    assert f"{ratio.value:.3f}" in text
+    assert "reached" in text
+    assert "diff.: reward less that of beam" in text_of(chosen_table(result))
+
+
+def test_the_error_at_the_time_of_the_reference_is_interpolated():
+    result = comparison(ANNOUNCED, ATE, PPO, agents=1)
+    (at_time, *times) = result.levels
+    reference, ppo = (result.level(entry, at_time).value for entry in result.entries)
+    assert (reference, ppo) == pytest.approx((0.1, 0.01 * 10 / 14))  # at 20 ticks
+    assert result.level(result.entries[1], times[0]).value == pytest.approx(12.0)
+    paired = result.against(result.entries[1])["against_reference"]
+    assert paired["ticks_at_98"].value == pytest.approx((12 + 4 * 0.75) - (26 + 6 * 0.8))
+
+
+@pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
+def test_json_has_every_figure_and_null_where_one_is_undefined(result):
+    data = json.loads(json.dumps(result.as_json(), allow_nan=False))
+    assert data["best_rule"] == result.best_rule.name
+    for entry, one in zip(result.entries, data["deciders"], strict=True):
+        assert one["name"] == entry.name
+        assert one["curve"]["thresholds"] == list(entry.scores.thresholds)
+        for metric in result.plan.task.metrics:
+            value = one["curve"][metric.name][entry.chosen]
+            assert one[metric.name]["value"] == (None if value is None else pytest.approx(value))
+        assert (one["reward_less_best_rule"] is None) == (entry is result.best_rule)
+    if result is RESULTS["unknown"]:
+        first, _, last = (one["at_equal_wrong_changes"]["full_delay"] for one in data["deciders"])
+        assert first["value"] == pytest.approx(16.0 + 8.0 / 3.0)
+        assert last == {"value": None, "low": None, "high": None}

@@ -1,0 +1,116 @@
+"""A comparison that is interrupted and started again gives the results of an uninterrupted one."""
+
+import json
+import shlex
+
+import pytest
+
+from agents.cli import main
+from agents.studies import comparison
+from agents.studies.continuation import TRAINED, UNFINISHED
+from agents.training.run import Run
+
+LINE = (
+    "compare --episodes 12 --selection-episodes 12 --deciders ate msprt --agents ppo shipped --steps 16384 "
+    "--scheme random\\ 2x20-25 --seed 5 --out"
+)
+
+
+def run(folder, line=LINE):
+    return main([*shlex.split(line), str(folder)])
+
+
+def results(folder):
+    return (folder / "compare.json").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    assert run(folder) == 0
+    return folder
+
+
+@pytest.fixture
+def swept(monkeypatch):
+    """Names of the deciders that are evaluated."""
+    names = []
+    evaluate = comparison.sweep
+
+    def sweep(task, family, *arguments, **keywords):
+        names.append(family.name)
+        return evaluate(task, family, *arguments, **keywords)
+
+    monkeypatch.setattr(comparison, "sweep", sweep)
+    return names
+
+
+def interrupt(folder, after, line=LINE):
+    """Run a comparison that is interrupted after a number of deciders."""
+    original, entries = comparison.Entry, []
+
+    def entry(*arguments):
+        if len(entries) == after:
+            raise KeyboardInterrupt
+        entries.append(original(*arguments))
+        return entries[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "Entry", entry)
+        assert run(folder, line) == 130
+
+
+def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupted):
+    assert json.loads(results(uninterrupted))["complete"] is True
+    (agent,) = (uninterrupted / TRAINED).iterdir()
+    assert agent.name.startswith("ppo-seed0-")
+    assert (agent / "policy.safetensors").is_file()
+    assert not (uninterrupted / UNFINISHED).exists()
+
+
+def test_an_interrupted_evaluation_goes_on(uninterrupted, tmp_path, monkeypatch, swept, capsys):
+    interrupt(tmp_path, 2)
+    assert "the same command goes on" in capsys.readouterr().err
+    kept = json.loads(results(tmp_path))
+    assert kept["complete"] is False
+    assert [entry["name"] for entry in kept["deciders"]] == ["ATE (SPRT)", "MSPRT"]
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2 + ["ppo"] * 2  # selection and report
+    swept.clear()
+    monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
+    assert run(tmp_path) == 0
+    assert swept == ["shipped"] * 2
+    assert results(tmp_path) == results(uninterrupted)
+    assert not (tmp_path / UNFINISHED).exists()
+
+
+def test_an_interrupted_training_goes_on(uninterrupted, tmp_path, monkeypatch):
+    original = Run.between_updates
+
+    def stop(self):
+        original(self)
+        if self.num_timesteps:
+            self.save()
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "between_updates", stop)
+        assert run(tmp_path) == 130
+    (agent,) = (tmp_path / TRAINED).iterdir()
+    assert (agent / "checkpoint.safetensors").is_file()
+    assert run(tmp_path) == 0
+    assert results(tmp_path) == results(uninterrupted)
+
+
+def test_damaged_or_other_results_are_not_used(tmp_path, swept):
+    line = LINE.replace("--agents ppo shipped --steps 16384", "--agents")
+    interrupt(tmp_path, 1, line)
+    swept.clear()
+    first, second = sorted((tmp_path / UNFINISHED).iterdir())
+    first.write_bytes(first.read_bytes()[:100])
+    second.write_bytes(b"")
+    assert run(tmp_path, line) == 0
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2
+    interrupt(tmp_path, 1, line)
+    swept.clear()
+    assert run(tmp_path, line.replace("--seed 5", "--seed 6")) == 0
+    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2

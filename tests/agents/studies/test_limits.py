@@ -1,0 +1,218 @@
+"""What limits a decision: steps of information on the same episodes, their tables and figures."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from given_scores import announced_scores, unknown_scores
+
+from agents.cli import main
+from agents.evaluation.announced import AnnouncedTask
+from agents.evaluation.registry import find_family
+from agents.evaluation.task import sweep
+from agents.evaluation.unknown import UnknownTask
+from agents.figures.decider_colours import decider_style
+from agents.interface.parallel import Workers
+from agents.studies import limits
+from agents.studies.limits import (
+    BANK_ENV,
+    BANKS,
+    BEAM,
+    LAGS,
+    LATER,
+    LAWS,
+    NOISE_LEVELS,
+    QUICKEST_ENV,
+    STEPS,
+    THREE_MODE_ENV,
+    THRESHOLD,
+    UNKNOWN_STEPS,
+    Limit,
+    calls,
+    gains,
+    limits_json,
+    smoothed_scores,
+    unknown_steps,
+)
+from agents.studies.limits_figure import NAMES, limits_figure
+from agents.studies.limits_report import limits_markdown
+from baselines import ThresholdDecider, measure_statements, record_statements
+from baselines.rules import seeds
+from baselines.scoring.scores import mean
+from baselines.scoring.statements import STATISTICS
+
+SHORT = {"durations": "uniform 10-20", "ticks": 60}
+RULES = ("ATE (SPRT)", "MSPRT", "Bayes risk")
+
+
+@pytest.fixture(scope="module")
+def announced():
+    """MSPRT and Bayes risk coincide; ATE never reaches 95 % on the first bank."""
+    rules, steps = [], []
+    for bank, noise, rule in itertools.product(BANKS, NOISE_LEVELS, RULES):
+        time = 20.0 + 10.0 * np.log10(noise / 0.01) - (0.0 if rule == RULES[0] else 3.0)
+        missed = rule == RULES[0] and bank == BANKS[0]
+        curve = announced_scores(rule, [0.5, 0.9 if missed else 1.0], [time, time])
+        rules.append(Limit(THREE_MODE_ENV, noise, rule, curve.at(0), bank, curve))
+    for env, noise, (k, step) in itertools.product(
+        (THREE_MODE_ENV, BANK_ENV), NOISE_LEVELS, enumerate(STEPS)
+    ):
+        steps.append(Limit(env, noise, step, announced_scores(step, [0.7 + 0.02 * k], [10.0])))
+    calibration = [
+        {"bank": "oracle", "noise": 0.1, "ticks": 5, "right": 0.5, "stated": 0.52, "worst": -0.031}
+    ]
+    accuracy = announced_scores("gap", [0.98], [45.5])
+    golubkov = [Limit(BANK_ENV, 1.0, "gap", accuracy, "anchor_aware")]
+    return {"steps": steps, "rules": rules, "calibration": calibration, "golubkov2018": golubkov}
+
+
+@pytest.fixture(scope="module")
+def unknown():
+    found = []
+    for law, noise, (k, step) in itertools.product(LAWS, NOISE_LEVELS, enumerate(UNKNOWN_STEPS)):
+        reward = 0.8 - 0.05 * np.log10(noise) + 0.02 * k
+        scores = unknown_scores(step, [2.0], [10.0], [reward])
+        found.append(Limit(law, noise, step, scores, curve=scores))
+    return {"steps": found}
+
+
+def rows_of(text):
+    return [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| step |")]
+
+
+def test_tables_for_announced_switches(announced):
+    text = limits_markdown(announced)
+    assert "| R = 0.01 | R = 0.1 | R = 1 |" in text
+    rows = rows_of(text)
+    assert sum(row.startswith(tuple(f"| {step} |" for step in STEPS)) for row in rows) == 2 * len(STEPS)
+    banks = [row for row in rows if any(f"| {rule} |" in row for rule in RULES)]
+    assert len(banks) == len(BANKS) * len(RULES)
+    assert banks[0].startswith(
+        "| published | ATE (SPRT) | not reached / not reached; -0.400 [-0.400, -0.400]"
+    )
+    assert banks[1].startswith("| published | MSPRT | 17.0 [17.0, 17.0] / 17.0 [17.0, 17.0]; -0.340")
+    assert "| oracle | 0.1 | 50.0 / 52.0 (-3.1) |" in text
+    assert "| anchor-aware | 1 | 98.0 [98.0, 98.0] | 45.5 |" in text
+
+
+def test_every_rule_is_labelled_in_its_colour_and_missing_times_are_marked(announced):
+    figure = limits_figure(announced)
+    assert len(figure.axes) == len(BANKS)
+    colours = {rule: decider_style(rule).colour for rule in RULES}
+    for axes, bank in zip(figure.axes, BANKS, strict=True):
+        assert {text.get_text() for text in axes.texts} == set(RULES)
+        hollow = [line for line in axes.lines if line.get_markerfacecolor() == "white"]
+        assert len(hollow) == (len(NOISE_LEVELS) if bank == BANKS[0] else 0)
+        assert {line.get_color() for line in hollow} <= {colours["ATE (SPRT)"]}
+        shown = {line.get_color() for line in axes.lines if np.isfinite(line.get_ydata()).all()}
+        assert {colours["MSPRT"], colours["Bayes risk"]} <= shown
+    assert "not reached" in [label.get_text() for label in figure.axes[0].get_yticklabels()]
+
+
+def test_tables_and_figure_for_unknown_switches(unknown):
+    text = limits_markdown(unknown)
+    assert text.count("###") == len(LAWS)
+    rows = rows_of(text)
+    assert len(rows) == len(LAWS) * (3 * len(UNKNOWN_STEPS) - 1)
+    assert all(line.count("|") == 2 + len(NOISE_LEVELS) for line in rows)
+    assert rows[1].startswith("| IMM, tuned threshold | 0.920 (+0.020 [+0.020, +0.020]) |")
+    figure = limits_figure(unknown)
+    assert len(figure.axes) == len(LAWS) * len(NOISE_LEVELS)
+    for axes in figure.axes:
+        assert {text.get_text() for text in axes.texts} == set(NAMES.values())
+        [curve] = [line for line in axes.lines if line.get_marker() not in ("None", "", None, "none")]
+        np.testing.assert_array_equal(curve.get_xdata(), [0, *LAGS])
+
+
+def test_each_step_has_a_paired_gain(monkeypatch):
+    few = list(STEPS)[:3]  # the others need further compiled banks
+    monkeypatch.setattr(limits, "NOISE_LEVELS", (0.1,))
+    monkeypatch.setattr(limits, "STEPS", {step: STEPS[step] for step in few})
+    steps = [one for _, found in Workers().results(calls("", 10, 0)["steps"]) for one in found]
+    found = gains(steps, AnnouncedTask)
+    assert [one.row for one, _ in found] == 2 * few
+    assert [one.row for one, gain in found if gain is None] == 2 * few[:1]
+    for (before, _), (one, gain) in itertools.pairwise(found[: len(few)]):
+        rewards = [each.scores.of("reward", 0).mean() for each in (before, one)]
+        assert gain.value == pytest.approx(rewards[1] - rewards[0])
+        assert gain.low <= gain.value <= gain.high
+
+
+def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeypatch):
+    monkeypatch.setattr(limits, "BANKS", BANKS[:1] * 2)
+    found = [one for _, rows in Workers().results(calls("", 20, 0)["golubkov2018"]) for one in rows]
+    assert [one.noise for one in found] == list(NOISE_LEVELS)
+    accuracy, ticks = (
+        [float(one.scores.curve(mean(name))[0]) for one in found] for name in ("type_accuracy", "ticks")
+    )
+    assert min(accuracy) > 0.9
+    assert ticks == sorted(ticks)
+
+
+def test_without_later_ticks_the_smoothed_scores_are_those_of_the_beam(monkeypatch):
+    monkeypatch.setattr(limits, "SMOOTHED_TRACKS", 7)
+    task = UnknownTask(QUICKEST_ENV, SHORT)
+    smoothed = smoothed_scores(task, 10, 3, (0, 15))
+    beam = sweep(task, find_family("beam", task.options), 10, 3)
+    np.testing.assert_array_equal(smoothed[0].values, beam.values)
+    assert smoothed[15].name == "beam, 15 ticks later"
+    later, now = (scores.curve(mean("right"))[0] for scores in (smoothed[15], beam))
+    assert later > now + 0.02
+
+
+def test_every_step_is_reported_with_a_threshold_from_other_tracks(monkeypatch):
+    seen, original = [], limits.sweep
+
+    def counted(task, family, tracks, seed):
+        seen.append((tracks, seed))
+        return original(task, family, tracks, seed)
+
+    monkeypatch.setattr(limits, "sweep", counted)
+    found = unknown_steps("uniform 50-100", 0.1, 20, 7)
+    assert [one.row for one in found] == list(UNKNOWN_STEPS)
+    assert set(seen) == {(50, seeds.SELECTION), (20, 7)}
+    assert found[0].threshold == 0.0
+    tuned = found[UNKNOWN_STEPS.index(THRESHOLD)]
+    world = {"durations": "uniform 50-100", "measurement_variance": 0.1}
+    metrics = measure_statements(record_statements(ThresholdDecider(tuned.threshold), 20, 7, **world))
+    assert tuned.scores.of("reward", 0) == pytest.approx(metrics.reward)
+    right = {one.row: one.curve.curve(STATISTICS["right"])[0] for one in found}
+    assert right[BEAM] < right[LATER[LAGS[0]]] < right[LATER[LAGS[-1]]]
+    delays = [float(one.scores.curve(STATISTICS["full_delay"])[0]) for one in found]
+    assert delays[-1] < delays[UNKNOWN_STEPS.index(BEAM)]
+
+
+@pytest.mark.parametrize("env", ["", "HybridTrackQuickest-v0"])
+def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys, monkeypatch):
+    given = {part: {part: list} for part in (unknown if env else announced)}
+    results = unknown if env else announced
+
+    def found(self, named, on_progress):
+        return [(part, results[part]) for part in named]
+
+    monkeypatch.setattr(limits, "calls", lambda *_: given)
+    monkeypatch.setattr(Workers, "results", found)
+    flags = ["--env", env] if env else []
+    assert main(["limits", *flags, "--episodes", "10", "--out", str(tmp_path)]) == 0
+    assert ("later ticks" if env else "anchor-aware") in capsys.readouterr().out
+    data = json.loads((tmp_path / "limits.json").read_text())
+    assert data == json.loads(json.dumps(limits_json(results)))
+    assert len(data["steps"]) == len(results["steps"])
+    assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "limits.md").read_text() == limits_markdown(results)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--env", "HybridTrack-v0"], "env='HybridTrack-v0'"),
+        (["--env", "HybridTrackQuickest-v0", "--seed", "1000000000"], "seed=1000000000"),
+        (["--env", "HybridTrackQuickest-v0", "--episodes", "1"], "episodes=1"),
+    ],
+)
+def test_invalid_arguments_are_refused_in_one_line(flags, message, capsys, tmp_path):
+    assert main(["limits", "--out", str(tmp_path / "out"), *flags]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1

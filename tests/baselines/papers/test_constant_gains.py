@@ -1,0 +1,146 @@
+"""The g-h filter, the moving average and the adaptive filters."""
+
+import numpy as np
+import pytest
+from filterpy.gh import GHFilter as PeerGH
+
+from baselines.estimation.run_filter import run_filter
+from baselines.papers.adaptive import (
+    AdaptiveFilter,
+    CorrectedAdaptiveFilter,
+    noise_bias,
+    products,
+    published_gain,
+)
+from baselines.papers.g_h import GHFilter
+from baselines.papers.novospaskyi.filters import moving_average
+
+
+def test_g_h_equals_filterpy_on_100_random_problems():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        g = rng.uniform(0.05, 1.0)
+        h = rng.uniform(0.0, 0.5)
+        axes = int(rng.integers(1, 4))
+        start, measurements = rng.normal(size=(2, axes)), rng.normal(0.0, 9.0, (15, 1, axes))
+        times = np.cumsum(rng.uniform(0.1, 3.0, 15))
+        peers = [PeerGH(x, dx, 1.0, g, h) for x, dx in start.T]
+        gh = GHFilter(axes, g, h)
+        gh.begin_from(start.T.reshape(1, -1))
+        for dt, measured in zip(np.diff(times, prepend=0.0), measurements, strict=True):
+            gh.predict(dt)
+            gh.update(measured)
+            for peer, z in zip(peers, measured[0], strict=True):
+                peer.dt = dt
+                peer.update(z)
+            expected = [(peer.x, peer.dx) for peer in peers]
+            np.testing.assert_allclose(gh.state[0].reshape(axes, 2), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_g_h_starts_with_two_points_and_anew_after_a_gap():
+    measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[:, None]
+    times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 9.0]
+    states = run_filter(GHFilter(1, 0.5, 0.25, longest_gap=3.5), measurements, times).states
+    assert np.isnan(states[0]).all()
+    np.testing.assert_allclose(states[1], [2.0, 0.0])
+    np.testing.assert_allclose(states[3], [8.0, 3.0])  # two points, two seconds apart
+    np.testing.assert_allclose(states[4], [11.0, 3.0])
+    np.testing.assert_allclose(states[5], [14.0, 3.0])
+    np.testing.assert_allclose(states[6], [50.0, 0.0])  # a gap of 4 s
+    np.testing.assert_allclose(states[7], [54.0, 4.0])
+    np.testing.assert_allclose(states[8], [54.25, 4.0])  # a second sensor at the same time
+
+
+def test_g_h_follows_uniform_motion_through_missing_ticks_without_error():
+    times = np.cumsum(np.random.default_rng(1).uniform(0.1, 2.0, 30))
+    measurements = np.stack([3.0 - 2.0 * times, 1.0 + times], axis=-1)
+    measurements[[4, 5, 9]] = np.nan
+    states = run_filter(GHFilter(2, 0.4, 0.1), measurements, times).states
+    np.testing.assert_allclose(states[1:, 1], -2.0, rtol=1e-9)
+    np.testing.assert_allclose(states[1:, 2], (1.0 + times)[1:], rtol=1e-9)
+
+
+def test_units_change_nothing_but_the_units():
+    rng = np.random.default_rng(2)
+    measurements, times = rng.normal(0.0, 30.0, (60, 4, 2)), np.arange(60.0)
+    length, time = 1000.0, 60.0
+    pairs = [
+        (GHFilter(2, 0.5, 0.2, 4.0), GHFilter(2, 0.5, 0.2, 4.0 * time)),
+        (AdaptiveFilter(2, 1.0), AdaptiveFilter(2, time)),
+        (CorrectedAdaptiveFilter(2, 1.0), CorrectedAdaptiveFilter(2, time)),
+    ]
+    for one, other in pairs:
+        first = run_filter(one, measurements, times).states
+        second = run_filter(other, length * measurements, time * times).states
+        np.testing.assert_allclose(second, first * np.tile([length, length / time], 2), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("window", [1, 2, 7, 100])
+def test_moving_average_equals_pandas(window):
+    pandas = pytest.importorskip("pandas")
+    values = np.random.default_rng(3).normal(size=(40, 3))
+    values[[0, 5, 6, 20]] = np.nan
+    expected = pandas.DataFrame(values).rolling(window, min_periods=1).mean().to_numpy().copy()
+    expected[np.isnan(values)] = np.nan
+    np.testing.assert_allclose(moving_average(values, window), expected, rtol=0.0, atol=1e-9)
+
+
+def test_weights_of_a_moving_average_fall_with_the_age():
+    averaged = moving_average(np.array([[[1.0]], [[0.0]], [[0.0]]]), window=3, ratio=0.5)
+    np.testing.assert_allclose(averaged.ravel(), [1.0, 0.5 / 1.5, 0.25 / 1.75])
+
+
+def test_gain_of_positions_is_identity_minus_noise_over_innovation():
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        ticks = 40
+        newest_first = [
+            np.stack([values[4 - lag : ticks - lag] for lag in range(5)])
+            for values in rng.normal(size=(3, ticks, 3))
+        ]
+        means = products(*newest_first).mean(1)
+        gain = published_gain(means, 0.1)
+        expected = 1.0 - gain.noise / means[0]
+        np.testing.assert_allclose(gain.position, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_the_identity_holds_in_every_tick_of_the_published_filter():
+    rng = np.random.default_rng(5)
+    adaptive = AdaptiveFilter(3, 0.1, limited=False)
+    adaptive.begin(20)
+    for _ in range(100):
+        adaptive.predict(0.1)
+        adaptive.update(rng.normal(size=(20, 3)))
+        means = adaptive._means
+        noise = means[7] + means[5]
+        if adaptive._products.min() > adaptive.start:
+            expected = 1.0 - noise / means[0]
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(adaptive.gains[0], expected, rtol=0.0, atol=1e-12 * scale)
+
+
+def test_noise_of_the_published_filter_is_biased_as_in_a_simulation():
+    rng = np.random.default_rng(6)
+    for gain, expected in ((0.1, 1.11), (0.2, 1.25)):
+        assert noise_bias(gain) == pytest.approx(expected, abs=0.005)
+        tracks, ticks = 400, 500
+        z = rng.normal(size=(ticks, tracks, 1))
+        states = run_filter(GHFilter(1, gain, gain**2 / (2.0 - gain)), z, np.arange(float(ticks))).states
+        predicted = states[:-1].sum(-1)
+        innovation = z[1:, :, 0] - predicted
+        difference = z[3:] - 3.0 * z[2:-1] + 3.0 * z[1:-2] - z[:-3]
+        products_of = (difference[..., 0] * innovation[2:])[100:]
+        error = products_of.mean(0).std() / np.sqrt(tracks)
+        assert abs(products_of.mean() - noise_bias(gain)) < 4.0 * error
+
+
+def test_adaptive_filters_leave_out_missing_measurements():
+    rng = np.random.default_rng(7)
+    times = 0.1 * np.arange(300)
+    truth = 100.0 * times[:, None, None] * np.ones(3)
+    measurements = truth + 5.0 * rng.normal(size=(300, 50, 3))
+    measurements[rng.random((300, 50)) < 0.1] = np.nan
+    for one in (AdaptiveFilter(3, 0.1), CorrectedAdaptiveFilter(3, 0.1)):
+        positions = run_filter(one, measurements, times).positions
+        begun = slice(100, None)
+        assert np.sqrt(np.mean((positions - truth)[begun] ** 2)) < 4.0

@@ -1,0 +1,185 @@
+"""The radar study: tuning that is killed and resumed, gains of KF CV, the study at the size of the thesis.
+
+A small study: tests/agents/reproduction.
+"""
+
+import itertools
+import math
+import os
+
+import numpy as np
+import pytest
+from optuna.distributions import FloatDistribution, IntDistribution
+
+from agents.interface.parallel import Workers
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from baselines.papers.g_h import GHFilter
+from baselines.papers.novospaskyi import reproduce, tables
+from baselines.papers.novospaskyi.filters import CONTENDERS
+from baselines.papers.novospaskyi.study import one_by_one
+from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, memory, steady_gains
+from baselines.papers.novospaskyi.tuning import finished_trials, tune
+from hybrid_env.checks import ArgumentError
+
+SPACE = {"q": FloatDistribution(1e-3, 1e3, log=True), "window": IntDistribution(1, 9)}
+START = {"q": 1.0, "window": 5}
+
+
+def cost(parameters):
+    return (math.log(parameters["q"]) - 2.0) ** 2 + (parameters["window"] - 3) ** 2
+
+
+class KilledError(Exception):
+    pass
+
+
+def killed_after(evaluations):
+    """The cost, which fails like a killed process after some evaluations."""
+    left = [evaluations]
+
+    def limited(parameters):
+        left[0] -= 1
+        if left[0] < 0:
+            raise KilledError
+        return cost(parameters)
+
+    return limited
+
+
+def test_a_tuning_killed_anywhere_ends_with_the_same_bytes(tmp_path):
+    whole, parts = tmp_path / "whole.jsonl", tmp_path / "parts.jsonl"
+    best = tune(SPACE, START, cost, 25, 7, whole, "x")
+    assert cost(best) < cost(START)
+    for evaluations in (0, 1, 12):
+        with pytest.raises(KilledError):
+            tune(SPACE, START, killed_after(evaluations), 25, 7, parts, "x")
+    assert tune(SPACE, START, cost, 25, 7, parts, "x") == best
+    assert parts.read_bytes() == whole.read_bytes()
+    assert tune(SPACE, START, killed_after(0), 25, 7, parts, "x") == best  # nothing is evaluated again
+
+
+def test_torn_repeated_and_foreign_lines_do_no_harm(tmp_path):
+    file = tmp_path / "trials.jsonl"
+    best = tune(SPACE, START, cost, 12, 7, file, "x")
+    lines = file.read_bytes()
+    file.write_bytes(lines[: len(lines) // 2] + b"\xc3")  # cut off within a line and a character
+    assert tune(SPACE, START, cost, 12, 7, file, "x") == best
+    file.write_bytes(lines + lines)  # two processes did the same work
+    assert tune(SPACE, START, killed_after(0), 12, 7, file, "x") == best
+    assert finished_trials(file, "y") == []
+    with pytest.raises(KilledError):
+        tune(SPACE, START, killed_after(0), 12, 7, file, "y")
+    file.write_bytes(lines + b'7\n{"fingerprint": "x"}\n[]\n')
+    assert len(finished_trials(file, "x")) == 12
+
+
+def test_a_file_that_cannot_be_read_or_written_is_one_line(tmp_path):
+    with pytest.raises(ArgumentError, match="cannot be read"):
+        tune(SPACE, START, cost, 2, 0, tmp_path, "x")
+    with pytest.raises(ArgumentError, match="cannot be written"):
+        tune(SPACE, START, cost, 2, 0, tmp_path / "missing" / "trials.jsonl", "x")
+
+
+@pytest.mark.parametrize("name", [name for name, contender in CONTENDERS.items() if contender.space])
+def test_the_first_trial_of_every_filter_is_in_its_space(name):
+    contender = CONTENDERS[name]
+    assert set(contender.start) == set(contender.space)
+    for key, distribution in contender.space.items():
+        assert distribution.low <= contender.start[key] <= distribution.high
+    contender.build({"q CV": 1.0, **contender.start})  # a robust filter takes the process noise of another
+
+
+@pytest.mark.parametrize(
+    ("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)]
+)
+def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process, step):
+    model = MotionModel("CV", axes=1, noise=process, discretization="discrete")
+    kalman = KalmanFilter(model, variance, start_deviations=(1.0,))
+    kalman.begin(1)
+    kalman.update([[0.0]])
+    for _ in range(2000):
+        kalman.predict(step)
+        kalman.update([[0.0]])
+    kalman.predict(step)
+    before = kalman.state.copy()
+    kalman.update(before[:, :1] + 1.0)
+    g, h = (kalman.state - before)[0] * (1.0, step)
+    assert steady_gains(variance, process, step) == pytest.approx((g, h), rel=1e-6)
+
+
+def test_without_measurement_noise_the_gains_are_at_the_limit_of_stability():
+    g, h = steady_gains(1e-18, 0.003, 0.5)
+    assert (g, h) == pytest.approx((1.0, 2.0), abs=1e-4)
+    assert memory(g, h) == pytest.approx(1.0, abs=1e-3)
+    # seen from outside: the velocity error of the g-h filter with these gains changes sign and stays
+    gh = GHFilter(axes=1, g=1.0, h=2.0 - 1e-9)
+    gh.begin(1)
+    errors = []
+    for k in range(12):
+        gh.predict(0.5)
+        gh.update([[1.0 if k == 3 else 0.0]])
+        errors.append(float(gh.velocity[0, 0]))
+    np.testing.assert_allclose(np.abs(errors[4:]), 8.0, atol=1e-6)
+    assert (np.diff(np.sign(errors[4:])) != 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [({"runs": 0}, "runs"), ({"seed": -1}, "seed"), ({"flights": 3}, "flights"), ({"trials": 0}, "trials")],
+)
+def test_bad_arguments_are_refused_in_one_line(arguments, named, tmp_path):
+    with pytest.raises(ArgumentError, match=rf"^{named}="):
+        reproduce(**arguments, folder=tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ArgumentError, match=r"^folder="):
+        reproduce(folder=tmp_path / "file")
+
+
+def values(folder, run):
+    """Everything that a small study gives."""
+    result = reproduce(1, 0, folder=folder, flights=6, trials=4, run=run)
+    return [cell.as_json() for cell in result.cells] + [vars(finding) for finding in result.findings]
+
+
+def killed(calls, on_done):
+    """A run that fails like a killed process after some calls."""
+    yield from itertools.islice(one_by_one(calls, on_done), 5)
+    raise KilledError
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_study_goes_on_to_the_same_values(tmp_path, workers):
+    expected = values(tmp_path / "whole", one_by_one)
+    assert len(expected) > 100
+    for _ in range(2):
+        with pytest.raises(KilledError):
+            values(tmp_path / "parts", killed)
+    assert values(tmp_path / "parts", Workers(workers).results) == expected
+
+
+@pytest.mark.study
+def test_the_published_pattern_and_the_better_filters(tmp_path):
+    result = reproduce(folder=tmp_path, run=Workers(os.cpu_count() or 1).results)
+    ours = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
+    position, velocity = METRICS[0], METRICS[2]
+    for noise, table in TABLES.items():
+        for metric, published in zip(METRICS, TEST_ERRORS[noise][UNFILTERED], strict=True):
+            assert ours[table, UNFILTERED, metric] == pytest.approx(published, rel=0.03)
+        assert ours[table, "KF CA", position] < ours[table, "KF CJ", position]
+        assert ours[table, "g-h", velocity] < ours[table, "KF CA", velocity] < ours[table, "KF CJ", velocity]
+    gaussian, levy = (f"Sound settings, {name}" for name in tables.NOISE_NAMES.values())
+    errors = {
+        row: value for (table, row, metric), value in ours.items() if (table, metric) == (gaussian, position)
+    }
+    unfiltered = ours[TABLES["gaussian"], UNFILTERED, position]
+    assert errors["CV"] <= 0.75 * unfiltered
+    assert errors["IMM (CV, CA)"] < errors["CV"] < min(errors["CA"], errors["g-h, plain"])
+    assert max(errors["CA"], errors["g-h, plain"]) < errors["CJ"]
+    plain = ours[levy, "CV", position]
+    robust = {name: ours[levy, name, position] / plain for name in ("CV, Huber", "CV, Student-t")}
+    assert min(robust.values()) <= 0.70
+    assert max(errors[name] / errors["CV"] for name in robust) <= 1.01
+    published_cv = ours[f"{TABLES['gaussian']}, with the published parameters", "KF CV", velocity]
+    assert published_cv > 10.0 * ours[TABLES["gaussian"], "KF CV", velocity]

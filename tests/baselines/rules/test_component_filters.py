@@ -1,0 +1,105 @@
+"""Robust filters equal extended Kalman filters in matrix form that take the same measurements as outliers."""
+
+import copy
+
+import numpy as np
+import pytest
+from matrix_filters import MatrixExtendedKalmanFilter
+
+from baselines.rules.component_filters import (
+    LOG_OUTLIER_ODDS,
+    OUTLIER_DISTANCE,
+    OUTLIER_VARIANCE,
+    ComponentFilters,
+    anchor_rows,
+    stated_covariance,
+)
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, Sensor, WorldOptions
+
+TRACKS, TICKS = 9, 30
+SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
+"""Tick and displacement of the outliers, in standard deviations of a measurement."""
+
+
+def recorded(options):
+    """Return world, layout and rows (TICKS, TRACKS, width), with outliers in every second track."""
+    env = HybridTrackVectorEnv(TRACKS, radii=(3.0, 8.0), scheme="random 1x50-60", **options)
+    rows = [env.reset(seed=3)[0].copy()]
+    while len(rows) < TICKS:
+        rows.append(env.step(np.zeros(TRACKS, np.int64))[0].copy())
+    layout = Layout(env.options.hypotheses)
+    for tick, shift in SPOILED.items():
+        for name, deviations in zip(("displacement_along", "displacement_across"), shift, strict=True):
+            rows[tick][::2, layout.slices[name]] += deviations * layout.scales[name]
+    return env.options, layout, rows
+
+
+def reference(world, layout, rows, R, robust):
+    """Return the log-likelihoods (TICKS, M) of one track, and how many measurements were outliers."""
+    covariance = stated_covariance(layout, rows[0][None])[0]
+    anchor = (0.0, float(layout.read(rows[0][None], "speed")[0]), 0.0, 0.0)
+    signed = [0.0, *world.radii, *(-radius for radius in world.radii)]
+    filters = [
+        MatrixExtendedKalmanFilter(anchor, covariance, radius, world.tau, world.process_variance, R)
+        for radius in signed
+    ]
+    found, outliers, penalty = [], 0, 0.0
+    deviation = np.exp(0.5 * layout.read(rows[0][None], "log_noise")[0])
+    for row in rows:
+        names = "displacement_along", "displacement_across"
+        z = deviation * np.array([float(layout.read(row[None], name)[0]) for name in names])
+        innovations = [layout.read(row, f"innovation_{one}") for one in ("along", "across")]
+        if not np.any(innovations):  # the tick has no measurement
+            for one in filters:
+                one.step(None)
+            found.append([one.log_likelihood + penalty for one in filters])
+            continue
+        tried = copy.deepcopy(filters)
+        distances = []
+        for one in tried:
+            one.step(z)
+            distances.append(one.distance)
+        if robust and min(distances) >= OUTLIER_DISTANCE:
+            outliers, penalty = outliers + 1, penalty + LOG_OUTLIER_ODDS
+            for one in filters:
+                one.R = np.array(R) * OUTLIER_VARIANCE
+                one.step(z)
+                one.R = np.array(R)
+        else:
+            filters = tried
+        found.append([one.log_likelihood + penalty for one in filters])
+    return np.array(found), outliers
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("variance", [0.1, (0.02, 0.4)])
+@pytest.mark.parametrize("missed", [0.0, 0.3])
+def test_filters_equal_matrix_filters(variance, robust, missed):
+    world, layout, rows = recorded({"measurement_variance": variance, "missed": missed})
+    filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust)
+    anchors = anchor_rows(layout, rows[0], 0.0, stated_covariance(layout, rows[0]))[None]
+    found = []
+    for tick, row in enumerate(rows):
+        filters.advance(row, np.full(TRACKS, tick == 0), anchors)
+        found.append(filters.log_likelihood[0].copy())
+    x, y = np.broadcast_to(variance, 2)
+    axes = [(np.sqrt(x * y),) * 2]
+    if robust and x != y:
+        axes = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
+    total = 0
+    for track in range(4):
+        of_track = [row[track] for row in rows]
+        each, counts = zip(*(reference(world, layout, of_track, R, robust) for R in axes), strict=True)
+        expected = np.logaddexp.reduce(each, axis=0) - np.log(len(axes))
+        mine = np.array(found)[:, track]
+        np.testing.assert_allclose(
+            mine - mine[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3, err_msg=str(track)
+        )
+        total += min(counts)
+    assert (total > 0) == robust
+
+
+def test_several_sensors_are_refused():
+    world = WorldOptions(sensors=[Sensor(variance=0.1)])
+    with pytest.raises(ArgumentError, match=r"sensors.*filters of its own"):
+        ComponentFilters("published", 1, TRACKS, world)

@@ -1,0 +1,265 @@
+"""Rules that filter the measurements, in any units; restarted filters agree with literal loops."""
+
+import math
+
+import numpy as np
+import pytest
+from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
+
+from baselines.papers.golubkov2020 import detect_switch
+from baselines.rules.beam import BeamDecider
+from baselines.rules.restarted import GLRDecider, MeanRatioDecider
+from baselines.rules.rollout import record_statements
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env.simulation import simulate
+
+TRIANGLE = np.triu_indices(4)
+RESTARTED = (GLRDecider, MeanRatioDecider)
+RULES = (*RESTARTED, BeamDecider)
+SHORT = {
+    "ticks": 45,
+    "durations": "uniform 8-15",
+    "measurement_variance": (0.001, 0.002),
+    "radii": (2.0, 4.0),
+}
+
+
+def run(decider, tracks=4, seed=3, **options):
+    """Return observations (T, N, width), statements (T, N) and evidence (T, N, M) of a decider."""
+    env = HybridTrackQuickestVectorEnv(tracks, **options)
+    env.reset(seed=seed)
+    seen = []
+    for _ in range(env.options.ticks):
+        seen.append(decider.observe(env.world))
+        env.step(np.zeros(tracks, np.int64))
+    return np.array(seen), *replay(decider, seen)
+
+
+def replay(decider, seen):
+    """Return statements (T, N) and log ratios or log probabilities (T, N, M) for observations."""
+    state, stated, evidence = None, [], []
+    name = "log_probability" if isinstance(decider, BeamDecider) else "log_ratios"
+    for observation in seen:
+        actions, state = decider.predict(observation, state)
+        stated.append(actions)
+        evidence.append(getattr(state, name).copy())
+    return np.array(stated), np.array(evidence)
+
+
+def matrix_filter(bank, mode, state, P, options):
+    R = options.measurement_variance
+    n = len(options.radii)
+    radius = 0.0 if mode == 0 else options.radii[(mode - 1) % n]
+    if bank == "published":
+        side = "S" if mode == 0 else "L" if mode <= n else "R"
+        return MatrixKalmanFilter(state, P, side, radius, options.tau, options.process_variance, np.diag(R))
+    sign = -1.0 if mode > n else 1.0
+    return MatrixExtendedKalmanFilter(state, P, sign * radius, options.tau, options.process_variance, R)
+
+
+def estimate(kalman):
+    return (kalman.x, kalman.P) if hasattr(kalman, "x") else (kalman.s[:4], kalman.P[:4, :4])
+
+
+def literal(seen, options, mean, threshold, margin, window, bank):
+    """Statements (T,) and log ratios (T, M) of one track, (T, width), by definition."""
+    M = options.hypotheses
+    stated = int(seen[0, 16:].argmax())
+    P = np.zeros((4, 4))
+    P[TRIANGLE] = seen[0, 6:16]
+    P += np.triu(P, 1).T
+    nominal = matrix_filter(bank, stated, seen[0, 2:6], P, options)
+    others = [mode for mode in range(M) if mode != stated]
+    tests = []  # (filters by mode, log-likelihood of the stated mode before the start)
+    statements, log_ratios = [stated], [np.zeros(M)]
+    for row in seen[1:]:
+        new = {mode: matrix_filter(bank, mode, *estimate(nominal), options) for mode in others}
+        tests = [*tests, (new, nominal.log_likelihood)][-window:]
+        nominal.step(row[:2])
+        logs = {mode: [] for mode in others}
+        for filters, before in tests:
+            for mode in others:
+                filters[mode].step(row[:2])
+                logs[mode].append(filters[mode].log_likelihood - (nominal.log_likelihood - before))
+        values = np.zeros(M)
+        for mode in others:
+            ratios = [math.exp(value) for value in logs[mode]]
+            values[mode] = math.log(math.fsum(ratios) / len(ratios) if mean else max(ratios))
+        log_ratios.append(values)
+        best, second = sorted(others, key=lambda mode: -values[mode])[:2]
+        assert abs(values[best] - threshold) > 1e-4  # otherwise rounding would matter
+        if values[best] >= threshold and values[best] - values[second] >= margin:
+            nominal = tests[int(np.argmax(logs[best]))][0][best]
+            nominal.log_likelihood = 0.0
+            stated, tests = best, []
+            others = [mode for mode in range(M) if mode != stated]
+        statements.append(stated)
+    return statements, log_ratios
+
+
+@pytest.mark.parametrize("rule", RESTARTED)
+@pytest.mark.parametrize(
+    ("bank", "window", "margin"), [("published", 6, 1.5), ("anchor_aware", 100, 0.5), ("published", 17, 0.0)]
+)
+def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, bank, window, margin):
+    options = QuickestOptions(**SHORT)
+    decider = rule(options, 2.5, margin, window, bank)
+    seen, stated, log_ratios = run(decider, **SHORT)
+    changes = 0
+    for track in range(4):
+        expected, values = literal(seen[:, track], options, decider.mean, 2.5, margin, window, bank)
+        np.testing.assert_array_equal(stated[:, track], expected)
+        np.testing.assert_allclose(log_ratios[:, track], values, rtol=1e-4, atol=1e-4)
+        changes += (np.diff(expected) != 0).sum()
+    assert changes > 8
+
+
+def test_the_first_detection_is_that_of_golubkov_2020_on_recordings():
+    recording = simulate("S30 R70r5", runs=5, seed=1)
+    start = np.array([0.0, 0.0, 0.0, 2.0])
+    found = detect_switch(recording.measurements, start, alpha=0.05)
+    decider = MeanRatioDecider(QuickestOptions(), found.upper, 0.0, 200)
+    first = np.concatenate([[0.0, 0.0], start, np.eye(4)[TRIANGLE], [0.0, -9.0, -9.0]])
+    seen = np.tile(first, (101, 5, 1))
+    seen[1:, :, :2] = recording.measurements.swapaxes(0, 1)
+    stated, log_ratios = replay(decider, seen)
+    assert (found.ticks > 0).all()
+    for track, tick in enumerate(found.ticks):
+        np.testing.assert_array_equal(stated[:tick, track], 0)
+        assert stated[tick, track] == found.modes[track]
+        np.testing.assert_allclose(
+            log_ratios[1 : tick + 1, track, 1:], found.log_ratios[track, :tick, 1:], rtol=1e-9, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_batch_has_the_statements_of_single_tracks(rule):
+    options = {"ticks": 80, "durations": "uniform 15-30", "measurement_variance": 0.01}
+    decider = rule(QuickestOptions(**options))
+    seen, stated, log_ratios = run(decider, 11, **options)
+    assert (np.diff(stated, axis=0) != 0).sum() > 20
+    for track in range(11):
+        single, ratios = replay(decider, seen[:, track : track + 1])
+        np.testing.assert_array_equal(single[:, 0], stated[:, track])
+        np.testing.assert_array_equal(ratios[:, 0], log_ratios[:, track])
+
+
+def scaled(length, time):
+    """Return options of the same problem in other units of length and time."""
+    return {
+        "ticks": 200,
+        "radii": (5.0 * length, 9.0 * length),
+        "speed": 2.0 * length / time,
+        "tau": 0.1 * time,
+        "process_variance": 0.001 * (length / time) ** 2,
+        "measurement_variance": 0.02 * length**2,
+        "initial_error": (0.3, 0.02 * (length / time) ** 2),
+    }
+
+
+@pytest.mark.parametrize(
+    ("rule", "own"),
+    [
+        *((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")),
+        (BeamDecider, {}),
+    ],
+)
+def test_units_change_no_statement(rule, own):
+    results = []
+    for units in ((1.0, 1.0), (1000.0, 60.0), (1e-3, 1.0)):
+        options = scaled(*units)
+        _, stated, log_ratios = run(rule(QuickestOptions(**options), **own), 20, **options)
+        results.append((stated, log_ratios))
+    for stated, log_ratios in results[1:]:
+        np.testing.assert_array_equal(stated, results[0][0])
+        np.testing.assert_allclose(log_ratios, results[0][1], rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_mirrored_tracks_have_mirrored_statements(rule):
+    options = {"ticks": 200, "measurement_variance": (0.02, 0.03)}
+    decider = rule(QuickestOptions(**options))
+    seen, stated, _ = run(decider, 20, **options)
+    signs = np.array([1, 1, -1, -1])
+    mirrored = seen.copy()
+    mirrored[..., 1] *= -1
+    mirrored[..., 2:6] *= signs
+    mirrored[..., 6:16] *= np.outer(signs, signs)[TRIANGLE]
+    mirrored[..., 16:] = seen[..., [16, 18, 17]]
+    again, _ = replay(decider, mirrored)
+    np.testing.assert_array_equal(again, np.array([0, 2, 1])[stated])
+
+
+OBJECTS = {  # speed, radii, tau, Q, R
+    "walker": (1.4, (2.0,), 0.5, 0.001, 0.04),
+    "car": (15.0, (30.0, 80.0), 0.1, 0.01, 0.1),
+    "ship": (8.0, (600.0,), 5.0, 0.001, 100.0),
+    "aircraft": (200.0, (4e3,), 1.0, 0.1, 900.0),
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("name", OBJECTS)
+def test_objects_of_all_sizes_are_followed(rule, name):
+    names = "speed", "radii", "tau", "process_variance", "measurement_variance"
+    options = dict(zip(names, OBJECTS[name], strict=True)) | {"ticks": 300}
+    options["initial_error"] = (0.3, 1e-4 * options["speed"] ** 2)
+    recorded = record_statements(rule(QuickestOptions(**options)), 10, 5, **options)
+    right = (recorded.true_modes == recorded.stated_modes).mean()
+    assert right > 0.6  # 1/3 by chance, 1/5 for the car
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_episodes_that_begin_again_have_the_statements_of_fresh_ones(rule):
+    options = {"ticks": 40, "durations": "uniform 8-12", "measurement_variance": 0.01}
+    env = HybridTrackQuickestVectorEnv(5, autoreset_mode="SameStep", **options)
+    env.reset(seed=1)
+    decider, state = rule(env.options), None
+    start, seen, stated = np.ones(5, bool), [], []
+    for _ in range(80):
+        seen.append(decider.observe(env.world))
+        actions, state = decider.predict(seen[-1], state, start)
+        stated.append(actions)
+        _, _, start, _, _ = env.step(actions)
+    assert start.all()
+    np.testing.assert_array_equal(replay(decider, seen[40:])[0], stated[40:])
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_ratios_are_finite_after_outliers(rule):
+    options = {"ticks": 200, "measurement_variance": 0.01}
+    decider = rule(QuickestOptions(**options))
+    seen, _, _ = run(decider, 4, **options)
+    seen[5::10, :, :2] += 30.0  # 300 sigma
+    stated, evidence = replay(decider, seen)
+    assert np.isfinite(evidence).all()
+    assert ((stated >= 0) & (stated < 3)).all()
+    if rule is BeamDecider:
+        np.testing.assert_allclose(np.exp(evidence).sum(-1), 1, rtol=1e-9)
+
+
+BAD = [
+    ("threshold", 0.0),
+    ("margin", -1.0),
+    ("window", 0),
+    ("window", 10_001),
+    ("bank", "oracle"),
+    ("bank", 1),
+]
+BAD_BEAM = [("branches", 2), ("threshold", 2.0), ("durations", "often")]
+
+
+@pytest.mark.parametrize(
+    ("rule", "name", "value"),
+    [*((rule, *bad) for rule in RESTARTED for bad in BAD), *((BeamDecider, *bad) for bad in BAD_BEAM)],
+)
+def test_arguments_out_of_range_are_refused(rule, name, value):
+    with pytest.raises(ArgumentError, match=f"{name}="):
+        rule(QuickestOptions(), **{name: value})
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("shape", [(3,), (2, 20)])
+def test_other_observations_are_refused(rule, shape):
+    with pytest.raises(ArgumentError, match="observation shape"):
+        rule(QuickestOptions()).predict(np.zeros(shape))

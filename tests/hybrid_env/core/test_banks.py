@@ -1,0 +1,188 @@
+"""Every bank equals its filters in matrix form, in every lane, also with missing measurements and sensors."""
+
+import math
+
+import numpy as np
+import pytest
+from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter, transition_matrix
+
+from hybrid_env import (
+    HybridTrackEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    Sensor,
+)
+from hybrid_env.core.records import LANES
+from hybrid_env.live import SQUARE
+
+STATE = ("x", "vx", "y", "vy")
+TRIANGLE = np.triu_indices(4)
+OF_SEVEN = [0, 1, 2, 3, 7, 8, 9, 13, 14, 18]  # elements of the first four states in the triangle of seven
+FREEDOM = 4.0
+UNEQUAL = {"measurement_variance": (0.05, 0.2), "process_variance": 0.02, "tau": 0.15}
+SENSORS = (
+    Sensor(variance=0.4, period=2),
+    Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
+    Sensor(variance=2.0, position=(-3.0, 0.0), range=6.0, period=3),
+)
+MEASURED = {
+    "plain": {},
+    "unequal": UNEQUAL,
+    "missed": {"missed": 0.4},
+    "sensors": {"sensors": SENSORS},
+    "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
+}
+HEAVY = {"noise": "levy 1.2"}
+ROBUST = {
+    "robust": {"likelihood": f"student_t {FREEDOM}"},
+    "robust, missed": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3},
+    "robust, unequal": {"likelihood": f"student_t {FREEDOM}"} | UNEQUAL | HEAVY,
+}
+ANNOUNCED = [
+    *(
+        pytest.param({"bank": "published"} | one, id=f"published, {k}")
+        for k, one in (MEASURED | ROBUST).items()
+    ),
+    *(pytest.param({"bank": "anchor_aware"} | one, id=f"aware, {k}") for k, one in MEASURED.items()),
+    pytest.param({"reset_covariance": False} | UNEQUAL, id="published, kept covariance"),
+    pytest.param({"follow": "bank", "reset_covariance": True} | ROBUST["robust"], id="published, merged"),
+]
+
+
+def step_filters(filters, options, measurement, ratio):
+    """Advance the filters of a track; a measurement of NaN only predicts."""
+    noise = np.broadcast_to(options.variances, 2) * ratio
+    missing = np.isnan(measurement)
+    assert missing[0] == missing[1]
+    for one in filters:
+        one.R = noise if isinstance(one, MatrixExtendedKalmanFilter) else np.diag(noise)
+        one.step(None if missing[0] else measurement)
+
+
+def check_rows(env, rows, measurement):
+    """Check that innovations are exactly zero in ticks without a measurement, and nowhere else."""
+    layout = env.world.layout
+    white = np.hstack([layout.read(rows, f"innovation_{one}") for one in ("along", "across")])
+    np.testing.assert_array_equal((white == 0).all(1), np.isnan(measurement[:, 0]))
+    assert env.observation_space.contains(rows)
+
+
+def filters_at_switch(env, i):
+    """Return the filters of track i, before the first tick of its segment."""
+    options, anchor = env.options, env.world.field("anchor")[i]
+    P = env.world.field("covariance")[i][SQUARE]
+    model = options.tau, options.process_variance, None
+    if options.bank == "anchor_aware":
+        signed = (0.0, *options.radii, *(-radius for radius in options.radii))
+        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model) for radius in signed]
+    if options.parameters()["reset_covariance"][0]:
+        P = np.eye(4)
+    modes = [("S", 0.0), *(("L", r) for r in options.radii), *(("R", r) for r in options.radii)]
+    freedom = FREEDOM if options.robust else 0
+    return [MatrixKalmanFilter(anchor, P, mode, radius, *model, freedom) for mode, radius in modes]
+
+
+@pytest.mark.parametrize("options", ANNOUNCED)
+def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
+    # the second segment begins with the covariance of a filter that has followed the object
+    env = HybridTrackVectorEnv(LANES, scheme="L12r9 L40r9", radii=(2.0, 9.0, 200.0), **options)
+    env.reset(seed=4)
+    rows, *_, info = env.step(np.full(LANES, 3))
+    filters = [filters_at_switch(env, i) for i in range(LANES)]
+    aware = env.options.bank == "anchor_aware"  # whose Jacobians are computed by differences
+    rtol, atol = (1e-6, 2e-5) if aware else (1e-9, 1e-9)
+    for _ in range(25):
+        ratio = env.world.field("variance_ratio")
+        for i, own in enumerate(filters):
+            step_filters(own, env.options, info["measurement"][i], ratio[i])
+        bank = env.world.bank.hypotheses[0]
+        states = np.array([[one.s[:4] if aware else one.x for one in own] for own in filters])
+        found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
+        np.testing.assert_allclose(found, states, rtol=rtol, atol=atol)
+        likelihood = [[one.log_likelihood for one in own] for own in filters]
+        np.testing.assert_allclose(info["log_likelihood"], likelihood, rtol=rtol, atol=atol)
+        check_rows(env, rows, info["measurement"])
+        covariance = bank["covariance"][:, OF_SEVEN] if aware else None
+        rows, *_, info = env.step(np.zeros(LANES, np.int64))
+    if aware:
+        P = [[one.P[:4, :4][TRIANGLE] for one in own] for own in filters]
+        np.testing.assert_allclose(covariance.transpose(2, 0, 1), P, rtol=1e-5, atol=1e-8)
+
+
+UNKNOWN = (
+    {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}}
+    | MEASURED
+    | ROBUST
+)
+
+
+@pytest.mark.parametrize("options", UNKNOWN.values(), ids=UNKNOWN)
+def test_the_imm_bank_equals_the_literal_one(options):
+    ticks, radii = 50, (2.0, 9.0)
+    env = HybridTrackQuickestVectorEnv(
+        LANES, radii=radii, ticks=ticks, durations="uniform 9-30", start="random", heading=0.3,
+        initial_error=0, **options,
+    )  # fmt: skip
+    chosen = env.options
+    matrix = transition_matrix(5, chosen.assumed_hazard)
+    np.testing.assert_allclose(chosen.transition_matrix, matrix)
+    start = [0.0, 2.0 * math.cos(0.3), 0.0, 2.0 * math.sin(0.3)]
+    curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
+    model = matrix, chosen.tau, chosen.process_variance, [1.0, 1.0], FREEDOM if chosen.robust else 0
+    literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
+    rows, info = env.reset(seed=5)
+    for _ in range(ticks):
+        ratio = env.world.field("variance_ratio")
+        for i, one in enumerate(literal):
+            step_filters([one], chosen, info["measurement"][i], ratio[i])
+        bank = env.world.bank.hypotheses[0]
+        found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
+        np.testing.assert_allclose(found, [one.states for one in literal], rtol=1e-8, atol=1e-8)
+        P = [[own[TRIANGLE] for own in one.covariances] for one in literal]
+        np.testing.assert_allclose(bank["covariance"].transpose(2, 0, 1), P, rtol=1e-7, atol=1e-10)
+        np.testing.assert_allclose(
+            bank["log_likelihood"].T, [one.log_likelihood for one in literal], rtol=1e-7
+        )
+        probability = [one.probability for one in literal]
+        np.testing.assert_allclose(np.exp(info["log_probability"]), probability, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(info["estimate"], [one.estimate for one in literal], rtol=1e-8, atol=1e-8)
+        merged = [one.covariance[TRIANGLE] for one in literal]
+        np.testing.assert_allclose(env.world.field("covariance"), merged, rtol=1e-7, atol=1e-9)
+        check_rows(env, rows, info["measurement"])
+        rows, *_, info = env.step(np.zeros(LANES, np.int64))
+    assert (env.world.field("segment") > 0).all()
+
+
+def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance():
+    R = (0.1, 0.2)
+    env = HybridTrackEnv(
+        bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array"
+    )
+    _, info = env.reset(seed=4)
+    P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
+    chosen = MatrixExtendedKalmanFilter(info["anchor"], P, 5.0, 0.1, 0.001, R)
+    for k in range(12):
+        chosen.step(info["measurement"])
+        if k < 11:
+            *_, info = env.step(0)
+    row, *_, info = env.step(2)  # left, the true mode
+    for z in env.world.read_trace(0)[:-1, 4:6]:
+        chosen.step(z)
+    np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(env.world.field("covariance")[0], chosen.P[:4, :4][TRIANGLE], rtol=1e-5)
+    mean = [
+        0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1]) for a, b in ((0, 0), (0, 1), (1, 1))
+    ]
+    found = [env.world.layout.read(row, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")]
+    np.testing.assert_allclose(found, mean, rtol=1e-5)
+
+
+def test_a_declared_filter_follows_with_weights_to_the_end_of_its_segment():
+    options = {"scheme": "L40r5 S9", "likelihood": f"student_t {FREEDOM}", "noise": "outliers 0.2"}
+    waits, declares = (HybridTrackEnv(**options) for _ in range(2))
+    waits.reset(seed=2)
+    declares.reset(seed=2)
+    for _ in range(39):
+        waits.step(0)
+    anchors = [waits.step(2)[4]["anchor"], declares.step(2)[4]["anchor"]]
+    np.testing.assert_allclose(anchors[0], anchors[1], atol=1e-12)
