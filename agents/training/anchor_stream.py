@@ -21,7 +21,7 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 FloatArray = NDArray[np.float64]
 TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
 DECLARATION = 7
-"""Numbers that describe a declaration, the arguments of `regret_net.regret_inputs`."""
+"""Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
 
 
 class SampleBuffer:

@@ -41,7 +41,7 @@ print(f"{correct.size:,} segments: {100 * correct.mean():.2f} % correct after {t
 print("less than 20 s" if time.perf_counter() - began < 20.0 else "slower than expected")
 
 # %%
-# :func:`agents.evaluation.announced.evaluate` is this loop for any decider. The decision times of two rules with about the
+# :func:`baselines.rules.rollout.evaluate` is this loop for any decider. The decision times of two rules with about the
 # same accuracy, and the error over the decision time:
 
 rules = {"ATE (SPRT)": SPRTDecider(1e-4), "MSPRT": MSPRTDecider(0.03)}
