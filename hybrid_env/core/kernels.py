@@ -126,7 +126,7 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
     return 0
 
 
-# An entry calls a single function: numba would compile a function twice that is called by an entry and also by
+# An entry calls a single function: numba would compile a function twice that is called by an entry and by
 # another function.
 
 
