@@ -126,8 +126,8 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
     return 0
 
 
-# An entry only calls one function: numba would compile what both the entry, which Python calls, and another
-# function call twice.
+# An entry calls a single function: numba would compile a function twice that is called by an entry and by
+# another function.
 
 
 @internal

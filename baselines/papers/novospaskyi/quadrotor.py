@@ -3,8 +3,8 @@
 A rigid body with six degrees of freedom, four rotor forces with motor lag, and drag. The guidance is that
 of the point mass; its thrust command is followed by a geometric attitude controller, Lee, Leok & McClamroch
 2010, "Geometric tracking control of a quadrotor UAV on SE(3)". PyBullet contains no quadrotor, so the body
-is built here. A flight takes some seconds, so that each is stored in a file; a killed run goes on with the
-next one.
+is built here. A flight takes some seconds, so that each is stored in a file; a killed run continues with
+the next one.
 """
 
 import math
