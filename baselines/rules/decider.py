@@ -1,7 +1,6 @@
 """The base class of every decider, classical or learned, and how one is found by its name."""
 
 import importlib
-import inspect
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,10 @@ Actions = NDArray[np.int64]
 
 ANNOUNCED, UNKNOWN, FLIGHTS = "announced", "unknown", "flights"
 """Tasks: announced switches, unknown switches, recorded flights."""
+
+
+DEFINED: list[type["Decider"]] = []
+"""All subclasses of `Decider`, in the order of their definition."""
 
 
 class Decider:
@@ -55,6 +58,10 @@ class Decider:
     observes: ClassVar[Literal["rows", "tracks"]] = "rows"
     every_tick: ClassVar[bool] = False
     needs_measurements: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **keywords: Any):
+        super().__init_subclass__(**keywords)
+        DEFINED.append(cls)
 
     def predict(
         self,
@@ -228,12 +235,7 @@ def rules(task: str) -> dict[str, type[Decider]]:
     package = importlib.import_module("baselines.rules")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    base: Any = Decider
-    found = [kind for kind in _subclasses(base) if kind.name and kind.__module__.startswith("baselines.")]
-    found = [kind for kind in found if kind.task == task and "name" in vars(kind)]
-    found.sort(key=lambda kind: (kind.__module__, inspect.getsourcelines(kind)[1]))
+    found = [kind for kind in DEFINED if kind.task == task and "name" in vars(kind) and kind.name]
+    found = [kind for kind in found if kind.__module__.startswith("baselines.")]
+    found.sort(key=lambda kind: kind.__module__)
     return {kind.name: kind for kind in found}
-
-
-def _subclasses(kind: type[Decider]) -> list[type[Decider]]:
-    return [one for child in kind.__subclasses__() for one in (child, *_subclasses(child))]

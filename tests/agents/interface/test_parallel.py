@@ -72,6 +72,7 @@ def test_invalid_workers_are_refused():
         Workers(1, "spark")
 
 
+@pytest.mark.study
 def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, capsys):
     files = []
     for jobs in ("1", "2"):
@@ -93,6 +94,7 @@ def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_pa
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
 
 
+@pytest.mark.study
 def test_a_comparison_of_statements_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
     command = ["compare", "--env", "HybridTrackQuickest-v0", "--deciders", "threshold", "cusum", "--agents"]
     command += ["--episodes", "20", "--selection-episodes", "20"]
