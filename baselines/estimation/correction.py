@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.estimation.robust import Factors, Gate, Robust, WholeStudentT, gaussian_factors
+from baselines.estimation.robust import Robust, WholeStudentT, gaussian_factors
 
 FloatArray = NDArray[np.float64]
 
@@ -64,7 +64,6 @@ def correct(
     measurement: FloatArray,
     noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
-    rejections: NDArray[np.int64] | None = None,
 ) -> Corrected:
     """Correct estimates by measured positions.
 
@@ -74,7 +73,6 @@ def correct(
         noise: of the measurement.
         robust: how components far from the prediction are used, or whole measurements; None is the Kalman
             filter.
-        rejections: (B, d) components outside a `Gate` in a row, counted in place; needed for it.
     """
     state, covariance = state.copy(), covariance.copy()
     lead, d = state.shape[:-1], measurement.shape[-1]
@@ -96,11 +94,7 @@ def correct(
             cross = (covariance[..., ::m] @ axis[..., None])[..., 0]  # P h
             innovation = ((measurement - state[..., ::m]) * axis).sum(-1)
             predicted = (cross[..., ::m] * axis).sum(-1)
-        factors = (
-            gaussian_factors(innovation, predicted, variance)
-            if robust is None
-            else _robust_factors(robust, innovation, predicted, variance, rejections, i)
-        )
+        factors = (gaussian_factors if robust is None else robust.factors)(innovation, predicted, variance)
         state += cross * (factors.state * innovation)[..., None]
         covariance -= (cross * factors.covariance[..., None])[..., :, None] * cross[..., None, :]
         if noise.axes is None:
@@ -126,22 +120,3 @@ def _innovation(
         innovation = (innovation[..., None, :] @ noise.axes)[..., 0, :]
         spread = noise.axes.swapaxes(-1, -2) @ spread @ noise.axes
     return innovation, spread + noise.variances[..., None] * np.eye(innovation.shape[-1])
-
-
-def _robust_factors(
-    robust: Robust,
-    innovation: FloatArray,
-    predicted: FloatArray,
-    variance: FloatArray,
-    rejections: NDArray[np.int64] | None,
-    component: int,
-) -> Factors:
-    """Factors of a robust correction; a gate opens for lost tracks."""
-    factors = robust.factors(innovation, predicted, variance)
-    if not isinstance(robust, Gate) or rejections is None:
-        return factors
-    outside = robust.outside(innovation, predicted, variance)
-    lost = rejections[:, component] >= robust.patience
-    rejections[:, component] = np.where(outside, rejections[:, component] + 1, 0)
-    used = np.where(lost, 1.0 / (predicted + variance), factors.state)
-    return Factors(used, used, factors.log_likelihood)

@@ -50,7 +50,7 @@ class KalmanFilter(TrackFilter):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
-            raise reject("robust", robust, "Huber, StudentT, Gate or None")
+            raise reject("robust", robust, "Huber, StudentT or None")
         self.model, self.robust = model, robust
         self.axes, self.order = model.axes, model.order
         self.noise = measurement_covariance("noise", noise, self.axes)
@@ -69,7 +69,6 @@ class KalmanFilter(TrackFilter):
         size = self.model.size
         self.state = np.full((tracks, size), np.nan)
         self.covariance = np.full((tracks, size, size), np.nan)
-        self._rejections = np.zeros((tracks, self.axes), np.int64)
         self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
@@ -114,22 +113,17 @@ class KalmanFilter(TrackFilter):
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         used = measured & begun
         if used.all():
-            results = correct(
-                self.state, self.covariance, measurement, principal, self.robust, self._rejections
-            )
+            results = correct(self.state, self.covariance, measurement, principal, self.robust)
             self.state, self.covariance, self.log_likelihood, self.nis = results
             return
         if used.any():
-            rejections = self._rejections[used]
             self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = correct(
                 self.state[used],
                 self.covariance[used],
                 measurement[used],
                 principal.of(used),
                 self.robust,
-                rejections,
             )
-            self._rejections[used] = rejections
         first = np.flatnonzero(measured & ~begun)
         if first.size:
             self._start(first, measurement, noise)

@@ -8,8 +8,7 @@ A `Robust` method assumes that outliers of different components are independent;
 weight for all components of a measurement.
 
 Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that
-of the density that belongs to the loss, with the scale of the innovation. The loss of the gate is bounded and
-belongs to no density: its log-likelihood compares motion models, not parameters of the loss.
+of the density that belongs to the loss, with the scale of the innovation.
 """
 
 from abc import ABC, abstractmethod
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import check_between, check_integer, check_positive
+from hybrid_env.checks import check_between, check_positive
 
 FloatArray = NDArray[np.float64]
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
@@ -185,40 +184,3 @@ class WholeStudentT:
         log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
         weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
         return Weighed(weight, log_likelihood, nis)
-
-
-@dataclass(frozen=True)
-class Gate(Robust):
-    """Innovations outside a gate are not used. Bar-Shalom, Li & Kirubarajan 2001.
-
-    After some measurements outside the gate in a row a track counts as lost; then they are used until one is
-    inside again.
-
-    Attributes:
-        threshold: largest innovation that is used, in its standard deviations, > 0.
-        patience: number of measurements in a row that are not used.
-
-    Raises:
-        ArgumentError: an attribute is out of range.
-    """
-
-    threshold: float = 4.0
-    patience: int = 5
-
-    def __post_init__(self) -> None:
-        check_positive("threshold", self.threshold)
-        check_integer("patience", self.patience)
-
-    def outside(
-        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
-    ) -> NDArray[np.bool_]:
-        """Whether innovations are outside the gate, (B,)."""
-        return np.asarray(innovation**2 > self.threshold**2 * (predicted + variance))
-
-    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
-        """See `Robust.factors`."""
-        total = predicted + variance
-        squares = innovation**2 / total
-        precision = np.where(squares <= self.threshold**2, 1.0 / total, 0.0)
-        loss = 0.5 * np.minimum(squares, self.threshold**2)
-        return Factors(precision, precision, -loss - 0.5 * (np.log(total) + LOG_TWO_PI))

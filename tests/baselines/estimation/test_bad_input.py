@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Gate, Huber, StudentT
+from baselines.estimation.robust import Huber, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter
@@ -39,8 +39,6 @@ CALLS = {
     "start_deviations ": lambda: run_filter(KalmanFilter(CV, 1.0), POINTS, TIMES),
     "robust": lambda: kalman("huber"),
     "threshold": lambda: Huber(0.0),
-    "threshold ": lambda: Gate(-1.0),
-    "patience": lambda: Gate(3.0, 0),
     "degrees_of_freedom": lambda: StudentT(0.0),
     "measurements": lambda: run_filter(kalman(), np.full((5, 3, 2), np.inf), TIMES),
     "measurements ": lambda: run_filter(kalman(), np.zeros((5, 3, 3)), TIMES),
