@@ -92,6 +92,16 @@ class OnlineTrack(World):
         """Apply an action of the action space, after a measurement."""
         raise NotImplementedError
 
+    @property
+    def uncertain_ticks(self) -> int:
+        """Number of ticks, with the next one, for which the mode may have been a wrong one."""
+        return 1
+
+    @property
+    def ticks_left(self) -> int:
+        """Number of ticks to the end of the segment, with the next one."""
+        return int(self.options.longest_segment)
+
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes, (M,)."""
         raise NotImplementedError
@@ -160,6 +170,16 @@ class OnlineWorld(OnlineTrack):
             self.actions[0] = action
             self._run(MEASURE)
             self.actions[0] = 0
+
+    @property
+    def uncertain_ticks(self) -> int:
+        """See `OnlineTrack.uncertain_ticks`: those of this segment, and of one that led to its anchor."""
+        return int(self.blocks["tick"].item(0, 0)) + 1 + int(self.options.longest_segment)
+
+    @property
+    def ticks_left(self) -> int:
+        """See `OnlineTrack.ticks_left`."""
+        return max(int(self.blocks["length"].item(0, 0) - self.blocks["tick"].item(0, 0)), 1)
 
     def probabilities(self) -> FloatArray:
         """Return the posteriors of the modes with equal priors at the switch, (M,)."""
