@@ -52,7 +52,7 @@ def gate_distance(
         tau: length of a tick [s].
         variances: (2,) of the measurement [m^2].
         ticks: since the estimate was right for certain. What turns in the ticks before the last one can have
-            added to the distance from a straight line does not count.
+            added to the distance from a straight line does not count, unless they would be as large.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + variances[0]
@@ -61,7 +61,7 @@ def gate_distance(
     u, v = tau * estimate[1], tau * estimate[3]
     dx, dy = measurement[0] - estimate[0], measurement[1] - estimate[2]
     step, allowed = math.hypot(u, v), 0.0
-    if ticks > 1:
+    if ticks > 1 and step <= LARGEST_TURN * radii.min():
         path = step * ticks
         allowed = path * min(path / (2.0 * radii.min()), 2.0)
     nearest = _squared_distance(dx - u, dy - v, xx, xy, yy, allowed)

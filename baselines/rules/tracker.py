@@ -59,7 +59,7 @@ class OnlineTracker:
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
     Bank, observation and decider are those of the environment: the same measurements, first estimate and
-    switches give the same rows, modes and estimates, bit for bit.
+    switches give the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
 
     With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the
     decider states a mode at every measurement. Probabilities, estimate and covariance are those of the bank,
