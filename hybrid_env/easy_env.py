@@ -1,5 +1,7 @@
 """HybridTrack for beginners: a declaration counts once the evidence for a mode is strong."""
 
+import operator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -30,9 +32,17 @@ class HybridTrackEasyEnv(HybridTrackEnv):
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """See `HybridTrackEnv.step`; waits if it is too early for a declaration."""
-        if self._started and self.action_space.contains(action) and too_early(self.world)[0]:
-            action = 0
-        return super().step(action)
+        index = action
+        with suppress(TypeError):  # what is no integer is refused below
+            index = operator.index(action)
+        if (
+            self._started
+            and isinstance(index, int)
+            and index in self.action_space
+            and too_early(self.world)[0]
+        ):
+            index = 0
+        return super().step(index)
 
 
 class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
@@ -44,8 +54,8 @@ class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
         NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
     ]:
         """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
-        actions = np.asarray(actions)
-        if self._started and actions.shape == self._shape and actions.dtype.kind in "iu":
+        actions = self.action_array(actions)
+        if self._started:
             valid = (actions >= 0) & (actions < self.world.options.action_count)  # others are refused
             actions = np.where(valid & too_early(self.world), 0, actions)
         return super().step(actions)

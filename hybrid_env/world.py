@@ -106,10 +106,8 @@ class World(ReadOnlyAttributes):
 
     def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
-        return gym.error.InvalidAction(
-            f"action={action!r} is not allowed: expected an integer from 0 ({self.options.first_action}) "
-            f"to {self.options.action_count - 1}"
-        )
+        allowed = f"an integer from 0 ({self.options.first_action}) to {self.options.action_count - 1}"
+        return gym.error.InvalidAction(str(reject("action", action, allowed)))
 
     def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
