@@ -8,9 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_folder, output_folder, write_table
-from agents.recordings.figure import check_plotly, draw_recording, write_map
 from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
 from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
@@ -42,6 +40,8 @@ class Track(TrackingArguments, FileArguments):
         self.check_files()
         self.check_tracking()
         if self.html:
+            from agents.recordings.figure import check_plotly
+
             check_plotly()
         picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
         work = replace(self, files=(), picture=picture)  # it is sent to a process with every file
@@ -73,6 +73,9 @@ class Track(TrackingArguments, FileArguments):
 
     def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[str]:
         """Write the results of an object; return the names of the files."""
+        from agents.figures.canvas import save_figure  # Matplotlib loads slowly
+        from agents.recordings.figure import draw_recording, write_map
+
         output_folder("out", folder)
         names = ["modes.csv", "estimates.csv"]
         write_table(folder / names[0], pieces)
