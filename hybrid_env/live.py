@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
 from hybrid_env.core.kernel import HAS_DECISION
-from hybrid_env.core.kernels import BEGIN, MEASURE
+from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
@@ -31,6 +31,7 @@ class OnlineTrack(World):
         environment: id of the environment whose rows it writes.
     """
 
+    kernels = LIVE_KERNELS
     announced: ClassVar[bool]
     environment: ClassVar[str]
 
