@@ -2,6 +2,7 @@
 
 import errno
 import json
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +13,7 @@ from agents.cli import main
 from agents.recordings.files import object_folders
 from agents.recordings.tracking import track_recording
 from agents.tuning.search import JOURNAL
+from baselines.rules.rollout import evaluate
 from hybrid_env import (
     ArgumentError,
     HybridTrackEasyEnv,
@@ -127,3 +129,16 @@ def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp
     journal.write_bytes(whole + b"[" * 100_000 + b"\n")
     assert main(line) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():
+    from stable_baselines3 import PPO
+
+    model = PPO("MlpPolicy", "hybrid_env:HybridTrackEasy-v0", n_steps=8, batch_size=8, device="cpu")
+    with pytest.warns(UserWarning, match=r"trained in HybridTrackEasy-v0 and is evaluated in HybridTrack-v0"):
+        evaluate(model, "hybrid_env:HybridTrack-v0", episodes=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2)
+    with pytest.raises(ArgumentError, match="observation shape"):
+        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2, radii=(2.0, 5.0))
