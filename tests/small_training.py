@@ -64,6 +64,14 @@ def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
     return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
 
+def small_recipe(folder):
+    """A file with the recipe of a small PPO agent."""
+    path = folder / "small.yml"
+    recipe = load_recipe("ppo", "HybridTrack-v0", SMALL_PPO)
+    path.write_text(json.dumps({"default": recipe.as_json()["entry"]}))
+    return path
+
+
 def outcome(folder):
     """Metrics, card and weights of a run, without times."""
     rows = [{k: v for k, v in row.items() if k not in WALL_CLOCK} for row in read_metrics(folder)]

@@ -5,18 +5,12 @@ import os
 import signal
 
 import pytest
-import yaml
+from small_training import small_recipe
 
 from agents.cli import main
 from agents.interface import parallel
 from agents.interface.parallel import Workers
 from hybrid_env.checks import ArgumentError
-
-SMALL_RECIPE = {
-    "algo": "ppo", "n_timesteps": 2560, "n_envs": 20, "n_steps": 32, "batch_size": 320, "n_epochs": 2,
-    "learning_rate": "lin_6e-3", "gae_lambda": 0.9, "ent_coef": 0.0, "policy": "MlpPolicy",
-    "policy_kwargs": {"net_arch": [16]},
-}  # fmt: skip
 
 
 def square(number):
@@ -84,10 +78,10 @@ def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, c
 
 
 def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
-    recipe = tmp_path / "small.yml"
-    recipe.write_text(yaml.safe_dump({"default": SMALL_RECIPE}))
-    command = ["compare", "--deciders", "ate", "msprt", "--agents", str(recipe), "--training-seeds", "2"]
-    command += ["--episodes", "20", "--selection-episodes", "20", "--scheme", "random 2x20-30"]
+    recipe = str(small_recipe(tmp_path))
+    command = ["compare", "--deciders", "ml", "fixed", "--agents", recipe, "--training-seeds", "2"]
+    command += ["--steps", "1280", "--episodes", "4", "--selection-episodes", "4"]
+    command += ["--scheme", "random 2x20-30"]
     for jobs in ("1", "2"):
         assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
     for name in ("compare.json", "compare.png", "episode.png"):
