@@ -64,11 +64,11 @@ def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
     return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
 
-def small_recipe(folder):
-    """A file with the recipe of a small PPO agent."""
-    path = folder / "small.yml"
-    recipe = load_recipe("ppo", "HybridTrack-v0", SMALL_PPO)
-    path.write_text(json.dumps({"default": recipe.as_json()["entry"]}))
+def small_recipe(folder, kind="ppo"):
+    """A file with the recipe of a small agent; its name is that of the agent."""
+    recipe, env, _, changes = KINDS[kind]
+    path = folder / f"small-{kind}.yml"
+    path.write_text(json.dumps({"default": load_recipe(recipe, env, changes).as_json()["entry"]}))
     return path
 
 

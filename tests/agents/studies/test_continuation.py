@@ -69,7 +69,7 @@ def interrupt(folder, after, agents):
 def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupted):
     assert json.loads(results(uninterrupted))["complete"] is True
     (agent,) = (uninterrupted / TRAINED).iterdir()
-    assert agent.name.startswith("small-seed0-")
+    assert agent.name.startswith("small-ppo-seed0-")
     assert (agent / "policy.safetensors").is_file()
     assert not (uninterrupted / UNFINISHED).exists()
 
@@ -80,7 +80,7 @@ def test_an_interrupted_evaluation_goes_on(uninterrupted, agents, tmp_path, monk
     kept = json.loads(results(tmp_path))
     assert kept["complete"] is False
     assert [entry["name"] for entry in kept["deciders"]] == ["ML at the end", "fixed time"]
-    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small"] * 2  # selection and report
+    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small-ppo"] * 2  # selection and report
     swept.clear()
     monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
     assert run(tmp_path, agents) == 0
