@@ -66,6 +66,13 @@ def test_invalid_workers_are_refused():
         Workers(1, "spark")
 
 
+def compare_in_one_and_two_processes(command, tmp_path):
+    for jobs in ("1", "2"):
+        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("compare.json", "compare.png", "episode.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
 @pytest.mark.study
 def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, capsys):
     files = []
@@ -82,17 +89,11 @@ def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_pa
     command = ["compare", "--deciders", "ml", "fixed", "--agents", recipe, "--training-seeds", "2"]
     command += ["--steps", "1280", "--episodes", "4", "--selection-episodes", "4"]
     command += ["--scheme", "random 2x20-30"]
-    for jobs in ("1", "2"):
-        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    for name in ("compare.json", "compare.png", "episode.png"):
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    compare_in_one_and_two_processes(command, tmp_path)
 
 
 @pytest.mark.study
 def test_a_comparison_of_statements_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
     command = ["compare", "--env", "HybridTrackQuickest-v0", "--deciders", "threshold", "cusum", "--agents"]
     command += ["--episodes", "20", "--selection-episodes", "20"]
-    for jobs in ("1", "2"):
-        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    for name in ("compare.json", "compare.png", "episode.png"):
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    compare_in_one_and_two_processes(command, tmp_path)
