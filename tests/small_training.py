@@ -64,6 +64,14 @@ def small_run(kind, folder=None, steps=STEPS, seed=3, more=()):
     return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
 
+def small_recipe(folder, kind="ppo"):
+    """A file with the recipe of a small agent; its name is that of the agent."""
+    recipe, env, _, changes = KINDS[kind]
+    path = folder / f"small-{kind}.yml"
+    path.write_text(json.dumps({"default": load_recipe(recipe, env, changes).as_json()["entry"]}))
+    return path
+
+
 def outcome(folder):
     """Metrics, card and weights of a run, without times."""
     rows = [{k: v for k, v in row.items() if k not in WALL_CLOCK} for row in read_metrics(folder)]

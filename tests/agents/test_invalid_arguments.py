@@ -15,6 +15,7 @@ from agents.studies.play_command import Play
 from agents.training.command import Train
 from agents.tuning.command import Tune
 
+QUICKEST = "--env HybridTrackQuickest-v0"
 INVALID_WORLD_ARGUMENTS = [
     ("--env NoSuch-v0", "env='NoSuch-v0'"),
     ("--env CartPole-v1", "env='CartPole-v1'"),
@@ -168,6 +169,34 @@ INVALID_ARGUMENTS = [
     ("tune --trials 0", "trials=0"),
     ("tune --steps 0", "steps=0"),
     ("tune --out bad.txt", "out="),
+    (f"compare {QUICKEST} --deciders ate", "deciders='ate'"),
+    (f"compare {QUICKEST} --deciders", "deciders=()"),
+    (f"compare {QUICKEST} --deciders cusum cusum", "deciders=('cusum', 'cusum')"),
+    (f"compare {QUICKEST} --agents nowhere", "agents='nowhere'"),
+    (f"compare {QUICKEST} --episodes 0", "episodes=0"),
+    (f"compare {QUICKEST} --episodes 999999999", "episodes=999999999"),
+    (f"compare {QUICKEST} --selection-episodes 0", "selection-episodes=0"),
+    (f"compare {QUICKEST} --seed 1000000000", "seed=1000000000"),
+    (f"compare {QUICKEST} --accuracy 0.9", "accuracy=0.9"),
+    (f"compare {QUICKEST} --out bad.txt", "out="),
+    (f"compare {QUICKEST} --scheme S5", "scheme='S5'"),
+    (f"compare {QUICKEST} --delay-cost 0.1", "delay_cost=0.1"),
+    (f"compare {QUICKEST} --durations often", "durations='often'"),
+    (f"compare {QUICKEST} --ticks 0", "ticks=0"),
+    (f"compare {QUICKEST} --start late", "start"),
+    (f"compare {QUICKEST} --change-cost -1", "change_cost=-1.0"),
+    (f"compare {QUICKEST} --hazard 2", "hazard=2.0"),
+    (f"evaluate {QUICKEST} ate", "decider='ate'"),
+    (f"evaluate {QUICKEST} threshold threshold", "deciders=('threshold', 'threshold')"),
+    (f"evaluate {QUICKEST} threshold:2", "threshold=2.0"),
+    (f"evaluate {QUICKEST} beam:much", "decider='beam:much'"),
+    (f"evaluate {QUICKEST} cusum:inf", "decider='cusum:inf'"),
+    (f"evaluate {QUICKEST} --shifted", "shifted=True"),
+    (f"evaluate {QUICKEST} --drawn 2", "drawn=2"),
+    (f"evaluate {QUICKEST} --episodes 999999999", "episodes=999999999"),
+    ("evaluate threshold", "decider='threshold'"),
+    (f"limits {QUICKEST} --seed 1000000000", "seed=1000000000"),
+    (f"limits {QUICKEST} --episodes 1", "episodes=1"),
 ]
 INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)

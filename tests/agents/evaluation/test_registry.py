@@ -9,6 +9,7 @@ from agents.learned.policy_file import save_policy
 from agents.learned.statement_net import StatementNet
 from agents.training.recipe import load_recipe
 from baselines import BeamDecider, CusumDecider, ThresholdDecider, record_statements
+from baselines.rules import refiltering
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.threshold import PROBABILITIES
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
@@ -23,7 +24,8 @@ OPTIONS = {
 @pytest.mark.parametrize(
     ("task", "name"), [(task, name) for task in OPTIONS for name in (*rules(task), SHIPPED)]
 )
-def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(task, name):
+def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(task, name, monkeypatch):
+    monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
     options = OPTIONS[task]
     family, threshold = find_decider(name, options)
     assert threshold == family.default

@@ -5,18 +5,12 @@ import os
 import signal
 
 import pytest
-import yaml
+from small_training import small_recipe
 
 from agents.cli import main
 from agents.interface import parallel
 from agents.interface.parallel import Workers
 from hybrid_env.checks import ArgumentError
-
-SMALL_RECIPE = {
-    "algo": "ppo", "n_timesteps": 2560, "n_envs": 20, "n_steps": 32, "batch_size": 320, "n_epochs": 2,
-    "learning_rate": "lin_6e-3", "gae_lambda": 0.9, "ent_coef": 0.0, "policy": "MlpPolicy",
-    "policy_kwargs": {"net_arch": [16]},
-}  # fmt: skip
 
 
 def square(number):
@@ -72,6 +66,13 @@ def test_invalid_workers_are_refused():
         Workers(1, "spark")
 
 
+def compare_in_one_and_two_processes(command, tmp_path):
+    for jobs in ("1", "2"):
+        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    for name in ("compare.json", "compare.png", "episode.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
 @pytest.mark.study
 def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, capsys):
     files = []
@@ -84,21 +85,15 @@ def test_a_study_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path, c
 
 
 def test_a_comparison_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
-    recipe = tmp_path / "small.yml"
-    recipe.write_text(yaml.safe_dump({"default": SMALL_RECIPE}))
-    command = ["compare", "--deciders", "ate", "msprt", "--agents", str(recipe), "--training-seeds", "2"]
-    command += ["--episodes", "20", "--selection-episodes", "20", "--scheme", "random 2x20-30"]
-    for jobs in ("1", "2"):
-        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    for name in ("compare.json", "compare.png", "episode.png"):
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    recipe = str(small_recipe(tmp_path))
+    command = ["compare", "--deciders", "ml", "fixed", "--agents", recipe, "--training-seeds", "2"]
+    command += ["--steps", "1280", "--episodes", "4", "--selection-episodes", "4"]
+    command += ["--scheme", "random 2x20-30"]
+    compare_in_one_and_two_processes(command, tmp_path)
 
 
 @pytest.mark.study
 def test_a_comparison_of_statements_in_two_processes_writes_the_bytes_of_the_serial_one(tmp_path):
     command = ["compare", "--env", "HybridTrackQuickest-v0", "--deciders", "threshold", "cusum", "--agents"]
     command += ["--episodes", "20", "--selection-episodes", "20"]
-    for jobs in ("1", "2"):
-        assert main([*command, "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    for name in ("compare.json", "compare.png", "episode.png"):
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    compare_in_one_and_two_processes(command, tmp_path)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from online_episodes import COMMON, same_as_announced
 from scipy.stats import multivariate_normal
 
 from agents.evaluation.registry import load_decider
@@ -251,3 +252,11 @@ def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses():
     for alpha in (1e-3, 1e-6):
         gain = reward - evaluate(SPRTDecider(alpha), episodes=30, seed=50, **world).reward.mean(1)
         assert gain.mean() > 3 * gain.std(ddof=1) / np.sqrt(30)
+
+
+@pytest.mark.parametrize("correctness", ["exact", "type"])
+@pytest.mark.parametrize("name", ["R 0.1", "axes", "walker"])
+def test_the_shipped_agent_decides_on_a_live_sensor_as_in_the_environment(name, correctness):
+    options = {"correctness": correctness, **COMMON[name]}
+    decided = same_as_announced(load_decider("shipped:0.03", WorldOptions(**options)), seed=6, **options)
+    assert not all(forced for _, forced in decided)

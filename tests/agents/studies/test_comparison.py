@@ -1,4 +1,4 @@
-"""Figures, tables and JSON of a comparison, from scores with given means."""
+"""Figures, tables and JSON of a comparison, and the table of shifts, from scores with given means."""
 
 import json
 
@@ -7,7 +7,9 @@ import pytest
 from given_scores import ANNOUNCED, UNKNOWN, announced_scores, comparison, unknown_scores
 from rich.console import Console
 
+from agents.evaluation.worlds import NOMINAL
 from agents.figures.decider_colours import decider_style
+from agents.studies.shifts import Shift, shift_table
 from agents.studies.tables import chosen_table, levels_table, spread_lines, unreached_lines
 
 ATE = announced_scores("ATE (SPRT)", [0.7, 0.9, 0.96, 0.985], [15, 20, 26, 32])
@@ -32,8 +34,8 @@ def labels_of(axes):
     return [text.get_text() for text in axes.texts if text.get_text()]
 
 
-def text_of(table):
-    console = Console(width=100)
+def text_of(table, width=100):
+    console = Console(width=width)
     with console.capture() as captured:
         console.print(table)
     return captured.get()
@@ -161,3 +163,26 @@ def test_json_has_every_figure_and_null_where_one_is_undefined(result):
         first, _, last = (one["at_equal_wrong_changes"]["full_delay"] for one in data["deciders"])
         assert first["value"] == pytest.approx(16.0 + 8.0 / 3.0)
         assert last == {"value": None, "low": None, "high": None}
+
+
+def shifts_table(found):
+    results = [Shift(name, ANNOUNCED, scores, scores) for name, scores in found]
+    return text_of(shift_table(results, "Title"), 80)
+
+
+def test_a_table_of_shifts_with_six_deciders_fits_into_80_columns():
+    names = (
+        "shipped", "ATE (SPRT)", "MSPRT", "MSPRT, kept covariance", "calibrated anchor",
+        "calibrated anchor, robust filters",
+    )  # fmt: skip
+    found = [announced_scores(name, [0.75 + k / 32], [0]) for k, name in enumerate(names)]
+    options = (NOMINAL, "first estimate 3 times as wrong")
+    text = shifts_table([(name, scores) for scores in found for name in options])
+    assert "…" not in text
+    row = next(line for line in text.splitlines() if line.startswith("nominal"))
+    assert row.split()[1:] == ["+0.500", "+0.562", "+0.625", "+0.688", "+0.750", "+0.812", "-0.312"]
+    assert text.count("±0.000") == 2 * len(names) + 2
+
+
+def test_names_are_printed_as_they_are():
+    assert "s[/b]" in shifts_table([(NOMINAL, announced_scores("s[/b]", [0.75], [0]))])

@@ -4,20 +4,19 @@ import json
 import shlex
 
 import pytest
+from small_training import small_recipe
 
 from agents.cli import main
 from agents.studies import comparison
 from agents.studies.continuation import TRAINED, UNFINISHED
 from agents.training.run import Run
 
-LINE = (
-    "compare --episodes 12 --selection-episodes 12 --deciders ate msprt --agents ppo shipped --steps 16384 "
-    "--scheme random\\ 2x20-25 --seed 5 --out"
-)
+LINE = "compare --episodes 4 --selection-episodes 4 --deciders ml fixed --scheme random\\ 2x20-25 --seed 5"
+NO_AGENTS = ("--agents",)
 
 
-def run(folder, line=LINE):
-    return main([*shlex.split(line), str(folder)])
+def run(folder, agents, line=LINE):
+    return main([*shlex.split(line), *agents, "--out", str(folder)])
 
 
 def results(folder):
@@ -25,9 +24,16 @@ def results(folder):
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory):
+def agents(tmp_path_factory):
+    """Flags for an agent that is trained in two rounds, and another one."""
+    recipe = small_recipe(tmp_path_factory.mktemp("recipe"))
+    return "--agents", str(recipe), "shipped", "--steps", "1280"
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory, agents):
     folder = tmp_path_factory.mktemp("whole")
-    assert run(folder) == 0
+    assert run(folder, agents) == 0
     return folder
 
 
@@ -45,7 +51,7 @@ def swept(monkeypatch):
     return names
 
 
-def interrupt(folder, after, line=LINE):
+def interrupt(folder, after, agents):
     """Run a comparison that is interrupted after a number of deciders."""
     original, entries = comparison.Entry, []
 
@@ -57,33 +63,33 @@ def interrupt(folder, after, line=LINE):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(comparison, "Entry", entry)
-        assert run(folder, line) == 130
+        assert run(folder, agents) == 130
 
 
 def test_a_complete_comparison_leaves_agents_and_no_unfinished_files(uninterrupted):
     assert json.loads(results(uninterrupted))["complete"] is True
     (agent,) = (uninterrupted / TRAINED).iterdir()
-    assert agent.name.startswith("ppo-seed0-")
+    assert agent.name.startswith("small-ppo-seed0-")
     assert (agent / "policy.safetensors").is_file()
     assert not (uninterrupted / UNFINISHED).exists()
 
 
-def test_an_interrupted_evaluation_goes_on(uninterrupted, tmp_path, monkeypatch, swept, capsys):
-    interrupt(tmp_path, 2)
+def test_an_interrupted_evaluation_goes_on(uninterrupted, agents, tmp_path, monkeypatch, swept, capsys):
+    interrupt(tmp_path, 2, agents)
     assert "the same command continues" in capsys.readouterr().err
     kept = json.loads(results(tmp_path))
     assert kept["complete"] is False
-    assert [entry["name"] for entry in kept["deciders"]] == ["ATE (SPRT)", "MSPRT"]
-    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2 + ["ppo"] * 2  # selection and report
+    assert [entry["name"] for entry in kept["deciders"]] == ["ML at the end", "fixed time"]
+    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2 + ["small-ppo"] * 2  # selection and report
     swept.clear()
     monkeypatch.setattr(Run, "between_updates", lambda self: pytest.fail("trained again"))
-    assert run(tmp_path) == 0
+    assert run(tmp_path, agents) == 0
     assert swept == ["shipped"] * 2
     assert results(tmp_path) == results(uninterrupted)
     assert not (tmp_path / UNFINISHED).exists()
 
 
-def test_an_interrupted_training_goes_on(uninterrupted, tmp_path, monkeypatch):
+def test_an_interrupted_training_goes_on(uninterrupted, agents, tmp_path, monkeypatch):
     original = Run.between_updates
 
     def stop(self):
@@ -94,23 +100,22 @@ def test_an_interrupted_training_goes_on(uninterrupted, tmp_path, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(Run, "between_updates", stop)
-        assert run(tmp_path) == 130
+        assert run(tmp_path, agents) == 130
     (agent,) = (tmp_path / TRAINED).iterdir()
     assert (agent / "checkpoint.safetensors").is_file()
-    assert run(tmp_path) == 0
+    assert run(tmp_path, agents) == 0
     assert results(tmp_path) == results(uninterrupted)
 
 
 def test_damaged_or_other_results_are_not_used(tmp_path, swept):
-    line = LINE.replace("--agents ppo shipped --steps 16384", "--agents")
-    interrupt(tmp_path, 1, line)
+    interrupt(tmp_path, 1, NO_AGENTS)
     swept.clear()
     first, second = sorted((tmp_path / UNFINISHED).iterdir())
     first.write_bytes(first.read_bytes()[:100])
     second.write_bytes(b"")
-    assert run(tmp_path, line) == 0
-    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2
-    interrupt(tmp_path, 1, line)
+    assert run(tmp_path, NO_AGENTS) == 0
+    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2
+    interrupt(tmp_path, 1, NO_AGENTS)
     swept.clear()
-    assert run(tmp_path, line.replace("--seed 5", "--seed 6")) == 0
-    assert swept == ["ATE (SPRT)"] * 2 + ["MSPRT"] * 2
+    assert run(tmp_path, NO_AGENTS, LINE.replace("--seed 5", "--seed 6")) == 0
+    assert swept == ["ML at the end"] * 2 + ["fixed time"] * 2

@@ -201,18 +201,3 @@ def test_the_command_writes_its_files(env, announced, unknown, tmp_path, capsys,
     assert len(data["steps"]) == len(results["steps"])
     assert (tmp_path / "limits.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "limits.md").read_text() == limits_markdown(results)
-
-
-@pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        (["--env", "HybridTrack-v0"], "env='HybridTrack-v0'"),
-        (["--env", "HybridTrackQuickest-v0", "--seed", "1000000000"], "seed=1000000000"),
-        (["--env", "HybridTrackQuickest-v0", "--episodes", "1"], "episodes=1"),
-    ],
-)
-def test_invalid_arguments_are_refused_in_one_line(flags, message, capsys, tmp_path):
-    assert main(["limits", "--out", str(tmp_path / "out"), *flags]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert len(error.splitlines()) == 1

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 
 import pytest
 import safetensors.torch
@@ -170,15 +171,31 @@ def test_a_checkpoint_with_wrong_content_is_refused_in_one_line_and_changes_noth
         assert contents(folder) == before, case
 
 
-@pytest.mark.parametrize("length", [0, 7, 8, 500, -1])
-def test_a_truncated_checkpoint_is_refused_in_one_line(length, tmp_path):
-    folder = tmp_path / "run"
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run folder after a training; `finished` copies it."""
+    folder = tmp_path_factory.mktemp("trained") / "run"
     small_run("ppo", folder, 640).train()
-    for name in (CHECKPOINT, PREVIOUS):
-        (folder / name).write_bytes((folder / name).read_bytes()[:length])
+    return folder
+
+
+@pytest.fixture
+def finished(trained, tmp_path):
+    return shutil.copytree(trained, tmp_path / "run")
+
+
+def refuse_to_resume(folder, capsys):
     before = contents(folder)
     assert main(["train", "--resume", str(folder)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
     assert contents(folder) == before
+
+
+@pytest.mark.parametrize("length", [0, 7, 8, 500, -1])
+def test_a_truncated_checkpoint_is_refused_in_one_line(length, finished, capsys):
+    for name in (CHECKPOINT, PREVIOUS):
+        (finished / name).write_bytes((finished / name).read_bytes()[:length])
+    refuse_to_resume(finished, capsys)
 
 
 @pytest.mark.parametrize(
@@ -186,12 +203,7 @@ def test_a_truncated_checkpoint_is_refused_in_one_line(length, tmp_path):
     [("steps", 1e400), ("seed", "x"), ("seed", -1), ("env", "nothing"), ("options", {"x": 1}), ("options", 3),
      ("recipe", []), ("recipe", {"name": "ppo", "entry": {}})],
 )  # fmt: skip
-def test_a_config_with_wrong_content_is_refused_in_one_line(name, value, tmp_path, capsys):
-    folder = tmp_path / "run"
-    small_run("ppo", folder, 640).train()
-    config = json.loads((folder / CONFIG).read_text())
-    (folder / CONFIG).write_text(json.dumps(config | {name: value}))
-    before = contents(folder)
-    assert main(["train", "--resume", str(folder)]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert contents(folder) == before
+def test_a_config_with_wrong_content_is_refused_in_one_line(name, value, finished, capsys):
+    config = json.loads((finished / CONFIG).read_text())
+    (finished / CONFIG).write_text(json.dumps(config | {name: value}))
+    refuse_to_resume(finished, capsys)

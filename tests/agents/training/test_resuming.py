@@ -1,6 +1,7 @@
 """A training that is killed or fails at any moment is resumed, and then equals an uninterrupted one."""
 
 import errno
+import functools
 import os
 import signal
 import subprocess
@@ -30,6 +31,19 @@ def _small_evaluations(monkeypatch):
     torch.set_num_threads(1)
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The outcome of an uninterrupted training, made once for each kind and number of steps."""
+
+    @functools.cache
+    def outcome_of(kind="ppo", steps=STEPS):
+        folder = tmp_path_factory.mktemp("whole")
+        small_run(kind, folder, steps).train()
+        return outcome(folder)
+
+    return outcome_of
+
+
 def start(kind, folder, steps, save_every=0.05):
     """Start a training in another process; return when it begins."""
     # -P, because the folder of the script has a subfolder named as the package `agents`
@@ -46,15 +60,14 @@ def kill(process):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_resumed_run_equals_an_uninterrupted_one(kind, tmp_path):
+def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
     if kind == "recurrent-ppo":
         pytest.importorskip("sb3_contrib")
-    small_run(kind, tmp_path / "whole", STEPS).train(save_every=0.0)
     folder = interrupted(kind, tmp_path / "run", STEPS // 2 + 1)
     torch.manual_seed(0)
     np.random.seed(0)  # noqa: NPY002
     resume_run(folder).train(save_every=1000.0)
-    assert outcome(folder) == outcome(tmp_path / "whole")
+    assert outcome(folder) == whole(kind)
     steps = [row["step"] for row in read_metrics(folder) if "evaluation/reward" in row]
     assert len(steps) == len(set(steps)) >= 3
 
@@ -81,8 +94,7 @@ def test_a_run_killed_at_random_moments_equals_an_uninterrupted_one(kind, tmp_pa
     assert resumed > 0.8 * KILLS  # the others were killed after their last checkpoint
 
 
-def test_a_run_killed_before_its_first_checkpoint_starts_anew(tmp_path):
-    small_run("ppo", tmp_path / "whole", 1280).train()
+def test_a_run_killed_before_its_first_checkpoint_starts_anew(whole, tmp_path):
     for again in (lambda folder: small_run("ppo", folder, 1280), resume_run):
         folder = interrupted("ppo", tmp_path / again.__name__, 640, 1280)
         for path in folder.iterdir():
@@ -90,7 +102,7 @@ def test_a_run_killed_before_its_first_checkpoint_starts_anew(tmp_path):
                 path.unlink()
         (folder / ".hybridtrack-0.part.safetensors").write_bytes(b"incomplete")
         again(folder).train()
-        assert outcome(folder) == outcome(tmp_path / "whole")
+        assert outcome(folder) == whole(steps=1280)
         assert not list(folder.glob(".*.part*"))
 
 
@@ -105,7 +117,7 @@ def test_a_folder_with_results_but_no_checkpoint_is_not_overwritten(tmp_path):
     assert contents(folder) == before
 
 
-def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(tmp_path, capsys):
+def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(whole, tmp_path, capsys):
     pytest.importorskip("fcntl")
     folder = tmp_path / "run"
     process = start("ppo", folder, STEPS, save_every=0.0)
@@ -118,8 +130,7 @@ def test_a_second_training_in_a_folder_is_refused_until_the_first_is_killed(tmp_
     assert "other training" in error
     kill(process)
     resume_run(folder).train()
-    small_run("ppo", tmp_path / "whole", STEPS).train()
-    assert outcome(folder) == outcome(tmp_path / "whole")
+    assert outcome(folder) == whole()
 
 
 def test_a_run_that_another_training_has_continued_is_not_resumed_from_an_earlier_state(tmp_path):
@@ -133,10 +144,9 @@ def test_a_run_that_another_training_has_continued_is_not_resumed_from_an_earlie
 
 
 @pytest.mark.parametrize("file", [CHECKPOINT, METRICS, "events"])
-def test_a_full_disk_is_one_line_and_loses_nothing(file, tmp_path):
+def test_a_full_disk_is_one_line_and_loses_nothing(file, whole, tmp_path):
     """A limit of the size of files has the effect of a full disk."""
     resource = pytest.importorskip("resource")
-    small_run("ppo", tmp_path / "whole", STEPS).train()
     folder = tmp_path / "run"
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 
@@ -161,7 +171,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(file, tmp_path):
     if (folder / METRICS).exists():
         assert (folder / METRICS).read_text().endswith("}\n")
     resume_run(folder).train()
-    assert outcome(folder) == outcome(tmp_path / "whole")
+    assert outcome(folder) == whole()
 
 
 def test_a_disk_that_is_full_from_the_start_is_one_line(tmp_path, monkeypatch, capsys):
@@ -190,9 +200,8 @@ def test_the_metrics_of_a_resumed_run_are_not_repeated(tmp_path):
     assert steps[-1] <= STEPS + 384
 
 
-def test_the_folder_of_a_run_can_be_moved(tmp_path):
+def test_the_folder_of_a_run_can_be_moved(whole, tmp_path):
     folder = interrupted("ppo", tmp_path / "run", 1280, 1920)
     moved = Path(folder.rename(tmp_path / "moved"))
     resume_run(moved).train()
-    small_run("ppo", tmp_path / "whole", 1920).train()
-    assert outcome(moved) == outcome(tmp_path / "whole")
+    assert outcome(moved) == whole(steps=1920)

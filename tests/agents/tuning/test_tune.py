@@ -12,7 +12,7 @@ from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrack-v0"
 RANGES = ("learning_rate=0.001..0.02", "batch_size=160|320", "n_epochs=1..3")
-FLAGS = ("--steps", "2560", "--scheme", SCHEME["scheme"], "--set", *SMALL_PPO, "--search", *RANGES)
+FLAGS = ("--steps", "1280", "--scheme", SCHEME["scheme"], "--set", *SMALL_PPO, "--search", *RANGES)
 
 
 def tune(folder, trials, *more):
@@ -22,17 +22,17 @@ def tune(folder, trials, *more):
 def found(folder):
     """Parameters, reward and state of every trial of a folder."""
     ranges = tuple(map(parse_range, RANGES))
-    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, ranges, 0, 2560)
+    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, ranges, 0, 1280)
     return [(one.params, one.value, one.state) for one in open_study(search, folder).get_trials()]
 
 
 def test_a_search_goes_on_and_its_best_trial_is_a_recipe(tmp_path, capsys):
-    tune(tmp_path, 4)
+    tune(tmp_path, 2)
     first = found(tmp_path)
-    tune(tmp_path, 6, "--jobs", "2")
+    tune(tmp_path, 4, "--jobs", "2")
     trials = found(tmp_path)
-    assert trials[:4] == first
-    assert len(trials) == 6
+    assert trials[:2] == first
+    assert len(trials) == 4
     assert trials[0][0] == {"learning_rate": 0.006, "batch_size": "320", "n_epochs": 2}  # the recipe itself
     best = max(trials, key=lambda one: -np.inf if one[1] is None else one[1])
     recipe = load_recipe(str(tmp_path / BEST), ENV)
@@ -42,7 +42,7 @@ def test_a_search_goes_on_and_its_best_trial_is_a_recipe(tmp_path, capsys):
         best[0]["learning_rate"], rel=5e-3
     )
     assert recipe.settings.policy_kwargs == {"net_arch": [16]}
-    assert "Best of 6 trials" in capsys.readouterr().out
+    assert "Best of 4 trials" in capsys.readouterr().out
 
 
 def test_two_jobs_find_what_one_finds(tmp_path):
@@ -71,7 +71,7 @@ def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
 
 def test_a_training_below_the_median_ends_early():
     recipe = load_recipe("ppo", ENV, SMALL_PPO)
-    outcome = train_trial(ENV, dict(SCHEME), recipe, 0, 25600, [9.0] * POINTS)
+    outcome = train_trial(ENV, dict(SCHEME), recipe, 0, 12800, [9.0] * POINTS)
     assert outcome.reward is None
     assert 5 <= len(outcome.rewards) < POINTS
     whole = train_trial(ENV, dict(SCHEME), recipe, 0, 2560, [-9.0] * POINTS)
