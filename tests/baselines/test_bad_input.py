@@ -8,7 +8,7 @@ import pytest
 from baselines import track_ate
 from baselines.papers.golubkov2018 import filter_known_modes
 from baselines.papers.golubkov2020 import detect_switch
-from hybrid_env import ArgumentError, KalmanBank, Layout
+from hybrid_env import ArgumentError
 
 POSITIONS = np.cumsum(np.full((10, 2), 0.2), axis=0)
 LARGEST = 2**63 - 1
@@ -97,24 +97,3 @@ def test_start(start):
     with pytest.raises(ArgumentError) as caught:
         track_ate(POSITIONS, [10], start)
     check(caught, "start")
-
-
-@pytest.mark.parametrize(
-    "state", [RAGGED, [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, [1j] * 4], ids=str
-)
-def test_state_of_a_bank(state):
-    with pytest.raises(ArgumentError) as caught:
-        KalmanBank().anchor(state)
-    check(caught, "state")
-
-
-@pytest.mark.parametrize("width", [0, 27, 29, 40])
-def test_rows_of_another_width_are_not_read(width):
-    with pytest.raises(ArgumentError, match="observation shape"):
-        Layout(3).read(np.zeros((5, width), np.float32), "log_ratio")
-
-
-@pytest.mark.parametrize("hypotheses", [1, 4, -3, 3.0, "3", True, np.array(3)], ids=repr)
-def test_a_layout_has_an_odd_number_of_hypotheses(hypotheses):
-    with pytest.raises(ArgumentError, match="hypotheses"):
-        Layout(hypotheses)

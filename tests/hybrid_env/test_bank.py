@@ -108,3 +108,14 @@ def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, me
     assert message in str(caught.value)
     assert "expected" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+STATES = [[[0.0, 1.0], [2.0]], [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, [1j] * 4]
+
+
+@pytest.mark.parametrize("state", STATES, ids=str)
+def test_other_states_are_refused_in_one_line(state):
+    with pytest.raises(ArgumentError, match=r"^state") as caught:
+        KalmanBank().anchor(state)
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(str(caught.value)) <= 300
