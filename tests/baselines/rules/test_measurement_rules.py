@@ -232,26 +232,6 @@ def test_ratios_are_finite_after_outliers(rule):
         np.testing.assert_allclose(np.exp(evidence).sum(-1), 1, rtol=1e-9)
 
 
-BAD = [
-    ("threshold", 0.0),
-    ("margin", -1.0),
-    ("window", 0),
-    ("window", 10_001),
-    ("bank", "oracle"),
-    ("bank", 1),
-]
-BAD_BEAM = [("branches", 2), ("threshold", 2.0), ("durations", "often")]
-
-
-@pytest.mark.parametrize(
-    ("rule", "name", "value"),
-    [*((rule, *bad) for rule in RESTARTED for bad in BAD), *((BeamDecider, *bad) for bad in BAD_BEAM)],
-)
-def test_arguments_out_of_range_are_refused(rule, name, value):
-    with pytest.raises(ArgumentError, match=f"{name}="):
-        rule(QuickestOptions(), **{name: value})
-
-
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("shape", [(3,), (2, 20)])
 def test_other_observations_are_refused(rule, shape):
