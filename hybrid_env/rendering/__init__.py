@@ -9,3 +9,5 @@
 May import: options and checks of `hybrid_env`, column names of `hybrid_env.core.records`. Only `panels` and
 `figure` import matplotlib, and the renderer imports them with its first frame.
 """
+
+FRAME_SIZE = (900, 450)  # width, height [px]

@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS, EvidencePanel, mode_colour, mode_name
 from hybrid_env.rendering.history import ACTIVE, TRACE_INDEX, History
 from hybrid_env.rendering.panels import (
@@ -26,7 +27,6 @@ from hybrid_env.rendering.panels import (
     decision_legend,
     track_legend,
 )
-from hybrid_env.rendering.window import FRAME_SIZE
 
 _DPI = 100
 

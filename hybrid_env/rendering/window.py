@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.options import ModelOptions
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import EvidencePanel
 from hybrid_env.rendering.history import History
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from hybrid_env.rendering.figure import EpisodeFigure
 
 RENDER_FPS = 10
-FRAME_SIZE = (900, 450)  # width, height [px]
 
 
 class NoDisplayError(RuntimeError):

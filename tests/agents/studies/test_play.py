@@ -19,8 +19,9 @@ from baselines.recordings.reading.read import read_recordings
 from baselines.rules.decider import as_decider
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.history import ACTIVE
-from hybrid_env.rendering.window import FRAME_SIZE, Renderer
+from hybrid_env.rendering.window import Renderer
 
 SCHEME = "S8 L8r5"
 STEPS = 10  # fixed:5 waits for four ticks of each segment and declares at the fifth

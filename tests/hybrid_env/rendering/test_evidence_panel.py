@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hybrid_env  # noqa: F401
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import (
     SINGLE_COLOUR,
     TYPE_COLOURS,
@@ -18,7 +19,7 @@ from hybrid_env.rendering.evidence import (
 )
 from hybrid_env.rendering.figure import EpisodeFigure
 from hybrid_env.rendering.panels import probability_ticks
-from hybrid_env.rendering.window import FRAME_SIZE, Renderer
+from hybrid_env.rendering.window import Renderer
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 POSTERIOR = EvidencePanel(

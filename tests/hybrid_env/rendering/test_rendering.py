@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import hybrid_env  # noqa: F401
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import TYPE_COLOURS, sprt_panel
 from hybrid_env.rendering.figure import EpisodeFigure
-from hybrid_env.rendering.window import FRAME_SIZE, RENDER_FPS
+from hybrid_env.rendering.window import RENDER_FPS
 
 RADII = tuple(float(radius) for radius in range(1, 11))
 WIDTH, HEIGHT = FRAME_SIZE
