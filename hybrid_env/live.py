@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import reject
 from hybrid_env.core.kernel import HAS_DECISION
-from hybrid_env.core.kernels import BEGIN, MEASURE
+from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
@@ -31,6 +31,7 @@ class OnlineTrack(World):
         environment: id of the environment whose rows it writes.
     """
 
+    kernels = LIVE_KERNELS
     announced: ClassVar[bool]
     environment: ClassVar[str]
 
@@ -91,6 +92,16 @@ class OnlineTrack(World):
     def decide(self, action: int) -> None:
         """Apply an action of the action space, after a measurement."""
         raise NotImplementedError
+
+    @property
+    def uncertain_ticks(self) -> int:
+        """Number of ticks, with the next one, for which the mode may have been a wrong one."""
+        return 1
+
+    @property
+    def ticks_left(self) -> int:
+        """Number of ticks to the end of the segment, with the next one."""
+        return int(self.options.longest_segment)
 
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes, (M,)."""
@@ -160,6 +171,16 @@ class OnlineWorld(OnlineTrack):
             self.actions[0] = action
             self._run(MEASURE)
             self.actions[0] = 0
+
+    @property
+    def uncertain_ticks(self) -> int:
+        """See `OnlineTrack.uncertain_ticks`: those of this segment, and of one that led to its anchor."""
+        return int(self.blocks["tick"].item(0, 0)) + 1 + int(self.options.longest_segment)
+
+    @property
+    def ticks_left(self) -> int:
+        """See `OnlineTrack.ticks_left`."""
+        return max(int(self.blocks["length"].item(0, 0) - self.blocks["tick"].item(0, 0)), 1)
 
     def probabilities(self) -> FloatArray:
         """Return the posteriors of the modes with equal priors at the switch, (M,)."""

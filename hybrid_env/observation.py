@@ -74,9 +74,10 @@ class Layout:
     @classmethod
     def of_rows(cls, observation: NDArray[Any]) -> Self:
         """Return the layout of a batch of observations, (N, width). Raises `ArgumentError` otherwise."""
-        if observation.ndim != 2:
-            raise reject("observation shape", observation.shape, "(N, width), one row per track")
-        return cls.of_width(observation.shape[1])
+        rows = np.asarray(observation)
+        if rows.ndim != 2:
+            raise reject("observation shape", rows.shape, "(N, width), one row per track")
+        return cls.of_width(rows.shape[1])
 
     def read(self, observation: NDArray[Any], name: str) -> NDArray[np.float64]:
         """Return a quantity without its scale, (..., M) per hypothesis or (...) per track.
@@ -85,7 +86,7 @@ class Layout:
             observation: one or more observations, (..., width).
             name: a key of `hypothesis_features` or `track_features`.
         """
-        if name not in self.slices:
+        if not isinstance(name, str) or name not in self.slices:
             raise reject("name", name, "one of " + ", ".join(self.slices))
         rows = np.asarray(observation)
         if rows.ndim == 0 or rows.shape[-1] != self.width:

@@ -189,6 +189,23 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             raise reject("seed", seed, f"an integer, or a sequence of {self.num_envs} integers or None")
         return [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
 
+    def action_array(self, actions: Any) -> NDArray[np.int64]:
+        """Return actions as an array of integers, (N,).
+
+        Raises:
+            InvalidAction: the shape or type is wrong.
+        """
+        try:
+            array = np.asarray(actions)
+        except (TypeError, ValueError):  # ragged, or not convertible
+            array = np.array(None)
+        if array.shape != self._shape or array.dtype.kind not in "iu":
+            raise gym.error.InvalidAction(
+                f"actions have shape {array.shape} and type {array.dtype}: "
+                f"expected integers of shape ({self.num_envs},)"
+            )
+        return array
+
     def step(
         self, actions: NDArray[np.int64]
     ) -> tuple[
@@ -205,12 +222,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         """
         if not self._started:
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
-        actions = np.asarray(actions)
-        if actions.shape != self._shape or actions.dtype.kind not in "iu":
-            raise gym.error.InvalidAction(
-                f"actions have shape {actions.shape} and type {actions.dtype}: "
-                f"expected integers of shape ({self.num_envs},)"
-            )
+        actions = self.action_array(actions)
         world = self.world
         if self._disabled and world.terminated.any():
             raise gym.error.ResetNeeded(

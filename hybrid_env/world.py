@@ -5,7 +5,7 @@ import operator
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -54,6 +54,7 @@ class World(ReadOnlyAttributes):
          "terminated", "seeded", "trace", "decisions", "decision_flags")
     )  # fmt: skip
 
+    kernels: ClassVar[dict[type, Any]] = KERNELS
     layout: Layout
     bank: Any
     blocks: NDArray[Any]
@@ -106,14 +107,12 @@ class World(ReadOnlyAttributes):
 
     def invalid_action(self, action: Any) -> gym.error.InvalidAction:
         """Return the error for an action outside the space."""
-        return gym.error.InvalidAction(
-            f"action={action!r} is not allowed: expected an integer from 0 ({self.options.first_action}) "
-            f"to {self.options.action_count - 1}"
-        )
+        allowed = f"an integer from 0 ({self.options.first_action}) to {self.options.action_count - 1}"
+        return gym.error.InvalidAction(str(reject("action", action, allowed)))
 
     def _bind(self, parameters: NDArray[Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Write the array addresses into one parameter record per thread, with scratch memory for each."""
-        self._advance = KERNELS[self.options.bank_class]
+        self._advance = self.kernels[self.options.bank_class]
         prepare(self._advance, 0, 0)
         cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(np.int64)
         temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")

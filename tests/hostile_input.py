@@ -7,6 +7,7 @@ import copy
 import resource
 import time
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
@@ -103,3 +104,14 @@ def accepted(action):
     finally:
         assert time.process_time() - started < CPU_SECONDS
         assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MEMORY
+
+
+def refused(function, *arguments, **keywords):
+    """Call a function, which refuses its arguments, and return the message."""
+    with pytest.raises(ArgumentError) as caught:
+        function(*arguments, **keywords)
+    message = str(caught.value)
+    assert len(message) <= LONGEST
+    assert message.isprintable()  # also no line break
+    assert "expected" in message
+    return message

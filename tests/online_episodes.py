@@ -55,7 +55,7 @@ def same_as_quickest(decider, seed, ticks=150, **options):
     """Check that the tracker equals `HybridTrackQuickestEnv` in every tick; return the statements."""
     env = HybridTrackQuickestVectorEnv(1, ticks=ticks, **options)
     rows, info = env.reset(seed=seed)
-    tracker = OnlineTracker(env.options, copy.deepcopy(decider))
+    tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
     tracker.begin(
         *first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None
     )
@@ -80,7 +80,7 @@ def same_as_announced(decider, seed, **options):
     env = HybridTrackVectorEnv(1, trace_rows=MOST_ROWS, **options)
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
-    tracker = OnlineTracker(env.options, copy.deepcopy(decider))
+    tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
     tracker.begin(info["anchor"][0], world.field("covariance")[0][SQUARE])
     tracker.switch(int(world.field("length")[0]))
     state, start = None, np.ones(1, np.bool_)

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from setuptools import find_packages
 
+from hybrid_env import console
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LINKS = re.findall(r"\]\(([^)]+)\)", README)
@@ -50,3 +52,21 @@ def test_the_wheel_has_the_three_packages_only():
 
 def test_the_readme_is_short():
     assert len(README.splitlines()) <= 90
+
+
+def test_another_distribution_with_a_package_of_our_name_is_said_in_one_line(monkeypatch, capsys):
+    def foreign(name):
+        raise ModuleNotFoundError(f"No module named {name!r}")
+
+    packages = {"agents": [console.DISTRIBUTION, "other-agents"], "baselines": [console.DISTRIBUTION]}
+    monkeypatch.setattr(console.metadata, "packages_distributions", lambda: packages)
+    with monkeypatch.context() as patch:
+        patch.setattr(console.importlib, "import_module", foreign)
+        assert console.main() == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "'agents' of other-agents stands in the place of that of hybrid-track" in line
+        packages["agents"].pop()
+        with pytest.raises(ModuleNotFoundError):
+            console.main()
+    monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
+    assert console.main() == 0

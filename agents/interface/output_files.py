@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import secrets
+import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -67,11 +68,42 @@ def atomic_file(path: Path) -> Iterator[Path]:
             part.unlink()
 
 
+@contextmanager
+def atomic_folder(name: str, path: Path) -> Iterator[Path]:
+    """Context manager that yields an empty temporary folder, whose files appear in `path` together.
+
+    If the block fails, nothing appears, and `path` is removed if it was created here and is empty.
+
+    Args:
+        name: name of the flag, for the error message.
+        path: the folder, which is created if it does not exist. Other files in it stay.
+
+    Raises:
+        ArgumentError: the folder or a file cannot be written.
+    """
+    output_folder(name, path)
+    part = path / f"{PART_PREFIX}{secrets.token_hex(8)}.part"
+    try:
+        _remove_stale_parts(path)
+        part.mkdir()
+        yield part
+        for file in sorted(one for one in part.rglob("*") if one.is_file()):
+            target = path / file.relative_to(part)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, target)
+    except OSError as error:
+        raise reject("file", str(path), f"a folder that can be written ({_reason(error)})") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+        with suppress(OSError):
+            path.rmdir()  # only if it is empty
+
+
 def _remove_stale_parts(folder: Path) -> None:
     for part in folder.glob(f"{PART_PREFIX}*.part*"):
         with suppress(OSError):
             if part.lstat().st_mtime < time.time() - STALE_AFTER:
-                part.unlink()
+                shutil.rmtree(part) if part.is_dir() and not part.is_symlink() else part.unlink()
 
 
 def _reason(error: Exception) -> str:

@@ -8,9 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from agents.figures.canvas import save_figure
-from agents.interface.output_files import output_folder, write_table
-from agents.recordings.figure import check_plotly, draw_recording, write_map
+from agents.interface.output_files import atomic_folder, output_folder, write_table
 from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
 from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
@@ -42,6 +40,8 @@ class Track(TrackingArguments, FileArguments):
         self.check_files()
         self.check_tracking()
         if self.html:
+            from agents.recordings.figure import check_plotly
+
             check_plotly()
         picture = len(self.files) <= FEW_FILES if self.picture is None else self.picture
         work = replace(self, files=(), picture=picture)  # it is sent to a process with every file
@@ -62,25 +62,31 @@ class Track(TrackingArguments, FileArguments):
         results = [self.track(recording) for recording in found.recordings]
         lines, tables, files = [found.summary], [], []
         folders = object_folders(folder, [recording.name for recording in found.recordings])
-        for tracked, place in zip(results, folders, strict=True):
-            pieces = piece_table(tracked)
-            lines += report_lines(tracked)
-            tables.append(_printed_table(pieces, tracked))
-            files += self._write(tracked, pieces, place)
+        with atomic_folder("out", folder) as part:
+            for tracked, place in zip(results, folders, strict=True):
+                pieces = piece_table(tracked)
+                lines += report_lines(tracked)
+                tables.append(_printed_table(pieces, tracked))
+                inside = place.relative_to(folder)
+                files += [place / name for name in self._write(tracked, pieces, part / inside)]
         return Report(tuple(lines), tables[0] if len(tables) == 1 else None, tuple(files))
 
-    def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[Path]:
+    def _write(self, tracked: TrackedRecording, pieces: dict[str, list[Any]], folder: Path) -> list[str]:
+        """Write the results of an object; return the names of the files."""
+        from agents.figures.canvas import save_figure  # Matplotlib loads slowly
+        from agents.recordings.figure import draw_recording, write_map
+
         output_folder("out", folder)
-        files = [folder / "modes.csv", folder / "estimates.csv"]
-        write_table(files[0], pieces)
-        write_table(files[1], row_table(tracked))
+        names = ["modes.csv", "estimates.csv"]
+        write_table(folder / names[0], pieces)
+        write_table(folder / names[1], row_table(tracked))
         if self.picture:
-            files.append(folder / "track.png")
-            save_figure(draw_recording(tracked), files[-1])
+            names.append("track.png")
+            save_figure(draw_recording(tracked), folder / names[-1])
         if self.html:
-            files.append(folder / "track.html")
-            write_map(files[-1], tracked)
-        return files
+            names.append("track.html")
+            write_map(folder / names[-1], tracked)
+        return names
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:

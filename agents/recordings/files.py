@@ -132,13 +132,14 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
     """Return the output folder of each object of a file: that of the file if it has only one."""
     if len(names) == 1:
         return [folder]
-    found: list[Path] = []
+    found: dict[str, Path] = {}
     for number, name in enumerate(names, start=1):
         plain = "".join(letter if letter.isalnum() or letter in "._-+" else "_" for letter in name)
         plain = plain.strip(".") or str(number)
-        path = folder / plain
-        found.append(path if path not in found else folder / f"{plain}_{number}")
-    return found
+        while plain.casefold() in found:  # names may differ in letters that folders do not tell apart
+            plain = f"{plain}_{number}"
+        found[plain.casefold()] = folder / plain
+    return list(found.values())
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
 from baselines.recordings.model_fit import TrackModel, fit_model
 from baselines.recordings.recording import Recording, make_recording
-from baselines.recordings.scatter import without_outliers
+from baselines.recordings.scatter import without_jumps, without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
@@ -110,7 +110,9 @@ class TrackingArguments:
         """
         self.check_tracking()
         full = tick_grid(recording)
-        grid, outliers = without_outliers(full)
+        grid, bursts = (full, 0) if self.lengths else without_jumps(full)
+        grid, outliers = without_outliers(grid)
+        outliers += bursts
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
         model = fit_model(

@@ -3,23 +3,23 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.tasks import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
 from agents.interface.world_arguments import WorldArguments
-from agents.studies.animation import write_gif
-from agents.studies.episodes import Episodes
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.rendering.history import TRACE_INDEX, History
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
+
+if TYPE_CHECKING:
+    from agents.studies.episodes import Episodes
 
 FINAL_FRAMES = 2 * RENDER_FPS
 """Number of times that the window shows the last frame of an episode: for two seconds."""
@@ -48,6 +48,9 @@ class Play(WorldArguments):
             ArgumentError: one line that names the argument, its value and what is allowed.
         """
         self._check()
+        from agents.evaluation.tasks import task_of
+        from agents.studies.episodes import Episodes
+
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
@@ -82,7 +85,7 @@ class Play(WorldArguments):
             if self.episodes > 1 and path.suffix.lower() != ".gif":
                 raise reject("episodes", self.episodes, f"1 with --{name} {path}, which holds one episode")
 
-    def _play(self, episodes: Episodes, console: Console, progress: Progress) -> Iterator[History]:
+    def _play(self, episodes: "Episodes", console: Console, progress: Progress) -> Iterator[History]:
         """Play the episodes; yield the history after every reset and every step."""
         history = episodes.history
         task = progress.add_task("Playing", total=self.episodes * episodes.task.length, note="")
@@ -101,6 +104,8 @@ class Play(WorldArguments):
     def _render(self, renderer: Renderer, histories: Iterator[History]) -> bool:
         """Show or write the frames; return False if the user has closed the window before the end."""
         if self.out is not None and self.out.suffix.lower() == ".gif":
+            from agents.studies.animation import write_gif
+
             write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
             return True
         for history in histories:

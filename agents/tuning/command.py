@@ -58,7 +58,15 @@ class Tune(WorldArguments, ParallelArguments):
         from agents.training.run_folder import lock
         from agents.training.runs import make_run, run_name
         from agents.tuning.ranges import parse_ranges
-        from agents.tuning.search import Search, best_rows, ended, open_study, run_trials, write_best
+        from agents.tuning.search import (
+            JOURNAL,
+            Search,
+            best_rows,
+            ended,
+            open_study,
+            run_trials,
+            write_best,
+        )
 
         recipe = load_recipe(self.recipe, self.env_id, self.set)
         ranges = parse_ranges(self.search, recipe)
@@ -78,7 +86,11 @@ class Tune(WorldArguments, ParallelArguments):
                     best = f"{note}, best reward {rows[0].value:+.3f}" if rows else note
                     progress.update(task, advance=1, note=best)
 
-                run_trials(search, study, self.trials, workers, show)
+                try:
+                    run_trials(search, study, self.trials, workers, show)
+                except OSError as error:  # Optuna's errors do not name its file
+                    name = error.filename or str(folder / JOURNAL)
+                    raise OSError(error.errno, error.strerror, name) from None
             rows = best_rows(study, SHOWN)
             if not rows:
                 raise reject("trials", self.trials, "more trials: none was trained to its end")

@@ -137,11 +137,12 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         try:
+            _cut_last_line(folder / JOURNAL)
             storage = JournalStorage(JournalFileBackend(str(folder / JOURNAL)))
             study = optuna.create_study(
                 storage=storage, study_name="tune", direction="maximize", load_if_exists=True
             )
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OSError, RecursionError) as error:
             raise reject("out", str(folder), f"a folder with a readable {JOURNAL} ({error})") from None
     settings = study.user_attrs.get("search")
     if settings is None:
@@ -153,6 +154,15 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.system_attrs.get("fixed_params", {}) | trial.params)
     return study
+
+
+def _cut_last_line(journal: Path) -> None:
+    """Remove the last line of a journal if it has no end, because the process was killed while it wrote."""
+    content = journal.read_bytes() if journal.is_file() else b""
+    whole = content[: content.rfind(b"\n") + 1]
+    if whole != content:
+        with atomic_file(journal) as part:
+            part.write_bytes(whole)
 
 
 def ended(study: optuna.Study) -> list[FrozenTrial]:

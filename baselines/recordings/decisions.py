@@ -158,7 +158,8 @@ def _decide_piece(
             tracker.switch(switches[k])
         now = tracker.update(tuple(point) if known else None)
         found.modes[k], found.decided[k] = now.mode, now.decided
-        found.probabilities[k], found.estimates[k], found.covariances[k] = now[2:]
+        found.probabilities[k] = now.probabilities
+        found.estimates[k], found.covariances[k] = now.estimate, now.covariance
     if lengths:
         _decide_pieces(found, tracker.options)
     found.estimates[:] = found.estimates / scales + origin

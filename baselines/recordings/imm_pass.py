@@ -172,7 +172,8 @@ def imm_pass(
         model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
     )
     for b in range(chunks.measurements.shape[0]):
-        seen[:] = 0
+        for lane in range(LANES):
+            seen[lane] = 0
         lanes = chunks.lanes[b]
         for k in range(chunks.measurements.shape[1]):
             measurement = chunks.measurements[b, k]
@@ -180,7 +181,11 @@ def imm_pass(
             for lane in range(lanes):
                 if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
                     together = False
-            block.measurement[:] = measurement
+            for lane in range(LANES):  # an assignment of arrays would take seconds to compile
+                block.measurement[0, lane], block.measurement[1, lane] = (
+                    measurement[0, lane],
+                    measurement[1, lane],
+                )
             if together:
                 step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):

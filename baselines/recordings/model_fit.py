@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from baselines.recordings.imm_pass import (
     Chunks,
@@ -256,6 +255,7 @@ def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters])
 
 def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Parameters:
     """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
+    from scipy.optimize import minimize  # it loads slowly
 
     def parameters(vector: FloatArray) -> _Parameters:
         values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))

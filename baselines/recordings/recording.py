@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import ArgumentError, check_array, check_positive, frozen, reject
+from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, check_array, check_positive, frozen, reject
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
+SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
 GAP_TICKS = 20
 """Default of the gap, in nominal ticks."""
 
@@ -93,8 +94,10 @@ def make_recording(
     values = np.array(positions, np.float64)
     if values.ndim != 2 or values.shape[1] != 2:
         raise ArgumentError(f"positions has shape {values.shape}: expected (n, 2)")
-    if np.isinf(values).any():
-        raise reject("positions", float(values[np.isinf(values)][0]), "finite numbers, or NaN if missing")
+    large = np.abs(values) > LARGEST_NUMBER
+    if large.any():
+        allowed = f"finite numbers up to {LARGEST_NUMBER:g}, or NaN if missing"
+        raise reject("positions", float(values[large][0]), allowed)
     missing = np.asarray(np.isnan(values).any(axis=1))
     values[missing] = np.nan
     measured = len(values) - int(missing.sum())
@@ -111,7 +114,12 @@ def make_recording(
     if not (steps > 0.0).all():
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
-    tick = float(np.median(steps))
+    tick, extent = float(np.median(steps)), float(np.ptp(values[~missing], axis=0).max())
+    if tick < SMALLEST_UNIT:
+        raise reject("step of the times", tick, f"at least {SMALLEST_UNIT:g}: choose a smaller unit")
+    if 0.0 < extent < SMALLEST_UNIT:
+        allowed = f"at least {SMALLEST_UNIT:g}: choose a smaller unit"
+        raise reject("extent of the positions", extent, allowed)
     pieces = _pieces(
         instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
     )

@@ -1,6 +1,7 @@
-"""What measurements show without a model of the motion: noise, outliers and speed."""
+"""What measurements show without a model of the motion: noise, outliers, jumps and speed."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ FEWEST = 5  # differences
 LONGEST = 2.0  # span of four or five measurements, over the median span
 FAR = 7.0
 """An outlier is this many standard deviations from its neighbours."""
+
+LONGEST_BURST = 10  # measurements between two jumps that are errors of the sensor
+USUAL, FASTEST = 0.9, 5.0  # quantile of the steps, and how many times it motion may reach
 
 MOST_OUTLIERS = 0.1
 """With a larger share far from their neighbours, the noise is not what its estimate says."""
@@ -70,6 +74,74 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
     if count > MOST_OUTLIERS * grid.measured:
         return grid, 0
     return grid._replace(pieces=tuple(pieces)), count
+
+
+def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
+    """Return the grid without short runs of measurements elsewhere, and the number of these measurements.
+
+    A jump is a step far longer than others, which neither the step before nor the one after resembles: an
+    object that begins to move makes similar steps. At most `LONGEST_BURST` measurements between two jumps are
+    errors of the sensor. Where a jump remains, the object is elsewhere from then on, and a new piece begins.
+    """
+    noise = noise_estimate(grid) or 0.0
+    steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
+    if len(steps) < FEWEST:
+        return grid, 0
+    usual = np.quantile(np.hypot(*steps.T), USUAL)
+    limits = FAR * math.sqrt(2.0 * noise), FASTEST * float(usual)
+    if not sum(limits):
+        return grid, 0
+    pieces, count = [], 0
+    for piece in grid.pieces:
+        values = piece.measurements.copy()
+        runs = _runs(piece, *limits)
+        for k, run in enumerate(runs):
+            if len(runs) > 1 and len(run) <= LONGEST_BURST and len(run) < max(map(len, runs)):
+                values[run] = np.nan
+                count += len(run)
+                runs[k] = run[:0]
+        pieces += _split(piece._replace(measurements=values), [run for run in runs if len(run)], *limits)
+    if count > MOST_OUTLIERS * grid.measured:
+        return grid, 0
+    return grid._replace(pieces=tuple(pieces)), count
+
+
+def _steps(piece: Piece) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the ticks with a measurement, (n,), and the steps between them for each tick, (n - 1, 2)."""
+    rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
+    return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
+
+
+def _runs(piece: Piece, noise: float, step: float) -> list[NDArray[np.int64]]:
+    """Return the ticks with a measurement between the jumps.
+
+    Args:
+        piece: of a recording.
+        noise: distance of two measurements that noise alone explains.
+        step: length of a step for each tick that motion alone explains.
+    """
+    rows, steps = _steps(piece)
+    limits = noise / np.diff(rows) + step
+    before, after = (np.full(len(steps), np.inf) for _ in range(2))
+    change = np.hypot(*np.diff(steps, axis=0).T)
+    before[1:], after[:-1] = change, change
+    jump = (np.hypot(*steps.T) > limits) & (np.minimum(before, after) > 0.5 * limits)
+    return np.split(rows, np.flatnonzero(jump) + 1)
+
+
+def _split(piece: Piece, runs: list[NDArray[np.int64]], noise: float, step: float) -> list[Piece]:
+    """Divide a piece before each run that is too far from the one before."""
+    borders = [0]
+    for last, following in pairwise(runs):
+        a, b = last[-1], following[0]
+        if np.hypot(*(piece.measurements[b] - piece.measurements[a])) > noise + step * (b - a):
+            borders.append(int(b))
+    found = []
+    for first, end in pairwise([*borders, len(piece.measurements)]):
+        a, b = np.searchsorted(piece.ticks, [first, end]).tolist()
+        ticks, late = piece.ticks[a:b] - first, piece.late[a:b]
+        found.append(Piece(piece.first + a, piece.first + b, ticks, late, piece.measurements[first:end]))
+    return found
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:

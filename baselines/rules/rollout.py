@@ -1,7 +1,9 @@
 """The loop around an environment and a decider: all rollouts of the project go through it."""
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -173,8 +175,13 @@ def evaluate(
         options: environment options that override those of the id.
 
     Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses.
+        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was
+            trained on observations of another shape.
+
+    Warns:
+        UserWarning: a model of Stable-Baselines3 was trained in an environment of another id.
     """
+    _check_training(decider, env_id)
     given = make_track_vector_env(env_id, 1, **options).options
     check_episodes("episodes", episodes, given)
     size, batches = batch_size(given), []
@@ -194,6 +201,17 @@ def evaluate(
     return Decisions(**arrays, delay_cost=given.delay_cost)
 
 
+def _check_training(decider: Any, env_id: str) -> None:
+    """Compare an environment with the one that a model of Stable-Baselines3 knows, where it knows one."""
+    name = env_id.rpartition(":")[2]
+    get_env = getattr(decider, "get_env", None)
+    env = get_env() if callable(get_env) else None
+    with suppress(AttributeError, NotImplementedError):
+        trained = None if env is None else env.get_attr("spec")[0].id.rpartition(":")[2]
+        if trained not in (None, name):
+            warnings.warn(f"the model was trained in {trained} and is evaluated in {name}", stacklevel=3)
+
+
 def evaluate_batch(
     decider: Any,
     env_id: str,
@@ -204,6 +222,10 @@ def evaluate_batch(
 ) -> Decisions:
     """Run a decider on episodes that all run in parallel; see `evaluate`."""
     env = make_vector_env(env_id, episodes, tick_info=False, **options)
+    width = getattr(getattr(decider, "observation_space", None), "shape", None)
+    if width not in (None, env.single_observation_space.shape):
+        allowed = f"one for observations of shape {env.single_observation_space.shape}"
+        raise reject("observation shape of the decider", width, allowed)
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments

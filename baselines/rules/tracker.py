@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.rules.decider import Decider, as_decider
+from baselines.rules.gate import DEVIATIONS, PATIENCE, gate_distance
 from baselines.rules.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
@@ -15,6 +16,7 @@ from hybrid_env.checks import (
     check_between,
     check_integer,
     check_number,
+    check_positive,
     reject,
 )
 from hybrid_env.limits import check_ticks
@@ -39,7 +41,10 @@ class OnlineEstimate(NamedTuple):
             to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s].
-        covariance: (4, 4) of the estimate.
+        covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
+            variances are infinite.
+        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
+            then.
     """
 
     mode: int
@@ -47,13 +52,14 @@ class OnlineEstimate(NamedTuple):
     probabilities: FloatArray
     estimate: FloatArray
     covariance: FloatArray
+    agrees: bool = True
 
 
 class OnlineTracker:
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
     Bank, observation and decider are those of the environment: the same measurements, first estimate and
-    switches give the same rows, modes and estimates, bit for bit.
+    switches give the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
 
     With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the
     decider states a mode at every measurement. Probabilities, estimate and covariance are those of the bank,
@@ -70,6 +76,12 @@ class OnlineTracker:
     are asked in these ticks: their filters predict, too. Those whose `needs_measurements` is True need a
     measurement at every tick.
 
+    A measurement far from every predicted position is not used (`gate`): it counts as missing, and
+    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them in a row the object is elsewhere, and the
+    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
+    bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
+    unknown. Deciders that need a measurement at every tick get every measurement.
+
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
@@ -78,6 +90,8 @@ class OnlineTracker:
             a covariance, and by deciders.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
+        gate: distance from the nearest predicted position above which a measurement is not used, in standard
+            deviations; None uses all.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed, or the decider does not read these rows.
@@ -90,10 +104,18 @@ class OnlineTracker:
     (0, (4,), (4, 4))
     """
 
-    def __init__(self, options: WorldOptions | QuickestOptions, decider: Decider, tolerance: float = 0.1):
+    def __init__(
+        self,
+        options: WorldOptions | QuickestOptions,
+        decider: Decider,
+        tolerance: float = 0.1,
+        gate: float | None = DEVIATIONS,
+    ):
         self.world: OnlineTrack = live_track(options)
         self.options, self.decider = options, as_decider(decider)
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
+        self.gate = None if gate is None else check_positive("gate", gate)
+        self._model = np.array(options.radii), options.tau, np.broadcast_to(options.variances, 2).copy()
         self._action_count = int(self.world.action_space().n)
         self._longest = options.longest_segment
         self._try_decider()
@@ -128,6 +150,7 @@ class OnlineTracker:
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
+        self._refused = 0
         self._measured = False
         self._ticks: int | None = self._longest  # of the segment that the next measurement begins
         self._decider_state: Any = None
@@ -180,18 +203,46 @@ class OnlineTracker:
         for k in range(missing):
             if point is None and k == missing - 1:
                 self._begin_announced()  # the tick of `update(None)` itself
-            world.skip()
-            if self.decider.every_tick and world.asks:
-                world.decide(self._ask_decider())
+            self._skip()
+        agrees = True
         if point is not None:
             self._measured = True
             self._begin_announced()
-            world.measure(*point)
-            if world.asks:
-                world.decide(self._ask_decider())
-        return OnlineEstimate(
-            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance()
+            agrees = self._agrees(point)
+            if agrees:
+                self._refused = 0
+                world.measure(*point)
+                if world.asks:
+                    world.decide(self._ask_decider())
+            else:
+                self._refused += 1
+                self._skip()
+        found = OnlineEstimate(
+            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees
         )
+        if self._refused >= PATIENCE:
+            self._begin_again()
+        return found
+
+    def _skip(self) -> None:
+        """Advance by one tick without a measurement."""
+        self.world.skip()
+        if self.decider.every_tick and self.world.asks:
+            self.world.decide(self._ask_decider())
+
+    def _agrees(self, point: tuple[float, float]) -> bool:
+        """Return whether a motion of the track explains a measurement."""
+        if self.gate is None or self.decider.needs_measurements:
+            return True
+        estimate, covariance = self.world.estimate(), self.world.covariance()
+        ticks = self.world.uncertain_ticks
+        return gate_distance(np.array(point), estimate, covariance, *self._model, ticks) <= self.gate
+
+    def _begin_again(self) -> None:
+        """Begin the track anew with the next measurements; with announced switches in the same segment."""
+        time, left = self._last_time, self.world.ticks_left
+        self.begin(mode=self.world.mode)
+        self._last_time, self._ticks = time, left
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 FloatArray = NDArray[np.float64]
 RESAMPLES = 2000  # of the bootstrap
@@ -48,6 +47,8 @@ def confidence_interval(
         of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples for which it
             is NaN do not count.
     """
+    from scipy import stats  # it loads slowly
+
     if len(episodes) < 2 or np.ptp(episodes, axis=0).max() == 0.0:
         value = float(of_means(episodes.mean(0)))
         return value, value
@@ -78,6 +79,8 @@ def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) 
         confidence: level of the interval.
         seed: of the bootstrap.
     """
+    from scipy import stats
+
     if shares[0] in (0.0, 1.0) and (shares == shares[0]).all():
         test = stats.binomtest(int(shares.sum()), len(shares))
         interval = test.proportion_ci(confidence, method="wilson")

@@ -7,7 +7,6 @@ With the environment variable NUMBA_BOUNDSCHECK=1 every index is checked, which 
 cached in the folder NUMBA_CACHE_DIR, because numba does not distinguish it from code without checks.
 """
 
-import functools
 import gc
 import os
 import sys
@@ -51,7 +50,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces the first compilation of a process. Of several processes one compiles, and
+    One line on stderr announces each compilation. Of several processes one compiles, and
     the others load its files; without a writable cache every process compiles. Cached files that are damaged
     or cannot be loaded are removed.
 
@@ -68,7 +67,7 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
         _remove_damaged(name)
         for found in (cached_files(name) != [], False):
             if not found:
-                _announce()
+                _announce(dispatcher, name)
             try:
                 with _collector_paused():
                     dispatcher.compile(types)
@@ -139,10 +138,12 @@ def _remove(name: Path | None) -> None:
         ) from None
 
 
-@functools.cache
-def _announce() -> None:
-    """Announce a compilation, once in a process, although a command may compile several functions."""
-    print("HybridTrack: compiling once, about 10 s", file=sys.stderr)
+def _announce(dispatcher: Any, name: Path | None) -> None:
+    """Say which function is compiled, and whether later processes load it."""
+    kept = name is not None and os.access(name.parent, os.W_OK)
+    until = "once" if kept else "in every process, as no cache can be written: set NUMBA_CACHE_DIR"
+    function = f"{dispatcher.__module__.rpartition('.')[2]}.{dispatcher.__name__}"
+    print(f"HybridTrack: compiling {function}, up to 10 s, {until}", file=sys.stderr)
 
 
 @contextmanager

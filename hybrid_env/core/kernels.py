@@ -1,4 +1,4 @@
-"""The compiled entry points of the kernel, one for each bank. All other options are read at run time.
+"""The compiled entry points of the kernel, two for each bank. All other options are read at run time.
 
 On a live sensor the measurement comes from the caller instead of `true_object.move`. Everything else is
 computed by the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same
@@ -127,34 +127,43 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
 
 
 # An entry calls a single function: numba would compile a function twice that is called by an entry and by
-# another function.
+# another function. Those of a live sensor are entries of their own, since few programs need both.
 
 
 @internal
 def _advance_published(address: int, command: int) -> int:
     setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = published_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)
 
 
 @internal
 def _advance_aware(address: int, command: int) -> int:
     setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = aware_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live(command == BEGIN, banks, arrays, setting)
-    return kernel.advance(command == RESET, banks, arrays, setting)
+    return kernel.advance(command == RESET, aware_banks(setting), arrays_of(setting), setting)
 
 
 @internal
 def _advance_quickest(address: int, command: int) -> int:
     setting = array_at(address, (1,), PARAMETERS)[0]
-    banks, arrays = imm_banks(setting), arrays_of(setting)
-    if command >= MEASURE:
-        return advance_live_quickest(command == BEGIN, banks, arrays, setting)
-    return quickest_kernel.advance(command == RESET, banks, arrays, setting)
+    return quickest_kernel.advance(command == RESET, imm_banks(setting), arrays_of(setting), setting)
+
+
+@internal
+def _live_published(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live(command == BEGIN, published_banks(setting), arrays_of(setting), setting)
+
+
+@internal
+def _live_aware(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live(command == BEGIN, aware_banks(setting), arrays_of(setting), setting)
+
+
+@internal
+def _live_quickest(address: int, command: int) -> int:
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live_quickest(command == BEGIN, imm_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
@@ -167,11 +176,11 @@ def advance_published(address: int, command: int) -> int:
     Args:
         address: address of a record `PARAMETERS`, whose arrays must exist during the call. Only its
             blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
-        command: what to do.
+        command: `STEP` or `RESET`.
 
     Returns:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
-        is outside the space, -1 - i; then no track is stepped. On a live sensor 0.
+        is outside the space, -1 - i; then no track is stepped.
     """
     return _advance_published(address, command)
 
@@ -188,9 +197,34 @@ def advance_quickest(address: int, command: int) -> int:
     return _advance_quickest(address, command)
 
 
+@compiled
+def live_published(address: int, command: int) -> int:
+    """Advance a track on a live sensor by `MEASURE` or `BEGIN`, see `advance_live`. Returns 0."""
+    return _live_published(address, command)
+
+
+@compiled
+def live_aware(address: int, command: int) -> int:
+    """Like `live_published`, with the anchor-aware bank."""
+    return _live_aware(address, command)
+
+
+@compiled
+def live_quickest(address: int, command: int) -> int:
+    """Like `live_published`, with unknown switch moments, see `advance_live_quickest`."""
+    return _live_quickest(address, command)
+
+
 KERNELS: dict[type, Any] = {
     PublishedBank: advance_published,
     AnchorAwareBank: advance_aware,
     ImmBank: advance_quickest,
 }
 """The entry point of each bank."""
+
+LIVE_KERNELS: dict[type, Any] = {
+    PublishedBank: live_published,
+    AnchorAwareBank: live_aware,
+    ImmBank: live_quickest,
+}
+"""The entry point of each bank on a live sensor."""

@@ -4,11 +4,11 @@ import datetime
 
 import numpy as np
 import pytest
+from hostile_input import refused
 
 from baselines import track_ate
 from baselines.papers.golubkov2018 import filter_known_modes
 from baselines.papers.golubkov2020 import detect_switch
-from hybrid_env import ArgumentError, KalmanBank, Layout
 
 POSITIONS = np.cumsum(np.full((10, 2), 0.2), axis=0)
 LARGEST = 2**63 - 1
@@ -33,21 +33,10 @@ BAD_LENGTHS = [
 ]
 
 
-def check(error, name):
-    message = str(error.value)
-    assert message.startswith(name)
-    assert len(message) <= 300
-    assert "\n" not in message
-
-
 @pytest.mark.parametrize("lengths", BAD_LENGTHS, ids=str)
 def test_lengths(lengths):
-    with pytest.raises(ArgumentError) as caught:
-        track_ate(POSITIONS, lengths)
-    check(caught, "lengths")
-    with pytest.raises(ArgumentError) as caught:
-        filter_known_modes(POSITIONS, lengths, [0.0] * 3)
-    check(caught, "lengths")
+    assert refused(track_ate, POSITIONS, lengths).startswith("lengths")
+    assert refused(filter_known_modes, POSITIONS, lengths, [0.0] * 3).startswith("lengths")
 
 
 BAD_POSITIONS = [
@@ -76,45 +65,18 @@ def test_measurements(positions):
         lambda: filter_known_modes(positions, [10], [0.0]),
         lambda: detect_switch(positions),
     ):
-        with pytest.raises(ArgumentError) as caught:
-            call()
-        check(caught, "measurements")
+        assert refused(call).startswith("measurements")
 
 
 @pytest.mark.parametrize(
     "tested", [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []], ids=str
 )
 def test_tested_hypotheses(tested):
-    with pytest.raises(ArgumentError) as caught:
-        detect_switch(POSITIONS, tested=tested)
-    check(caught, "tested")
+    assert refused(detect_switch, POSITIONS, tested=tested).startswith("tested")
 
 
 @pytest.mark.parametrize(
     "start", [RAGGED, [1.0] * 3, "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))], ids=str
 )
 def test_start(start):
-    with pytest.raises(ArgumentError) as caught:
-        track_ate(POSITIONS, [10], start)
-    check(caught, "start")
-
-
-@pytest.mark.parametrize(
-    "state", [RAGGED, [1.0] * 3, "1234", [0.0, np.inf, 0.0, 0.0], 1.0, [1j] * 4], ids=str
-)
-def test_state_of_a_bank(state):
-    with pytest.raises(ArgumentError) as caught:
-        KalmanBank().anchor(state)
-    check(caught, "state")
-
-
-@pytest.mark.parametrize("width", [0, 27, 29, 40])
-def test_rows_of_another_width_are_not_read(width):
-    with pytest.raises(ArgumentError, match="observation shape"):
-        Layout(3).read(np.zeros((5, width), np.float32), "log_ratio")
-
-
-@pytest.mark.parametrize("hypotheses", [1, 4, -3, 3.0, "3", True, np.array(3)], ids=repr)
-def test_a_layout_has_an_odd_number_of_hypotheses(hypotheses):
-    with pytest.raises(ArgumentError, match="hypotheses"):
-        Layout(hypotheses)
+    assert refused(track_ate, POSITIONS, [10], start).startswith("start")

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from hostile_input import refused
 
-from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.core.quickest_kernel import draw_duration
 from hybrid_env.durations import (
     GeometricDurations,
@@ -43,9 +44,7 @@ BAD = ["", "geometric", "geometric 0.5", "geometric 1e3", "uniform 100-50", "uni
 
 @pytest.mark.parametrize("value", BAD)
 def test_other_values_are_refused_in_one_line(value):
-    with pytest.raises(ArgumentError) as caught:
-        QuickestOptions(durations=value)
-    assert "\n" not in str(caught.value)
+    refused(QuickestOptions, durations=value)
 
 
 def test_a_duration_is_the_quantile_of_its_number():

@@ -126,16 +126,6 @@ def test_the_object_follows_its_scheme_and_is_measured_with_the_given_variance()
         assert errors.var() == pytest.approx(variance, rel=4 * math.sqrt(2 / 250))
 
 
-def test_process_noise_on_the_velocities_has_the_given_variance():
-    env = HybridTrackEnv(scheme="S5000", process_variance=0.04, render_mode="rgb_array")
-    env.reset(seed=3)
-    env.step(1)
-    velocity = env.world.read_trace(0)[:, [TRACE_COLUMNS.index("vx"), TRACE_COLUMNS.index("vy")]]
-    steps = np.diff(velocity, axis=0)
-    assert steps.var() == pytest.approx(0.04, rel=4 * math.sqrt(2 / steps.size))
-    assert abs(np.corrcoef(steps.T)[0, 1]) < 4 / math.sqrt(len(steps))
-
-
 def test_the_error_of_the_first_estimate_has_the_given_variances():
     env = HybridTrackEnv(initial_error=(0.5, 0.03), heading=0.0, measurement_variance=0.2)
     anchors = np.array([env.reset(seed=seed)[1]["anchor"] for seed in range(2000)])

@@ -8,7 +8,8 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hostile_input import profile
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_worlds import random_options, soak
 
@@ -97,59 +98,39 @@ def check_world(keywords):
         soak(keywords, tracks=3, ticks=30, seed=1)
 
 
-def of_examples(examples):
-    """Return the settings of a test with a number of examples, the same ones in every run."""
-    return settings(
-        max_examples=examples,
-        derandomize=True,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
+def check_scheme(parts):
+    """Refuse a scheme object, or step a world with it."""
+    kind, arguments = parts
+
+    def build():
+        if kind is FixedScheme:
+            return FixedScheme([Segment(*piece) for piece in arguments[0]])
+        return RandomScheme(*arguments)
+
+    scheme = check(build)
+    if scheme is not None:
+        check_world({"scheme": scheme, "correctness": "type", "speed": 1e-3})
 
 
-def sizes(study):
-    """Return the numbers of examples, by default and in the study."""
-    return [pytest.param(120, id="quick"), pytest.param(study, id="study", marks=pytest.mark.study)]
+def check_value(seed, name, value):
+    """Check a random world with one of its values replaced, or with one more."""
+    check_world(random_options(np.random.default_rng(seed), longest=20) | {name: value})
 
 
-@pytest.mark.parametrize("examples", sizes(100_000))
-def test_a_world_with_one_random_value_is_refused_in_one_line_or_stays_in_its_space(examples):
-    @of_examples(examples)
-    @given(st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values)
-    def run(seed, name, value):
-        options = random_options(np.random.default_rng(seed), longest=20)
-        check_world(options | {name: value})
-
-    run()
-
-
-@pytest.mark.parametrize("examples", sizes(20_000))
-def test_a_default_world_with_random_numbers_is_refused_in_one_line_or_stays_in_its_space(examples):
-    number_options = sorted({"radii", "speed", "tau", "process_variance", "measurement_variance", "heading"})
-
-    @of_examples(examples)
-    @given(st.dictionaries(st.sampled_from(number_options), numbers, max_size=3))
-    def run(keywords):
-        check_world({"scheme": "random 3x1-5"} | keywords)
-
-    run()
+NUMBERS = ["heading", "measurement_variance", "process_variance", "radii", "speed", "tau"]
+KINDS = {
+    "one value": (check_value, [st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values]),
+    "numbers": (
+        lambda keywords: check_world({"scheme": "random 3x1-5"} | keywords),
+        [st.dictionaries(st.sampled_from(NUMBERS), numbers, max_size=3)],
+    ),
+    "scheme": (check_scheme, [schemes()]),
+}
+SIZES = {"quick": dict.fromkeys(KINDS, 120), "study": dict.fromkeys(KINDS, 20_000) | {"one value": 100_000}}
 
 
-@pytest.mark.parametrize("examples", sizes(20_000))
-def test_a_random_scheme_object_is_refused_in_one_line_or_its_world_stays_in_its_space(examples):
-    @of_examples(examples)
-    @given(schemes())
-    def run(parts):
-        kind, arguments = parts
-
-        def build():
-            if kind is FixedScheme:
-                return FixedScheme([Segment(*piece) for piece in arguments[0]])
-            return RandomScheme(*arguments)
-
-        scheme = check(build)
-        if scheme is not None:
-            check_world({"scheme": scheme, "correctness": "type", "speed": 1e-3})
-
-    run()
+@pytest.mark.parametrize("size", ["quick", pytest.param("study", marks=pytest.mark.study)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_random_options_are_refused_in_one_line_or_their_world_stays_in_its_space(kind, size):
+    run, strategies = KINDS[kind]
+    settings(profile(SIZES[size][kind]), derandomize=True)(given(*strategies)(run))()

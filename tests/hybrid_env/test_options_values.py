@@ -11,6 +11,7 @@ import pickle
 
 import numpy as np
 import pytest
+from hostile_input import refused
 from random_worlds import soak, unit_scales
 
 from hybrid_env import (
@@ -24,7 +25,6 @@ from hybrid_env import (
     WorldOptions,
     parse_scheme,
 )
-from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, MAX_PIECES, MAX_RADII, RANGES
 from hybrid_env.noises import GaussianNoise
 
@@ -101,17 +101,6 @@ WORDS = [
     "scheme", "noise", "likelihood", "bank", "reset_covariance", "follow", "correctness",
     "actions", "undecided",
 ]  # fmt: skip
-
-
-def refused(function, *arguments, **keywords):
-    """Call a function, which refuses its arguments, and check the message."""
-    with pytest.raises(ArgumentError) as caught:
-        function(*arguments, **keywords)
-    message = str(caught.value)
-    assert len(message) <= 300
-    assert message.isprintable()  # also no line break
-    assert "expected" in message
-    return message
 
 
 def test_every_option_is_tested():

@@ -6,6 +6,7 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from hostile_input import refused
 
 from hybrid_env import (
     ArgumentError,
@@ -104,10 +105,8 @@ BAD_OPTIONS = [
 
 @pytest.mark.parametrize("options", BAD_OPTIONS, ids=str)
 def test_options_that_are_not_allowed_are_named_in_one_line(options):
-    with pytest.raises(ArgumentError) as caught:
-        gym.make(ENV_ID, **options)
-    assert str(caught.value).count("\n") == 0
-    assert any(name in str(caught.value) for name in options)
+    message = refused(gym.make, ENV_ID, **options)
+    assert any(name in message for name in options)
 
 
 def test_unknown_options_and_options_of_the_other_environment_are_refused():

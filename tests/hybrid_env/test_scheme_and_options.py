@@ -75,7 +75,7 @@ def test_exact_correctness_requires_the_radii_of_the_scheme_in_the_bank():
     assert WorldOptions(scheme="L50r3", correctness="type").hypotheses == 3
 
 
-@pytest.mark.parametrize("hypotheses", [0, 1, 2, 4])
+@pytest.mark.parametrize("hypotheses", [0, 1, 2, 4, -3, 3.0, "3", True, np.array(3)], ids=repr)
 def test_a_layout_requires_an_odd_number_of_hypotheses(hypotheses):
     with pytest.raises(ArgumentError, match="hypotheses="):
         Layout(hypotheses)
@@ -88,6 +88,9 @@ def test_a_layout_is_determined_by_its_width_and_invalid_widths_raise():
             Layout.of_width(width)
     with pytest.raises(ArgumentError, match="log_odds"):
         Layout(3).read(np.zeros(28), "log_odds")
+    for width in (0, 27, 29, 40):
+        with pytest.raises(ArgumentError, match="observation shape"):
+            Layout(3).read(np.zeros((5, width), np.float32), "log_ratio")
 
 
 def test_repeated_registration_of_the_ids_does_not_raise():

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hostile_input import refused
 
-from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
 
@@ -45,7 +45,4 @@ def test_noise_has_the_given_variances():
     ],
 )
 def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
-    with pytest.raises(ArgumentError) as caught:
-        simulate(**({"scheme": "S5"} | arguments))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert message in refused(simulate, **({"scheme": "S5"} | arguments))

@@ -44,6 +44,7 @@ EDGES = {
     "fast turn": {"speed": LARGEST_TURN * 5.0, "tau": 1.0, "scheme": "random 1000x1-50"},
     "fast turn, loud": {"speed": 5e3, "measurement_variance": 1e6, "scheme": "random 1000x1-50"},
     "exact": {"process_variance": 0.0, "initial_error": 0, "measurement_variance": 1e-18, "radii": 10.0},
+    "exact anchor": {"initial_error": 0, "reset_covariance": False},
     "process noise": {"process_variance": 1e18},
     "first estimate": {"initial_error": (1e12, 1e14)},
     "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},

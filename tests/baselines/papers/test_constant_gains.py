@@ -9,8 +9,6 @@ from baselines.papers.adaptive import (
     AdaptiveFilter,
     CorrectedAdaptiveFilter,
     noise_bias,
-    products,
-    published_gain,
 )
 from baselines.papers.g_h import GHFilter
 from baselines.papers.novospaskyi.filters import moving_average
@@ -88,20 +86,6 @@ def test_moving_average_equals_pandas(window):
 def test_weights_of_a_moving_average_fall_with_the_age():
     averaged = moving_average(np.array([[[1.0]], [[0.0]], [[0.0]]]), window=3, ratio=0.5)
     np.testing.assert_allclose(averaged.ravel(), [1.0, 0.5 / 1.5, 0.25 / 1.75])
-
-
-def test_gain_of_positions_is_identity_minus_noise_over_innovation():
-    rng = np.random.default_rng(4)
-    for _ in range(50):
-        ticks = 40
-        newest_first = [
-            np.stack([values[4 - lag : ticks - lag] for lag in range(5)])
-            for values in rng.normal(size=(3, ticks, 3))
-        ]
-        means = products(*newest_first).mean(1)
-        gain = published_gain(means, 0.1)
-        expected = 1.0 - gain.noise / means[0]
-        np.testing.assert_allclose(gain.position, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_the_identity_holds_in_every_tick_of_the_published_filter():

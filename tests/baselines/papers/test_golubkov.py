@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hostile_input import refused
 from matrix_filters import MatrixKalmanFilter
 
 from agents.cli import main
@@ -195,8 +196,4 @@ INVALID = [
 
 @pytest.mark.parametrize(("arguments", "message"), INVALID)
 def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
-    with pytest.raises(ArgumentError) as caught:
-        detect_switch(**({"measurements": np.zeros((4, 2))} | arguments))
-    assert message in str(caught.value)
-    assert "expected" in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert message in refused(detect_switch, **({"measurements": np.zeros((4, 2))} | arguments))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from hostile_input import refused
 
 from baselines import SPRTDecider, first_estimate, track_ate
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
-from hybrid_env.checks import ArgumentError
 from hybrid_env.core.records import TRACE_COLUMNS
 
 MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
@@ -112,8 +112,4 @@ INVALID = [
 @pytest.mark.parametrize(("arguments", "message"), INVALID)
 def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
     valid = {"measurements": np.zeros((4, 2)), "lengths": [4]}
-    with pytest.raises(ArgumentError) as caught:
-        track_ate(**(valid | arguments))
-    assert message in str(caught.value)
-    assert "expected" in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert message in refused(track_ate, **(valid | arguments))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from hostile_input import refused
 from matrix_filters import MatrixKalmanFilter
 
 from baselines import track_ate
 from baselines.papers.golubkov2018 import filter_known_modes
-from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
 START = np.array([0.0, 0.0, 0.0, 2.0])
@@ -129,7 +129,4 @@ INVALID = [
 @pytest.mark.parametrize(("arguments", "message"), INVALID)
 def test_an_invalid_argument_raises_a_one_line_error_with_its_name(arguments, message):
     valid = {"measurements": np.zeros((4, 2)), "lengths": [4], "signed_radii": [0.0]}
-    with pytest.raises(ArgumentError) as caught:
-        filter_known_modes(**(valid | arguments))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert message in refused(filter_known_modes, **(valid | arguments))

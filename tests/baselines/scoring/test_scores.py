@@ -107,8 +107,3 @@ def test_the_interval_of_equal_shares_is_wilsons(share):
     assert (found.value, found.low, found.high) == pytest.approx((share, *expected))
     ticks = scores([share], [1.0], episodes).estimate(mean("ticks"))
     assert (ticks.low, ticks.high) == (1.0, 1.0)
-
-
-def test_the_interval_of_unequal_shares_is_that_of_the_bootstrap():
-    shares = np.linspace(0.0, 1.0, 30)
-    assert share_interval(shares) == confidence_interval(shares)

@@ -10,6 +10,7 @@ from hybrid_env import (
     HybridTrackEnv,
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
+    KalmanBank,
     Sensor,
 )
 from hybrid_env.core.records import LANES
@@ -186,3 +187,86 @@ def test_a_declared_filter_follows_with_weights_to_the_end_of_its_segment():
         waits.step(0)
     anchors = [waits.step(2)[4]["anchor"], declares.step(2)[4]["anchor"]]
     np.testing.assert_allclose(anchors[0], anchors[1], atol=1e-12)
+
+
+def test_the_oracle_bank_is_anchored_at_the_true_state():
+    env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
+    _, info = env.reset(seed=4)
+    np.testing.assert_allclose(info["anchor"], [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)], atol=1e-15)
+    _, _, _, _, info = env.step(3)  # a wrong decision does not change the next anchor
+    assert not info["correct"]
+    assert np.hypot(*(info["anchor"] - info["truth"])[[0, 2]]) < 0.3
+
+
+def test_a_diverged_filter_loses_likelihood_and_stays_finite():
+    env = HybridTrackEnv(bank="anchor_aware", scheme="S9")
+    env.reset(seed=0)
+    bank = env.world.bank.hypotheses[0]
+    bank["covariance"][1, 0], bank["covariance"][2, 0] = np.nan, -1.0
+    for _ in range(5):
+        *_, info = env.step(0)
+    found = info["log_likelihood"]
+    assert np.isfinite(found).all()
+    assert found[0] > max(found[1:]) + 1000
+    assert np.isfinite(bank["x"][:, 0]).all()
+
+
+def test_the_oracle_bank_rejects_reset_covariance():
+    with pytest.raises(ValueError, match="reset_covariance=True"):
+        HybridTrackEnv(bank="oracle", reset_covariance=True)
+
+
+MERGED = {"radii": (3.0, 8.0), "measurement_variance": (0.5, 2.0)}
+
+
+def posterior(log_likelihood):
+    weights = np.exp(log_likelihood - log_likelihood.max())
+    return weights / weights.sum()
+
+
+def test_the_anchor_is_the_mixture_of_the_filters():
+    """One segment is repeated with `KalmanBank`, from the measurements in the trace."""
+    env = HybridTrackVectorEnv(3, follow="bank", trace_rows=200, **MERGED)
+    env.reset(seed=1)
+    anchors = env.world.field("anchor")
+    kept = env.world.field("covariance")
+    first = [env.world.read_trace(i)[0, 4:6] for i in range(3)]
+    env.step(np.array([1, 2, 4]))
+    for i in range(3):
+        trace = env.world.read_trace(i)[:-1]  # the last row is the first tick of the next segment
+        bank = KalmanBank(radii=(3.0, 8.0), measurement_variance=(0.5, 2.0))
+        bank.anchor(anchors[i], (kept[i, 0], kept[i, 1], kept[i, 4]))
+        bank._bank.covariances["xx"][1] = kept[i, 7]
+        bank._bank.covariances["vv"][1] = kept[i, 9]
+        for measurement in (first[i], *trace[:, 4:6]):
+            log_likelihood = bank.step(measurement)
+            weights = posterior(log_likelihood)
+            mean = weights @ bank.estimates
+        np.testing.assert_allclose(env.world.field("anchor")[i], mean, rtol=1e-9)
+        np.testing.assert_allclose(trace[-1, 6:8], mean[[0, 2]], rtol=1e-9)
+        expected = np.zeros((4, 4))
+        for h in range(5):
+            deviation = bank.estimates[h] - mean
+            own = np.zeros((4, 4))
+            for axis in range(2):
+                xx, xv, vv = bank.covariances[h, axis]
+                own[2 * axis : 2 * axis + 2, 2 * axis : 2 * axis + 2] = [[xx, xv], [xv, vv]]
+            expected += weights[h] * (own + np.outer(deviation, deviation))
+        found = env.world.field("covariance")[i]
+        np.testing.assert_allclose(found, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+def test_a_declaration_does_not_change_the_stream(bank):
+    """Wrong and right declarations at different ticks give the same next segment."""
+    rows = []
+    for action, ticks in ((1, 0), (2, 3), (3, 20)):
+        env = HybridTrackEnv(follow="bank", bank=bank)
+        env.reset(seed=4)
+        for _ in range(ticks):
+            env.step(0)
+        row, _, _, _, info = env.step(action)
+        rows.append(np.delete(row, [12, 13, 14]))  # without the previous mode
+        assert info["segment"] == 1
+    np.testing.assert_array_equal(rows[0], rows[1])
+    np.testing.assert_array_equal(rows[0], rows[2])

@@ -1,0 +1,30 @@
+"""A wrapper for recorders that need the same keys in `info` at every step."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+NO_DECISION: dict[str, Any] = {
+    "decided_mode": np.int64(-1), "decided_true_mode": np.int64(-1), "correct": np.array(False),
+    "type_correct": np.array(False), "ticks": np.int64(0), "forced": np.array(False),
+    "decided_length": np.int64(0), "decided_squared_error": np.float64(0.0),
+}  # fmt: skip
+"""What `info` tells of a decision in a step without one."""
+
+
+class CompleteInfo(gym.Wrapper[Any, Any, Any, Any]):
+    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision.
+
+    Recorders such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
+    """
+
+    def reset(self, **keywords: Any) -> tuple[Any, dict[str, Any]]:
+        """See `gymnasium.Env.reset`."""
+        observation, info = self.env.reset(**keywords)
+        return observation, NO_DECISION | info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """See `gymnasium.Env.step`."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return observation, reward, terminated, truncated, NO_DECISION | info

@@ -1,0 +1,157 @@
+"""Values and files that once gave a traceback, a wrong step or half a result."""
+
+import errno
+import json
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+
+from agents.cli import main
+from agents.recordings.files import object_folders
+from agents.recordings.tracking import track_recording
+from agents.tuning.search import JOURNAL
+from baselines.rules.rollout import evaluate
+from hybrid_env import (
+    ArgumentError,
+    HybridTrackEasyEnv,
+    HybridTrackEasyVectorEnv,
+    HybridTrackEnv,
+    HybridTrackVectorEnv,
+    Layout,
+)
+from hybrid_env.wrappers import CompleteInfo
+
+
+class Index:
+    """An integer to Python, and nothing to Gymnasium."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def __index__(self):
+        return self.value
+
+    def __repr__(self):
+        return "first line\nsecond line"
+
+
+@pytest.mark.parametrize("action", [torch.tensor(1), Index(1), np.int8(1), True])
+def test_an_easy_declaration_of_any_integer_type_waits_at_the_first_tick(action):
+    env = HybridTrackEasyEnv()
+    env.reset(seed=0)
+    assert env.step(action)[1] == pytest.approx(-0.02)
+
+
+@pytest.mark.parametrize("kind", [HybridTrackEnv, HybridTrackEasyEnv])
+@pytest.mark.parametrize(
+    "action", [Index(9), Index(-1), np.timedelta64(1, "s"), "a\nb", [[1, 2], [3]], None, 1.0, 10**30]
+)
+def test_other_actions_are_refused_in_one_line(kind, action):
+    env = kind()
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match="action=") as found:
+        env.step(action)
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("kind", [HybridTrackVectorEnv, HybridTrackEasyVectorEnv])
+@pytest.mark.parametrize("actions", [[[1, 2], [3]], np.ones(3, "m8[s]"), [Index(1)] * 3, "abc", None])
+def test_other_actions_of_several_tracks_are_refused(kind, actions):
+    env = kind(3)
+    env.reset(seed=0)
+    with pytest.raises(gym.error.InvalidAction, match="expected integers of shape"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda layout: layout.read(np.zeros((2, 28)), ["ticks"]),
+        lambda layout: layout.read("rows", "ticks"),
+        lambda layout: Layout.of_rows("rows"),
+        lambda layout: Layout.of_rows(None),
+        lambda layout: Layout([3]),
+    ],
+)
+def test_a_layout_refuses_other_types(read):
+    with pytest.raises(ArgumentError):
+        read(Layout(3))
+
+
+@pytest.mark.parametrize(
+    ("length", "time"),
+    [(1e-160, 1.0), (1e-300, 1.0), (1e160, 1.0), (1.0, 1e-160), (1.0, 1e-300), (1.0, 1e160)],
+)
+def test_recordings_beyond_all_units_are_refused(length, time):
+    positions = np.cumsum(np.random.default_rng(0).normal(size=(100, 2)), axis=0)
+    with pytest.raises(ArgumentError) as found:
+        track_recording(time * np.arange(100), length * positions)
+    assert "\n" not in str(found.value)
+
+
+def test_objects_have_folders_of_their_own(tmp_path):
+    names = ["a_b_3", "a/b", "a?b", "A_B", "a_b_3_3", ".", "..", "a_b"]
+    folders = object_folders(tmp_path, names)
+    assert len({str(folder).casefold() for folder in folders}) == len(names)
+    assert all(folder.parent == tmp_path for folder in folders)
+
+
+def test_results_of_a_recording_appear_together_or_not_at_all(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "flight.csv"
+    times = np.arange(60)
+    path.write_text("t,x,y\n" + "\n".join(f"{t},{2.0 * t},{0.1 * t * t}" for t in times))
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("agents.recordings.command.row_table", full)
+        assert main(["track", str(path), "--no-picture"]) == 2
+    assert [one.name for one in tmp_path.iterdir()] == ["flight.csv"]
+    lines = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]
+    assert len(lines) == 1
+    assert main(["track", str(path), "--no-picture"]) == 0
+    assert {one.name for one in (tmp_path / "flight_track").iterdir()} == {"modes.csv", "estimates.csv"}
+
+
+def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp_path, capsys):
+    small = "tune --trials 1 --steps 512 --set n_envs=8 n_steps=32 batch_size=64 --search"
+    line = [*small.split(), "learning_rate=0.001..0.03", "--out", str(tmp_path)]
+    assert main(line) == 0
+    journal = tmp_path / JOURNAL
+    whole = journal.read_bytes()
+    journal.write_bytes(whole + json.dumps({"op_code": 4}).encode()[:9])
+    assert main(line) == 0
+    assert journal.read_bytes().startswith(whole)
+    capsys.readouterr()
+    journal.write_bytes(whole + b"[" * 100_000 + b"\n")
+    assert main(line) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():
+    from stable_baselines3 import PPO
+
+    model = PPO("MlpPolicy", "hybrid_env:HybridTrackEasy-v0", n_steps=8, batch_size=8, device="cpu")
+    with pytest.warns(UserWarning, match=r"trained in HybridTrackEasy-v0 and is evaluated in HybridTrack-v0"):
+        evaluate(model, "hybrid_env:HybridTrack-v0", episodes=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2)
+    with pytest.raises(ArgumentError, match="observation shape"):
+        evaluate(model, "hybrid_env:HybridTrackEasy-v0", episodes=2, radii=(2.0, 5.0))
+
+
+def test_a_recorder_sees_the_same_info_at_every_step():
+    env = CompleteInfo(HybridTrackEnv(scheme="S5 L5r5"))
+    _, info = env.reset(seed=0)
+    kinds = {name: (np.shape(value), np.asarray(value).dtype) for name, value in info.items()}
+    done, decided = False, 0
+    while not done:
+        _, _, done, _, info = env.step(0)
+        decided += info["decided_mode"] >= 0
+        assert {name: (np.shape(value), np.asarray(value).dtype) for name, value in info.items()} == kinds
+    assert decided == 2
