@@ -1,5 +1,7 @@
 """The compiled entry points of the kernel, two for each bank. All other options are read at run time.
 
+Those of a live sensor are entries of their own, since few programs need both.
+
 On a live sensor the measurement comes from the caller instead of `true_object.move`. Everything else is
 computed by the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same
 observations as in the environments. The track is the first lane of the first block, and `irregular` is True
@@ -126,46 +128,6 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
     return 0
 
 
-# An entry calls a single function: numba would compile a function twice that is called by an entry and by
-# another function. Those of a live sensor are entries of their own, since few programs need both.
-
-
-@internal
-def _advance_published(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)
-
-
-@internal
-def _advance_aware(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return kernel.advance(command == RESET, aware_banks(setting), arrays_of(setting), setting)
-
-
-@internal
-def _advance_quickest(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return quickest_kernel.advance(command == RESET, imm_banks(setting), arrays_of(setting), setting)
-
-
-@internal
-def _live_published(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance_live(command == BEGIN, published_banks(setting), arrays_of(setting), setting)
-
-
-@internal
-def _live_aware(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance_live(command == BEGIN, aware_banks(setting), arrays_of(setting), setting)
-
-
-@internal
-def _live_quickest(address: int, command: int) -> int:
-    setting = array_at(address, (1,), PARAMETERS)[0]
-    return advance_live_quickest(command == BEGIN, imm_banks(setting), arrays_of(setting), setting)
-
-
 @compiled
 def advance_published(address: int, command: int) -> int:
     """Step every track, or with `RESET` begin a new episode on every track whose action is not 0.
@@ -182,37 +144,43 @@ def advance_published(address: int, command: int) -> int:
         `DECIDED` if any track made a decision, plus `TERMINATED` if any terminated. If the action of track i
         is outside the space, -1 - i; then no track is stepped.
     """
-    return _advance_published(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return kernel.advance(command == RESET, published_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
 def advance_aware(address: int, command: int) -> int:
     """Like `advance_published`, with the anchor-aware bank."""
-    return _advance_aware(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return kernel.advance(command == RESET, aware_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
 def advance_quickest(address: int, command: int) -> int:
     """Like `advance_published`, with unknown switch moments; a statement is not an event."""
-    return _advance_quickest(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return quickest_kernel.advance(command == RESET, imm_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
 def live_published(address: int, command: int) -> int:
     """Advance a track on a live sensor by `MEASURE` or `BEGIN`, see `advance_live`. Returns 0."""
-    return _live_published(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live(command == BEGIN, published_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
 def live_aware(address: int, command: int) -> int:
     """Like `live_published`, with the anchor-aware bank."""
-    return _live_aware(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live(command == BEGIN, aware_banks(setting), arrays_of(setting), setting)
 
 
 @compiled
 def live_quickest(address: int, command: int) -> int:
     """Like `live_published`, with unknown switch moments, see `advance_live_quickest`."""
-    return _live_quickest(address, command)
+    setting = array_at(address, (1,), PARAMETERS)[0]
+    return advance_live_quickest(command == BEGIN, imm_banks(setting), arrays_of(setting), setting)
 
 
 KERNELS: dict[type, Any] = {
