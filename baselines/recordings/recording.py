@@ -13,7 +13,6 @@ from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, check_array, check_
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
 GAP_TICKS = 20
 """Default of the gap, in nominal ticks."""
 
@@ -114,12 +113,7 @@ def make_recording(
     if not (steps > 0.0).all():
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
-    tick, extent = float(np.median(steps)), float(np.ptp(values[~missing], axis=0).max())
-    if tick < SMALLEST_UNIT:
-        raise reject("step of the times", tick, f"at least {SMALLEST_UNIT:g}: choose a smaller unit")
-    if 0.0 < extent < SMALLEST_UNIT:
-        allowed = f"at least {SMALLEST_UNIT:g}: choose a smaller unit"
-        raise reject("extent of the positions", extent, allowed)
+    tick = float(np.median(steps))
     pieces = _pieces(
         instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
     )

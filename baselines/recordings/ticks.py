@@ -28,6 +28,7 @@ SHARED = 0.05
 NEIGHBOURS = 5
 """Measurements that give the local velocity."""
 
+SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
 MAX_TICKS = 5_000_000
 LATEST = 0.6
 """Largest error of a row of a clock that jitters, over the tick."""
@@ -83,8 +84,13 @@ def tick_grid(recording: Recording) -> TickGrid:
     """Put the rows of a recording on uniform ticks.
 
     Raises:
-        ArgumentError: the gap is so long that there would be more than 5 million ticks.
+        ArgumentError: the gap is so long that there would be more than 5 million ticks, or the steps in
+            time or the extent of the positions are too small.
     """
+    extent = float(np.ptp(recording.positions[recording.measured], axis=0).max())
+    for name, value in (("step of the times", recording.tick), ("extent of the positions", extent)):
+        if 0.0 < value < SMALLEST_UNIT:
+            raise reject(name, value, f"at least {SMALLEST_UNIT:g}: choose a smaller unit")
     times_of = [recording.times[first:end] for first, end in recording.pieces]
     tau, ticks = _regular(times_of, recording.tick) or _irregular(times_of, recording.tick)
     pieces, shared, squares = [], 0, 0.0

@@ -19,6 +19,7 @@ from hybrid_env.checks import (
     check_positive,
     reject,
 )
+from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import WorldOptions
@@ -116,6 +117,7 @@ class OnlineTracker:
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau, np.broadcast_to(options.variances, 2).copy()
+        prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, 1)
         self._action_count = int(self.world.action_space().n)
         self._longest = options.longest_segment
         self._try_decider()
