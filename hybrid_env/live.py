@@ -9,14 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
-
-FloatArray = NDArray[np.float64]
 
 TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])

@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
 from agents.evaluation.task import Metric
@@ -19,9 +18,8 @@ from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, rules
-from hybrid_env.checks import reject
+from hybrid_env.checks import IntArray, reject
 
-IntArray = NDArray[np.int64]
 NATIVE, SEMI_REAL = "native", "semi-real"
 AGENT = "agent"
 COMPARED = {NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT), SEMI_REAL: None}

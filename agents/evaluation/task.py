@@ -17,11 +17,11 @@ from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import DeciderFamily, as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
+from hybrid_env.checks import FloatArray
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
 
-FloatArray = NDArray[np.float64]
 FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""

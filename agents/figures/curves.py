@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import DeciderStyle
+from hybrid_env.checks import FloatArray
 
-FloatArray = NDArray[np.float64]
 LEVEL_STYLE: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 

@@ -10,14 +10,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agents.figures.canvas import legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import DeciderStyle, decider_styles
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNDECIDED = -1
 """In place of a mode at the ticks before a declaration."""
@@ -74,7 +72,7 @@ class TrackRecord:
     measurements: FloatArray
     true_modes: IntArray
     modes: IntArray
-    right: NDArray[np.bool_]
+    right: BoolArray
     marks: IntArray
     switches: IntArray | None
     estimates: FloatArray
@@ -236,7 +234,7 @@ def draw_timelines(
     colours: Sequence[str],
     xlabel: str,
     *,
-    wrong: Mapping[str, NDArray[np.bool_]] | None = None,
+    wrong: Mapping[str, BoolArray] | None = None,
     breaks: ArrayLike = (),
     names: Sequence[str] = (),
     edge_width: float = 1.0,

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.evaluation.flights import NATIVE, FlightTask
 from baselines.recordings.flights.flight import TIERS, TOGETHER, Flight, stack_flights
@@ -20,8 +19,7 @@ from baselines.recordings.flights.labels import (
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import twins
 from baselines.scoring.scores import Scores
-
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import IntArray
 
 VARIANTS: dict[str, LabelRules] = {
     "as used": LabelRules(),

@@ -15,10 +15,9 @@ from agents.learned.track_filters import TrackFilters
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import FloatArray, IntArray, check_integer
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
@@ -141,9 +140,7 @@ class AnchorStream:
                 self._step(k, actions, observation, rollout)
         return rollout
 
-    def _step(
-        self, k: int, actions: NDArray[np.int64], observation: NDArray[np.float32], rollout: Rollout
-    ) -> None:
+    def _step(self, k: int, actions: IntArray, observation: NDArray[np.float32], rollout: Rollout) -> None:
         """Step the tracks of environment k, and record the decisions."""
         env, start, stop = self.envs[k], self.starts[k], self.starts[k + 1]
         truth = env.world.field("truth")
@@ -169,10 +166,10 @@ class AnchorStream:
 
     def _describe(
         self,
-        tracks: NDArray[np.int64],
+        tracks: IntArray,
         rows: NDArray[np.float32],
         info: dict[str, Any],
-        decided: NDArray[np.int64],
+        decided: IntArray,
     ) -> FloatArray:
         """Return the declarations of tracks, (n, 7)."""
         scales = self.filters.scales.select(tracks)

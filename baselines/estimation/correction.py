@@ -8,11 +8,9 @@ they can be processed one by one as scalars, without an inverse. Bar-Shalom, Li 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.robust import Robust, WholeStudentT, gaussian_factors
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray
 
 
 class PrincipalNoise(NamedTuple):
@@ -26,7 +24,7 @@ class PrincipalNoise(NamedTuple):
     variances: FloatArray
     axes: FloatArray | None
 
-    def of(self, tracks: NDArray[np.bool_]) -> "PrincipalNoise":
+    def of(self, tracks: BoolArray) -> "PrincipalNoise":
         """The covariances of some tracks; (B,) True for these."""
         variances, axes = self
         variances = variances[tracks] if variances.ndim == 2 else variances

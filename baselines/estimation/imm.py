@@ -17,14 +17,13 @@ Logarithms of probabilities are stored, so that none is lost in an outlier. Rows
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 
-FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300  # smaller probabilities count as this one
 
 

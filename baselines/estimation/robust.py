@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import check_between, check_positive
+from hybrid_env.checks import FloatArray, check_between, check_positive
 
-FloatArray = NDArray[np.float64]
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 

@@ -27,12 +27,10 @@ from abc import abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.papers.g_h import GainFilter
-from hybrid_env.checks import check_between, check_flag, check_integer, check_positive, reject
+from hybrid_env.checks import FloatArray, check_between, check_flag, check_integer, check_positive, reject
 
-FloatArray = NDArray[np.float64]
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
 """Coefficients of the third backward difference D^3, newest value first."""
 

@@ -6,12 +6,9 @@ Sklansky 1957; Benedict & Bordner 1962.
 from abc import abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import check_integer, check_number, check_positive, reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, check_integer, check_number, check_positive, reject
 
 
 class GainFilter(TrackFilter):

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.papers.reproduction import (
     Cell,
@@ -29,14 +29,12 @@ from baselines.papers.reproduction import (
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled
-from hybrid_env.checks import check_array, check_flag, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_flag, check_integer, reject
 from hybrid_env.core.banks.published import begin_published, follow_published
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within
 from hybrid_env.simulation import Simulation, simulate
-
-FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2018"
 SCHEME = "golubkov2018"
@@ -92,7 +90,7 @@ class _Known(NamedTuple):
         carry: whether the covariance is carried over at switches.
     """
 
-    lengths: NDArray[np.int64]
+    lengths: IntArray
     signed_radii: FloatArray
     covariance: FloatArray
     carry: bool
@@ -129,7 +127,7 @@ def _filter_run(
 
 def filter_known_modes(
     measurements: ArrayLike,
-    lengths: Sequence[int] | NDArray[np.int64],
+    lengths: Sequence[int] | IntArray,
     signed_radii: ArrayLike,
     start: ArrayLike | None = None,
     *,
@@ -194,14 +192,14 @@ def run_ate(recording: Simulation, variance: float, refine_radius: bool = False)
     )  # fmt: skip
 
 
-def correct_types(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+def correct_types(tracks: Tracks, recording: Simulation) -> BoolArray:
     """(n, K) True where the decided type (straight, left or right) is correct."""
     n = len(RADII)
     sides = np.where(tracks.decided == 0, 0, np.where(tracks.decided <= n, 1, -1))
     return sides == np.sign(recording.signed_radii)
 
 
-def correct_hypotheses(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+def correct_hypotheses(tracks: Tracks, recording: Simulation) -> BoolArray:
     """(n, K) True where the decided hypothesis is correct, including its radius."""
     signed_radii = np.array([0.0, *RADII, *(-radius for radius in RADII)])
     return signed_radii[tracks.decided] == recording.signed_radii

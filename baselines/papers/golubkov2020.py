@@ -35,12 +35,18 @@ from baselines.rules.restarted_filters import (
     step_restarted,
 )
 from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
+from hybrid_env.checks import (
+    FloatArray,
+    IntArray,
+    check_flag,
+    check_integer,
+    check_positive,
+    dimensions,
+    reject,
+)
 from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.limits import check_within, distinct_radii
 from hybrid_env.simulation import Simulation, simulate
-
-FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
@@ -83,12 +89,12 @@ class Detection(NamedTuple):
             no change; 0 if this does not occur. It does not stop the detection.
     """
 
-    ticks: NDArray[np.int64]
-    modes: NDArray[np.int64]
+    ticks: IntArray
+    modes: IntArray
     log_ratios: FloatArray
     upper: float
     lower: float
-    accepted: NDArray[np.int64]
+    accepted: IntArray
 
 
 def detect_switch(
@@ -205,7 +211,7 @@ def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detecti
     return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
 
 
-def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
+def delay_statistics(ticks: IntArray) -> dict[str, float]:
     """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks].
 
     Args:
@@ -267,7 +273,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
 
 
-def _bootstrap_interval(ticks: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+def _bootstrap_interval(ticks: IntArray, seed: int) -> FloatArray:
     """Bounds of the 95 % bootstrap confidence intervals of the `delay_statistics`, (2, S)."""
     generator = np.random.default_rng(seed)
     values = [list(delay_statistics(generator.choice(ticks, ticks.size)).values()) for _ in range(200)]

@@ -14,14 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.rules.sprt import sprt_test, sprt_thresholds
-from hybrid_env.checks import check_choice, check_flag
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
 from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, mode_type, set_estimate
 from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
-
-FloatArray = NDArray[np.float64]
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND = 0, 1, 2
 RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND}
@@ -43,10 +41,10 @@ class Tracks(NamedTuple):
 
     estimates: FloatArray
     covariances: FloatArray
-    modes: NDArray[np.int64]
-    decided: NDArray[np.int64]
-    ticks: NDArray[np.int64]
-    undecided: NDArray[np.bool_]
+    modes: IntArray
+    decided: IntArray
+    ticks: IntArray
+    undecided: BoolArray
     ratios: FloatArray
 
 
@@ -109,7 +107,7 @@ def _recalculate(
 @compiled
 def _track_run(
     measurements: FloatArray,
-    lengths: NDArray[np.int64],
+    lengths: IntArray,
     start: FloatArray,
     filters: Filters,
     rule: _Rule,
@@ -166,7 +164,7 @@ def _track_run(
 
 def track_ate(
     measurements: ArrayLike,
-    lengths: Sequence[int] | NDArray[np.int64],
+    lengths: Sequence[int] | IntArray,
     start: ArrayLike | None = None,
     *,
     radii: ArrayLike = (5.0,),

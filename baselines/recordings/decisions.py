@@ -11,20 +11,16 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import make_chunks, recorded_pass
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Piece, TickGrid
 from baselines.rules.tracker import OnlineTracker
-from hybrid_env.checks import reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 VARIANCE, TICK = 0.1, 0.1
 """Measurement variance and tick in the units of the filters."""
@@ -84,7 +80,7 @@ class TickDecisions:
     """
 
     modes: IntArray
-    decided: NDArray[np.bool_]
+    decided: BoolArray
     probabilities: FloatArray
     estimates: FloatArray
     covariances: FloatArray

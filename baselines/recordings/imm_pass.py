@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.ticks import TickGrid
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.records import LANES, lanes_of
-
-FloatArray = NDArray[np.float64]
 
 PASS_BLOCK = lanes_of(
     ("measurement", np.float64, (2,)), ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,))
@@ -55,8 +54,8 @@ class Chunks(NamedTuple):
     """
 
     measurements: FloatArray
-    switches: NDArray[np.bool_]
-    lanes: NDArray[np.int64]
+    switches: BoolArray
+    lanes: IntArray
     block: NDArray[Any]
 
 
@@ -78,7 +77,7 @@ def no_output() -> PassOutput:
     return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
-def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | None = None) -> Chunks:
+def make_chunks(parts: list[FloatArray], switches: list[BoolArray] | None = None) -> Chunks:
     """Put parts of a recording into lanes. Parts of equal length waste no time.
 
     Args:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import (
     Chunks,
@@ -23,11 +22,9 @@ from baselines.recordings.imm_pass import (
 )
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.checks import ArgumentError
+from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_NOISE = 1e-4
 """Smallest standard deviation of a measurement, over the median motion of a tick."""

@@ -12,15 +12,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import FIRST
 from baselines.rules.decider import UNKNOWN, Actions, Decider
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import FloatArray, IntArray, check_integer, reject
 from hybrid_env.core.compilation import compiled, prepare
 
-FloatArray = NDArray[np.float64]
 LONGEST_LAG = 10_000  # ticks
 
 
@@ -34,11 +32,11 @@ class BranchTable(NamedTuple):
         counts: (N,) number of branches.
     """
 
-    modes: NDArray[np.int64]
-    ages: NDArray[np.int64]
-    rows: NDArray[np.int64]
+    modes: IntArray
+    ages: IntArray
+    rows: IntArray
     log_weights: FloatArray
-    counts: NDArray[np.int64]
+    counts: IntArray
 
 
 class SmootherState(NamedTuple):

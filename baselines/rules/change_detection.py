@@ -9,14 +9,11 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import check_positive
+from hybrid_env.checks import FloatArray, check_positive
 from hybrid_env.observation import QuickestLayout
-
-FloatArray = NDArray[np.float64]
 
 
 class ChangeDecider(Decider, ABC):

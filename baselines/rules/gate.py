@@ -6,12 +6,8 @@ turns are linearised there, and need not come back.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from hybrid_env.checks import FloatArray
 from hybrid_env.core.compilation import compiled, inlined
-
-FloatArray = NDArray[np.float64]
 
 DEVIATIONS = 10.0
 """Default distance from the nearest predicted position, in standard deviations, that is still accepted."""

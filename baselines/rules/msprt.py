@@ -15,12 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import check_choice, check_number, check_positive, reject
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_choice,
+    check_number,
+    check_positive,
+    reject,
+)
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 
-FloatArray = NDArray[np.float64]
 By = Literal["hypothesis", "type"]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
 """The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
@@ -40,7 +47,7 @@ def rewarded(options: WorldOptions) -> By:
     return "type" if options.correctness == "type" else "hypothesis"
 
 
-def mode_types(hypotheses: int) -> NDArray[np.int64]:
+def mode_types(hypotheses: int) -> IntArray:
     """Type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
     n = hypotheses // 2
     return np.repeat([0, 1, 2], [1, n, n])
@@ -70,7 +77,7 @@ def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     return np.asarray(types / types.sum(-1, keepdims=True))
 
 
-def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> NDArray[np.int64]:
+def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
     """Hypothesis with the largest value within the type with the largest sum, (N,).
 
     Args:
@@ -81,7 +88,7 @@ def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> NDArray[np.int
     return np.where(of_type, values, -np.inf).argmax(-1)
 
 
-def other_types_sum(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
+def other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
     """Sum over all types except the chosen one, (N,).
 
     The sum is accurate where 1 - p would cancel.
@@ -93,9 +100,7 @@ def other_types_sum(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
     return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
-def error_and_best(
-    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
-) -> tuple[FloatArray, NDArray[np.int64]]:
+def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
     """Posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
 
     Args:
@@ -111,7 +116,7 @@ def error_and_best(
     return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
 
 
-def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, NDArray[np.int64]]:
+def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
     """Log error probability of the best declaration, and the hypothesis to declare.
 
     Args:

@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations, RowRule
 from baselines.rules.msprt import By, mode_types, read_error_probability, rewarded
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Edges of the calibration bins of the stated probability."""
 
@@ -34,8 +32,8 @@ class PosteriorPaths:
     """
 
     log_error_probability: FloatArray
-    correct: NDArray[np.bool_]
-    length: NDArray[np.int64]
+    correct: BoolArray
+    length: IntArray
     by: By
 
 
@@ -103,7 +101,7 @@ class Calibration:
 
     stated: FloatArray
     accuracy: FloatArray
-    count: NDArray[np.int64]
+    count: IntArray
 
 
 def calibration(paths: PosteriorPaths, tick: int) -> Calibration:

@@ -1,11 +1,9 @@
 """The first estimate of a live track, from its first measurements."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.options import ModelOptions
-
-FloatArray = NDArray[np.float64]
 
 FEW = 3
 """Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it."""
@@ -15,7 +13,7 @@ MANY = 10
 
 
 def line_estimate(
-    ticks: NDArray[np.int64], points: FloatArray, options: ModelOptions
+    ticks: IntArray, points: FloatArray, options: ModelOptions
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a straight line to measurements by least squares, and evaluate it at the last one.
 

@@ -5,13 +5,14 @@ import operator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider, as_decider
 from baselines.rules.gate import DEVIATIONS, PATIENCE, gate_distance
 from baselines.rules.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
+    FloatArray,
     check_array,
     check_between,
     check_integer,
@@ -24,8 +25,6 @@ from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-
-FloatArray = NDArray[np.float64]
 
 LONGEST_GAP = 1000  # ticks between two measurements
 ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix

@@ -11,13 +11,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.turns import Batch
 from baselines.recordings.projection import Projection, centred_projection
-from hybrid_env.checks import ArgumentError
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 
 ON_A_LINE = 2e-8
 """A position that is closer to the line between its neighbours [deg] was computed by interpolation."""
@@ -172,7 +169,7 @@ def clean_flight(
     )  # fmt: skip
 
 
-def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> NDArray[np.bool_]:
+def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> BoolArray:
     """Return which positions, (n,), lie on the line in time between their two neighbours."""
     found = np.zeros(len(times), np.bool_)
     if len(times) < 3:
@@ -200,7 +197,7 @@ def stack_flights(flights: Sequence[Flight]) -> Batch:
     return Batch(pieces, times, positions, across, timing)
 
 
-def tier_of(identity: str, received: bool, times: NDArray[np.float64]) -> Tier:
+def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:
     """Return the tier of a flight.
 
     Args:
