@@ -47,7 +47,8 @@ class ModelOptions:
     deviations of a measurement (`hybrid_env.limits`).
 
     Attributes:
-        radii: n turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
+        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses
+            of n radii.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
             uniformly.

@@ -1,7 +1,7 @@
 """Announced switches: the mode of every segment is declared once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
 from agents.evaluation.curves import Groups, chosen, curves, means
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
@@ -19,12 +18,51 @@ from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
+from baselines.rules.posterior_paths import MIN_COUNT, simulate_posterior_paths, summarise_calibration
 from baselines.rules.rollout import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
+
+CALIBRATION_TICKS = (2, 5, 10, 20, 40)
+
+
+def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the calibration of the bank's posterior after numbers of ticks without a decision.
+
+    The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated" (its
+    mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin; None
+    without a bin of enough segments).
+
+    Args:
+        episodes: number of simulated episodes.
+        seed: of the first episode.
+        options: of the environment.
+    """
+    paths = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options)
+    rows = [
+        {"ticks": tick, **asdict(summarise_calibration(paths, tick))}
+        for tick in CALIBRATION_TICKS
+        if (paths.length >= tick).any()
+    ]
+    return [{name: value if np.isfinite(value) else None for name, value in row.items()} for row in rows]
+
+
+def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:
+    """Return a table of `calibration_rows` of a bank."""
+    table = new_table(
+        f"Calibration of the {bank.replace('_', '-')} bank (no decisions)",
+        f"Calibration error: mean posterior minus accuracy,\nin bins of at least {MIN_COUNT:,} segments.",
+    )
+    for head in ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"):
+        table.add_column(head, justify="right")
+    for row in rows:
+        worst = "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}"
+        table.add_row(f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}", worst)
+    return table
+
 
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 ACCURACY_LEVELS = (0.95, 0.98)

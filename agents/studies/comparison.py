@@ -15,8 +15,7 @@ from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
-from agents.studies.continuation import Continuation, weights_digest
-from agents.studies.plan import Plan
+from agents.studies.continuation import Continuation, Plan, weights_digest
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules
 from baselines.scoring.estimates import Estimate

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.announced import AnnouncedTask
-from agents.evaluation.calibration import calibration_rows
+from agents.evaluation.announced import AnnouncedTask, calibration_rows
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, gather, sweep
 from agents.evaluation.tasks import task_of

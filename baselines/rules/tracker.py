@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider, as_decider
-from baselines.rules.gate import DEVIATIONS, PATIENCE, gate_distance
-from baselines.rules.start import FEW, MANY, FirstMeasurements
+from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     FloatArray,
@@ -77,7 +76,7 @@ class OnlineTracker:
     measurement at every tick.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them in a row the object is elsewhere, and the
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them in a row the object is elsewhere, and the
     track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
     bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
     unknown. Deciders that need a measurement at every tick get every measurement.

@@ -18,7 +18,7 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, Robust, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
-from baselines.papers.g_h import GHFilter
+from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
 from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions, reject
