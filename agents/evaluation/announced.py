@@ -1,7 +1,7 @@
 """Announced switches: the mode of every segment is declared once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
-from baselines.rules.posterior_paths import MIN_COUNT, simulate_posterior_paths, summarise_calibration
+from baselines.rules.posterior_paths import MIN_COUNT, calibration, simulate_posterior_paths
 from baselines.rules.rollout import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
@@ -42,12 +42,15 @@ def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> li
         options: of the environment.
     """
     paths = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options)
-    rows = [
-        {"ticks": tick, **asdict(summarise_calibration(paths, tick))}
-        for tick in CALIBRATION_TICKS
-        if (paths.length >= tick).any()
-    ]
-    return [{name: value if np.isfinite(value) else None for name, value in row.items()} for row in rows]
+    ticks = [tick for tick in CALIBRATION_TICKS if (paths.length >= tick).any()]
+    found = {tick: calibration(paths, tick) for tick in ticks}
+    return [
+        {
+            "ticks": tick, "right": one.mean_accuracy, "stated": one.mean_stated,
+            "worst": one.worst if np.isfinite(one.worst) else None,
+        }
+        for tick, one in found.items()
+    ]  # fmt: skip
 
 
 def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:

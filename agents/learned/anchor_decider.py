@@ -154,14 +154,10 @@ class AnchorDecider(Decider):
         state.starting = starting & ~first
         return state.filters.advance(self.net.anchor, rows, first), state
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: BoolArray | None = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, AnchorState]:
-        """See `Decider.predict`. The state is an `AnchorState`."""
+        """See `Decider.decide`. The state is an `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
         return np.where(error <= self.alpha, best + 1, 0), state

@@ -78,12 +78,6 @@ class Comparison:
         return max((one for one in self.entries if one.decider in names), key=lambda one: one.selected)
 
     @property
-    def best_agent(self) -> Entry | None:
-        """The agent that is best for the goal on the selection episodes."""
-        agents = [one for one in self.entries if one.decider in self.plan.agents]
-        return max(agents, key=lambda one: one.selected, default=None)
-
-    @property
     def seed_groups(self) -> dict[str, list[Entry]]:
         """Entries by name; those whose names differ only in the training seed form one group."""
         groups: dict[tuple[str, str, int], list[Entry]] = {}
@@ -126,7 +120,9 @@ class Comparison:
         Returns:
             The entry, and the index of the episode with the largest difference of the goal to the reference.
         """
-        best, goal = self.best_agent or self.best_rule, self.plan.task.goal
+        agents = [one for one in self.entries if one.decider in self.plan.agents]
+        best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
+        goal = self.plan.task.goal
         rewards = [one.scores.of(goal, one.chosen) for one in (best, self.entries[0])]
         return best, int(np.abs(rewards[0] - rewards[1]).argmax())
 

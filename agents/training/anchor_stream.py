@@ -15,7 +15,7 @@ from agents.learned.track_filters import TrackFilters
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
-from hybrid_env.checks import FloatArray, IntArray, check_integer
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
@@ -49,10 +49,6 @@ class SampleBuffer:
         """Return random samples (size, width), with replacement."""
         filled = min(self.count, len(self.rows))
         return self.rows[generator.integers(filled, size=size)]
-
-    def restore_count(self, count: object) -> None:
-        """Set the number of samples added so far."""
-        self.count = check_integer("count", count, minimum=0)
 
 
 @dataclass

@@ -163,7 +163,7 @@ class StatementRun(OwnNetworkRun):
         rewards, entropies = zip(*map(self._train_on, self.batches()), strict=True)
         reward = float(np.mean(rewards))
         metrics = {"expected_reward": reward, "cross_entropy": float(np.mean(entropies))}
-        return Round(self.round_steps, reward, math.nan, metrics)
+        return self.round_steps, reward, math.nan, metrics
 
     def _train_on(self, batch: Batch) -> tuple[float, float]:
         """Make one step of the optimizer for each part; return the means of reward and cross-entropy."""

@@ -33,7 +33,7 @@ def filter_model(options: QuickestOptions) -> FilterModel:
 _prepared: set[Any] = set()
 
 
-def run_compiled(function: Any, *arguments: Any) -> None:
+def run_compiled(function: Any, *arguments: Any) -> Any:
     """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
 
     To find the types of records takes far longer than one tick of one track.
@@ -41,7 +41,7 @@ def run_compiled(function: Any, *arguments: Any) -> None:
     if function not in _prepared:
         prepare(function, *arguments)
         _prepared.add(function)
-    function(*arguments)
+    return function(*arguments)
 
 
 class MeasurementDecider(Decider, Generic[State]):

@@ -66,11 +66,6 @@ def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatAr
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
-def bank_posterior(observation: Observations, by_type: bool = False) -> FloatArray:
-    """Posterior of each hypothesis or of its type under equal priors, (N, M), from rows (N, 6 M + 10)."""
-    return posterior_of(np.exp(Layout.of_rows(observation).read(observation, "log_ratio")), by_type)
-
-
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     """Posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
     types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
@@ -168,7 +163,8 @@ class PosteriorRule(RowRule, ABC):
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
-        return bank_posterior(observation, self.by == "type")
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+        return posterior_of(np.exp(log_ratio), self.by == "type")
 
 
 class MSPRTDecider(PosteriorRule):

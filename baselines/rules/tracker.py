@@ -220,8 +220,10 @@ class OnlineTracker:
         found = OnlineEstimate(
             world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees
         )
-        if self._refused >= PATIENCE:
-            self._begin_again()
+        if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
+            passed, left = self._last_time, world.ticks_left
+            self.begin(mode=world.mode)
+            self._last_time, self._ticks = passed, left
         return found
 
     def _skip(self) -> None:
@@ -237,12 +239,6 @@ class OnlineTracker:
         estimate, covariance = self.world.estimate(), self.world.covariance()
         ticks = self.world.uncertain_ticks
         return gate_distance(np.array(point), estimate, covariance, *self._model, ticks) <= self.gate
-
-    def _begin_again(self) -> None:
-        """Begin the track anew with the next measurements; with announced switches in the same segment."""
-        time, left = self._last_time, self.world.ticks_left
-        self.begin(mode=self.world.mode)
-        self._last_time, self._ticks = time, left
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
