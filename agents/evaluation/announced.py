@@ -82,10 +82,10 @@ class AnnouncedTask(Task):
     metrics: ClassVar = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
         Metric("type_accuracy", "type\naccuracy, %", mean("type_accuracy", share=True), 1, 100.0),
-        Metric("ticks", "mean\nticks", mean("ticks"), 1, larger_is_better=False),
+        Metric("ticks", "mean\nticks", mean("ticks"), 1),
         Metric("reward", "mean\nreward", mean("reward"), 3),
-        Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0, larger_is_better=False),
-        Metric("rmse", "RMSE\nm", RMSE, 3, larger_is_better=False),
+        Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0),
+        Metric("rmse", "RMSE\nm", RMSE, 3),
     )
     further: ClassVar = {f"error_after_{name}": statistic for name, statistic in ERROR_AFTER.items()}
     paired: ClassVar = "diff."

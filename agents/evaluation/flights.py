@@ -27,15 +27,13 @@ COMPARED = {NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT), SEMI_
 
 METRICS = (
     Metric("agreement", "agreement", STATISTICS["agreement"], 3),
-    Metric("delay", "delay\ns", STATISTICS["delay"], 1, larger_is_better=False),
-    Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0, larger_is_better=False),
-    Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1, larger_is_better=False),
+    Metric("delay", "delay\ns", STATISTICS["delay"], 1),
+    Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0),
+    Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1),
     Metric(
-        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1,
-        larger_is_better=False,
-    ),
+        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1),
     Metric(
-        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2, larger_is_better=False
+        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2
     ),
 )  # fmt: skip
 

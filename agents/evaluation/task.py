@@ -37,7 +37,6 @@ class Metric:
         statistic: the figure.
         digits: after the decimal point.
         scale: factor on the figure in tables.
-        larger_is_better: direction.
     """
 
     name: str
@@ -45,7 +44,6 @@ class Metric:
     statistic: Statistic
     digits: int
     scale: float = 1.0
-    larger_is_better: bool = True
 
 
 @dataclass(frozen=True)

@@ -53,11 +53,11 @@ class UnknownTask(Task):
     metrics: ClassVar = (
         Metric("reward", "reward", STATISTICS["reward"], 4),
         Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
-        Metric("delay", "delay\nmean", STATISTICS["delay"], 1, larger_is_better=False),
-        Metric("missed", "missed\n%", STATISTICS["missed"], 1, 100.0, larger_is_better=False),
-        Metric("full_delay", "delay,\nall", STATISTICS["full_delay"], 1, larger_is_better=False),
-        Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2, larger_is_better=False),
-        Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2, larger_is_better=False),
+        Metric("delay", "delay\nmean", STATISTICS["delay"], 1),
+        Metric("missed", "missed\n%", STATISTICS["missed"], 1, 100.0),
+        Metric("full_delay", "delay,\nall", STATISTICS["full_delay"], 1),
+        Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2),
+        Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2),
     )
     notes: ClassVar = NOTES
     paired: ClassVar = "ratio"

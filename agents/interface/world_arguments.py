@@ -84,11 +84,9 @@ class WorldArguments(_Flags):
         env_id = env_id or self.env_id
         names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        known = {field.name for field in dataclasses.fields(environment_options(env_id))}
-        for name, value in given.items():
-            if name not in known:
-                environment = env_id.rpartition(":")[2]
-                raise reject(name, value, f"no value, because {environment} has no such option")
+        for name in [name for name in given if name not in _names(env_id)]:
+            environment = env_id.rpartition(":")[2]
+            raise reject(name, given[name], f"no value, because {environment} has no such option")
         return given
 
     def world_of(self, decider: str) -> tuple[str, dict[str, Any]]:
@@ -119,24 +117,18 @@ def read_card(decider: str) -> dict[str, Any] | None:
         if path.is_file():
             try:
                 card = read_json(path)
-                environment = _text_of(card["environment"])
-                return {"environment": environment, "options": _options(card["options"], environment)}
+                environment, options = card["environment"], card["options"]
+                if not isinstance(environment, str):
+                    raise reject("environment", environment, "a registered id")
+                if not isinstance(options, dict):
+                    raise reject("options", options, "a mapping")
+                for name in options.keys() - _names(environment):
+                    raise reject("option", name, "an option of the environment")
+                return {"environment": environment, "options": options}
             except (OSError, ValueError, KeyError, TypeError) as error:
                 raise reject("run", str(path.parent), f"a folder with a complete {CARD} ({error})") from None
     return None
 
 
-def _text_of(value: Any) -> str:
-    if not isinstance(value, str):
-        raise reject("environment", value, "a registered id")
-    return value
-
-
-def _options(value: Any, environment: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise reject("options", value, "a mapping")
-    known = {field.name for field in dataclasses.fields(environment_options(environment))}
-    for name in value:
-        if name not in known:
-            raise reject("option", name, "an option of the environment")
-    return value
+def _names(env_id: str) -> set[str]:
+    return {field.name for field in dataclasses.fields(environment_options(env_id))}

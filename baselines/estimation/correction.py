@@ -76,10 +76,10 @@ def correct(
     lead, d = state.shape[:-1], measurement.shape[-1]
     m = state.shape[-1] // d
     variances = np.broadcast_to(noise.variances, (*lead, d))
-    whole = None
+    whole = isinstance(robust, WholeStudentT)
     if isinstance(robust, WholeStudentT):
-        whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
-        variances, robust = variances / whole.weight[..., None], None
+        weight, of_whole, nis_of_whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
+        variances, robust = variances / weight[..., None], None
     log_likelihood, nis = np.zeros(lead), np.zeros(lead)
     for i in range(d):
         variance = variances[..., i]
@@ -104,8 +104,8 @@ def correct(
             covariance[..., m * i, :] = after
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
-    if whole is not None:
-        log_likelihood, nis = whole.log_likelihood, whole.nis
+    if whole:
+        log_likelihood, nis = of_whole, nis_of_whole
     return Corrected(state, covariance, log_likelihood, nis)
 
 

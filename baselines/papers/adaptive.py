@@ -27,7 +27,6 @@ relation of Benedict & Bordner 1962, h = g^2 / (2 - g).
 """
 
 from abc import abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 
@@ -137,14 +136,6 @@ DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
 LAGS = 5  # of H_0 to H_4
 
 
-class Gain(NamedTuple):
-    """Gains of positions [-] and velocities [1/s], and the variance of a measurement [m^2], each (...)."""
-
-    position: FloatArray
-    velocity: FloatArray
-    noise: FloatArray
-
-
 def third_difference(values: FloatArray) -> FloatArray:
     """Return D^3 of a sequence, newest value first, (4, ...) or more."""
     return np.tensordot(DIFFERENCE, values[:4], axes=1)
@@ -163,19 +154,17 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
 
 
-def published_gain(means: FloatArray, tau: float) -> Gain:
-    """Gain without limits, for one axis. Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3.
+def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
+    """Gains of positions [-] and velocities [1/s] without limits, for one axis, each (...).
 
-    Args:
-        means: (8, ...) of `products`.
-        tau: length of a tick [s].
+    Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3. means: (8, ...) of `products`; tau: tick [s].
     """
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
     noise = innovation + position
     total = position_spread + noise
-    return Gain(position_spread / total, velocity_spread / total, noise)
+    return position_spread / total, velocity_spread / total
 
 
 def noise_bias(gain: float) -> float:
@@ -283,8 +272,7 @@ class AdaptiveFilter(ConstantStepFilter):
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
         means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
-        position, velocity, _ = published_gain(means, self.tau)
-        gains[:, ready] = position, velocity
+        gains[:, ready] = published_gain(means, self.tau)
         if self.limited:
             gains[0] = np.clip(gains[0], 0.0, 1.0)
             gains[1] = np.clip(gains[1], 0.0, gains[0] ** 2 / ((2.0 - gains[0]) * self.tau))

@@ -81,14 +81,7 @@ class Estimates(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What the filter knows of every run.
-
-    Attributes:
-        lengths: (K,) of the segments [ticks].
-        signed_radii: (K,) [m].
-        covariance: (3,) at the start.
-        carry: whether the covariance is carried over at switches.
-    """
+    """What the filter knows of every run; see `filter_known_modes`."""
 
     lengths: IntArray
     signed_radii: FloatArray

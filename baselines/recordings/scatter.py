@@ -113,10 +113,7 @@ def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
 def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
     """Return the ticks with a measurement between the jumps.
 
-    Args:
-        piece: of a recording.
-        noise: distance of two measurements that noise alone explains.
-        step: length of a step for each tick that motion alone explains.
+    Noise alone explains steps as long as `noise`, and motion alone those of `step` for each tick.
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
@@ -170,14 +167,9 @@ def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
 
 
 def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
-    """Return the divided differences of successive measurements, of unit noise.
+    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive measurements.
 
-    Args:
-        piece: with T measurements.
-        points: number of measurements in each difference, m; it cancels polynomials of degree m - 2.
-
-    Returns:
-        Ticks of the measurements, (n, m), and differences of both coordinates, (n, 2).
+    Differences have unit noise, and cancel polynomials of degree m - 2.
     """
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     if len(rows) < points:

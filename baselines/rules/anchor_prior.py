@@ -99,12 +99,9 @@ def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) ->
 
 
 def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit a mixture of normal distributions to (n, 4) values by the EM algorithm.
+    """Fit weights (2,), means (2, 4) and covariances (2, 4, 4) to (n, 4) values by the EM algorithm.
 
     It starts with the tenth of the values that is largest as one component.
-
-    Returns:
-        (2,) weights, (2, 4) means and (2, 4, 4) covariances.
     """
     pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
     size = (values**2 / np.diag(pooled)).sum(-1)

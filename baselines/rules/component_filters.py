@@ -75,19 +75,11 @@ def _filter_tick(
     innovations: FloatArray,
     saved: NDArray[Any],
 ) -> None:
-    """Start the filters of some tracks, then advance all by one tick.
+    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    Args:
-        banks: banks of all blocks of C N lanes; the tracks of one component follow each other.
-        begins: (N,) tracks whose filters start.
-        anchors: (C, N, 14) initial estimate and upper triangle of its covariance.
-        measurements: (N, 2) [m], NaN if a tick has none.
-        radii: (n,) [m].
-        model: model of the filters.
-        outlier_model: of measurements that no hypothesis explains.
-        log_likelihood: (C, N, M), written in place.
-        innovations: (C, N, M, 3), written in place.
-        saved: (M,) temporary memory for the hypotheses of a block; (0,) if there are no outliers.
+    The C N lanes of the banks have the tracks of one component after the other. Measurements (N, 2) are NaN
+    if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
+    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks

@@ -72,26 +72,14 @@ def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     return np.asarray(types / types.sum(-1, keepdims=True))
 
 
-def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
-    """Hypothesis with the largest value within the type with the largest sum, (N,).
-
-    Args:
-        types: (N, 3) sums by type, see `type_sums`.
-        values: (N, M) likelihoods, posteriors or their logarithms.
-    """
+def _likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
+    """Hypothesis with the largest value (N, M) within the type with the largest sum (N, 3), (N,)."""
     of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
     return np.where(of_type, values, -np.inf).argmax(-1)
 
 
-def other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
-    """Sum over all types except the chosen one, (N,).
-
-    The sum is accurate where 1 - p would cancel.
-
-    Args:
-        types: (N, 3) posterior of each type.
-        chosen: (N,) index of the excluded type.
-    """
+def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
+    """Posterior of all types (N, 3) but the chosen one, (N,); accurate where 1 - p would cancel."""
     return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
@@ -104,11 +92,11 @@ def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -
             most likely type; one value for all tracks, or (N,).
     """
     types = type_sums(posterior)
-    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(-1))
+    best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
     others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
         -1, dtype=np.float64
     )
-    return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
+    return np.where(by_type, _other_types_sum(types, types.argmax(-1)), others), best
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
@@ -126,9 +114,9 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
     posterior = type_posteriors(log_ratio)
-    error_probability = other_types_sum(posterior, posterior.argmax(-1))
+    error_probability = _other_types_sum(posterior, posterior.argmax(-1))
     log_error_probability = np.log(np.maximum(error_probability, np.exp(LOG_FLOOR)))
-    return log_error_probability, likeliest_of_type(posterior, log_ratio)
+    return log_error_probability, _likeliest_of_type(posterior, log_ratio)
 
 
 class PosteriorRule(RowRule, ABC):

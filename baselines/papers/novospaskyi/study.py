@@ -163,11 +163,7 @@ def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, d
 def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: int) -> dict[Any, Any]:
     """Best parameters by name; each part continues the trials of the one before, so that progress is seen.
 
-    Args:
-        work: where the parts run.
-        tunings: by name.
-        before: number of tunings that are done.
-        count: number of tunings in all.
+    Of `count` tunings in all, `before` are done.
     """
     trials = next(iter(tunings.values())).trials
     parts = range(0, trials, PART)

@@ -34,23 +34,19 @@ class Tier(NamedTuple):
         name: A to D, or stress.
         across: standard deviation of a position across the velocity [m].
         timing: standard deviation of the time of a position [s].
-        text: what the reports are.
     """
 
     name: str
     across: float
     timing: float
-    text: str
 
 
 TIERS = {
-    "A": Tier("A", 1.6, 0.06, "1 s, with the time at which each position was received"),
-    "B": Tier("B", 1.7, 0.2, "1 s, state vectors"),
-    "C": Tier("C", 4.0, 0.4, "5 s"),
-    "D": Tier("D", 6.0, 1.2, "5 to 12 s, resampled before publication; a stress test with weak labels"),
-    "stress": Tier(
-        "stress", 1.7, 0.2, "1 s, state vectors; flights with special manoeuvres, outside of the totals"
-    ),
+    "A": Tier("A", 1.6, 0.06),  # 1 s, with the time at which each position was received
+    "B": Tier("B", 1.7, 0.2),  # 1 s, state vectors
+    "C": Tier("C", 4.0, 0.4),  # 5 s
+    "D": Tier("D", 6.0, 1.2),  # 5 to 12 s, resampled before publication; a stress test with weak labels
+    "stress": Tier("stress", 1.7, 0.2),  # 1 s, state vectors; special manoeuvres, outside of the totals
 }
 
 TOGETHER = ("A", "B", "C")
