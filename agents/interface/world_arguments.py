@@ -1,6 +1,7 @@
 """Environment options as command-line flags, shared by all commands that create an environment."""
 
 import dataclasses
+import re
 import typing
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,7 @@ def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     name, plain = field.name, str if str in typing.get_args(hint) else hint  # a law is given as a text
     parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
     text = " ".join(next(str(part.description) for part in parts if part.arg_name == name).split())
+    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)  # for callers in Python
     only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
     defaults = [_DEFAULT_TEXTS.get(name, _text(field.default))]
     defaults += [
@@ -84,7 +86,8 @@ class WorldArguments(_Flags):
         env_id = env_id or self.env_id
         names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
         given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        for name in [name for name in given if name not in _names(env_id)]:
+        known = _names(env_id)
+        for name in [name for name in given if name not in known]:
             environment = env_id.rpartition(":")[2]
             raise reject(name, given[name], f"no value, because {environment} has no such option")
         return given
@@ -122,7 +125,7 @@ def read_card(decider: str) -> dict[str, Any] | None:
                     raise reject("environment", environment, "a registered id")
                 if not isinstance(options, dict):
                     raise reject("options", options, "a mapping")
-                for name in options.keys() - _names(environment):
+                for name in sorted(options.keys() - _names(environment)):
                     raise reject("option", name, "an option of the environment")
                 return {"environment": environment, "options": options}
             except (OSError, ValueError, KeyError, TypeError) as error:

@@ -31,7 +31,6 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 CALIBRATION_EPISODES = 2000
-FITTING_ROUNDS, FITTING_ALPHA = 2, 0.05
 
 
 @dataclass
@@ -190,20 +189,27 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
     rejects_outliers = True
 
 
-def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
+def fit_calibrated_anchor(
+    world: WorldOptions,
+    episodes: int,
+    seed: int,
+    rounds: int = 2,
+    alpha: float = 0.05,
+    robust: bool = False,
+) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
-
-    The first round declares with the covariance that the bank states, the second one with the first fit.
 
     Args:
         world: options of the world.
         episodes: simulated episodes per round.
         seed: of the first episode.
+        rounds: the first round declares with the stated covariance, later rounds with the last fit.
+        alpha: error probability at which the decider declares.
         robust: see `RefilteringDecider`.
     """
     prior: AnchorPrior | None = None
-    for k in range(FITTING_ROUNDS):
-        decider = CalibratedAnchorDecider(world, prior, FITTING_ALPHA, robust)
+    for k in range(rounds):
+        decider = CalibratedAnchorDecider(world, prior, alpha, robust)
         prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
     assert prior is not None
     return prior
