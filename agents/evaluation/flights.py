@@ -1,8 +1,8 @@
 """Recorded flights: a mode is stated at every position, and compared with labels by hindsight."""
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -136,32 +136,13 @@ class FlightTask:
         """Return a function from the name of a decider to its statements on each flight, (n,)."""
         if self.form == SEMI_REAL:
             return lambda name: state_semi_real(self.decider(name), flights)
-        filters = _Filters(flights)
+        batch = stack_flights(flights)
+        imm = functools.cache(lambda: FlightTracks(batch, run_turn_imm(batch)))
+        beam = functools.cache(lambda: FlightTracks(batch, imm().estimates, run_turn_beam(batch)))
 
         def state(name: str) -> list[IntArray]:
             decider = self.decider(name)
-            tracks = filters.beam if rules(FLIGHTS).get("beam") is type(decider) else filters.imm
+            tracks = beam() if rules(FLIGHTS).get("beam") is type(decider) else imm()
             return tracks.statements(decider, [len(flight.times) for flight in flights])
 
         return state
-
-
-class _Filters:
-    """Flights with the output of the filters, each computed once.
-
-    Args:
-        flights: the flights.
-    """
-
-    def __init__(self, flights: Sequence[Flight]):
-        self.batch = stack_flights(flights)
-
-    @cached_property
-    def imm(self) -> FlightTracks:
-        """Tracks whose rows have the probabilities of the IMM."""
-        return FlightTracks(self.batch, run_turn_imm(self.batch))
-
-    @cached_property
-    def beam(self) -> FlightTracks:
-        """Tracks whose rows have the probabilities of the beam."""
-        return FlightTracks(self.batch, self.imm.estimates, run_turn_beam(self.batch))

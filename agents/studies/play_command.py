@@ -108,8 +108,6 @@ class Play(WorldArguments):
     def _render(self, renderer: Renderer, histories: Iterator[History]) -> bool:
         """Show or write the frames; return False if the user has closed the window before the end."""
         if self.out is not None and self.out.suffix.lower() == ".gif":
-            from agents.studies.play_command import write_gif
-
             write_gif(self.out, (renderer.draw(history) for history in histories), renderer.options)
             return True
         for history in histories:

@@ -16,8 +16,9 @@ import numpy as np
 from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import FIRST
 from baselines.rules.decider import UNKNOWN, Actions, Decider
+from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import FloatArray, IntArray, check_integer, reject
-from hybrid_env.core.compilation import compiled, prepare
+from hybrid_env.core.compilation import compiled
 
 LONGEST_LAG = 10_000  # ticks
 
@@ -141,9 +142,7 @@ class BeamSmoother(Decider):
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
-        arguments = state.table, now, state.past, state.spare, self.beam.model.hazards
-        prepare(carry_past, *arguments)
-        carry_past(*arguments)
+        run_compiled(carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards)
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks
