@@ -14,7 +14,7 @@ import numpy as np
 import agents
 import baselines
 import hybrid_env
-from agents.evaluation.registry import SHIPPED, find_family, policy_folder
+from agents.evaluation.registry import SHIPPED, find_family, is_brought, is_own, policy_folder
 from agents.evaluation.task import Task
 from agents.interface.output_files import atomic_file, output_folder
 from agents.learned.policy_file import WEIGHTS, package_versions
@@ -73,13 +73,14 @@ class Plan:
 
         if name in self.agents:
             recipes = recipe_names()
-            if name in recipes or name.endswith(".yml"):
+            if name in recipes or str(name).endswith(".yml"):
                 return load_recipe(name, self.task.env_id)
-            if name != SHIPPED and not Path(name).is_dir():
-                allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipes)}"
-                raise reject("agents", name, allowed)
-        elif name not in rules(self.task.switches):
-            raise reject("deciders", name, ", ".join(rules(self.task.switches)))
+            if name != SHIPPED and not is_brought(name):
+                kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
+                raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
+        elif name not in rules(self.task.switches) and not is_own(name):
+            allowed = f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule"
+            raise reject("deciders", name, allowed)
         return find_family(name, self.task.options)
 
     def check(self) -> None:
@@ -181,9 +182,10 @@ class Continuation:
 
 
 def weights_digest(name: str, switches: str) -> str:
-    """Digest of the weights of 'shipped' or of a run folder; empty for other deciders."""
-    path = policy_folder(name, switches) / WEIGHTS
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    """Digest of the weights of 'shipped' or of a run folder, or of the file of a decider; else empty."""
+    paths = policy_folder(name, switches) / WEIGHTS, Path(name), Path(name.rpartition(":")[0])
+    found = [path.read_bytes() for path in paths if path.is_file()]
+    return hashlib.sha256(found[0]).hexdigest() if found else ""
 
 
 def digest(values: Any) -> str:
