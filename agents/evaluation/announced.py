@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.evaluation.cells import new_table
-from agents.evaluation.curves import Groups, chosen, curves, means
+from agents.evaluation.curves import Groups, Selected, chosen, curves, means
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
@@ -154,14 +154,13 @@ class AnnouncedTask(Task):
             found[keys] = Metric(keys[0], f"ticks at\n{level:.0%}", time, 1)
         return found
 
-    def against(
-        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
-    ) -> dict[str, dict[str, Estimate]]:
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return the differences of the reward and of the decision time at 98 % accuracy."""
-        found = {"reward": mine.difference(reference, mean("reward"), chosen, of_reference)}
+        own, other = mine.scores, reference.scores
+        found = {"reward": own.difference(other, mean("reward"), mine.chosen, reference.chosen)}
         time = at_level("accuracy", 0.98, mean("ticks"))
-        if curves and all(one.curve(time) < NOT_REACHED / 2 for one in (mine, reference)):
-            found["ticks_at_98"] = mine.difference(reference, time)
+        if curves and all(one.curve(time) < NOT_REACHED / 2 for one in (own, other)):
+            found["ticks_at_98"] = own.difference(other, time)
         return {"against_reference": found}
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
@@ -169,12 +168,11 @@ class AnnouncedTask(Task):
         rows = calibration_rows(episodes, seed, vars(self.options))
         return {"segments": episodes * self.options.segments, "bank": rows}
 
-    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
-        """See `Task.remark_tables`."""
-        return [calibration_table(remarks["bank"], self.options.bank)]
+    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
+        """Return error rates by previous decision, as after a wrong one the next anchor is inaccurate.
 
-    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
-        """Return error rates by previous decision: after a wrong one the next anchor is inaccurate."""
+        A second table has the calibration of the bank.
+        """
         table = new_table("Error rate by previous decision")
         table.add_column("decider")
         for head in ("after a correct\ndecision, %", "after a wrong\ndecision, %"):
@@ -183,7 +181,7 @@ class AnnouncedTask(Task):
             shares = [float(one.curve(statistic)[0]) for statistic in ERROR_AFTER.values()]
             cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
             table.add_row(escape(one.name), *cells)
-        return [table]
+        return [table, calibration_table(remarks["bank"], self.options.bank)]
 
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from agents.evaluation.curves import Groups
+from agents.evaluation.curves import Groups, Selected
 from agents.figures.curves import Panel, curve_figure
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import DeciderFamily
@@ -208,15 +208,10 @@ class Task(ABC):
         """
 
     @abstractmethod
-    def against(
-        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
-    ) -> dict[str, dict[str, Estimate]]:
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return paired figures of a decider and the reference on the same episodes, by their keys in JSON.
 
-        Args:
-            mine, reference: scores.
-            chosen, of_reference: indices of their selected thresholds.
-            curves: whether both have whole operating curves.
+        curves: whether both have whole operating curves.
         """
 
     @abstractmethod
@@ -259,12 +254,8 @@ class Task(ABC):
         """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
         return {}
 
-    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
-        """Return tables of `remarks`."""
-        return []
-
-    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
-        """Return further tables of deciders at one threshold each."""
+    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
+        """Return further tables, of deciders at one threshold each and of `remarks`."""
         return []
 
     def statistic(self, name: str) -> Statistic:

@@ -210,7 +210,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for line in (*spread_lines(result), *unreached_lines(result)):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
-        for table in (*task.after_tables(chosen), *task.remark_tables(remarks)):
+        for table in task.further_tables(chosen, remarks):
             console.print(table)
         write(result, complete=True, **remarks)
         self._draw(result, folder)

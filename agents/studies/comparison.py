@@ -109,10 +109,7 @@ class Comparison:
     @functools.cache  # noqa: B019
     def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
         """Return the paired figures of a decider and the reference, see `Task.against`."""
-        first = self.entries[0]
-        return self.plan.task.against(
-            entry.scores, entry.chosen, first.scores, first.chosen, self.plan.curves
-        )
+        return self.plan.task.against(entry, self.entries[0], self.plan.curves)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without agents the best rule, and the episode on which it differs most.
