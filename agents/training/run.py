@@ -116,13 +116,13 @@ class Run(ABC):
         """Set the number of environment steps so far, also to that of a checkpoint."""
         self.num_timesteps = steps
 
-    @abstractmethod
     def track_tensors(self) -> dict[str, Tensor]:
         """Return the state of tracks and policy between two rollouts; writing into it changes the run."""
+        return {}
 
-    @abstractmethod
     def values(self) -> dict[str, Any]:
         """Return the counters and random generators of the algorithm as plain values."""
+        return {}
 
     @abstractmethod
     def restore_values(self, values: dict[str, Any]) -> None:

@@ -145,14 +145,6 @@ class StatementRun(OwnNetworkRun):
     def batches(self) -> Iterator[Batch]:
         """Simulate the batches of the next round."""
 
-    def track_tensors(self) -> dict[str, Tensor]:
-        """See `Run.track_tensors`. There are none between two rounds."""
-        return {}
-
-    def values(self) -> dict[str, Any]:
-        """See `Run.values`."""
-        return {}
-
     def restore_values(self, values: dict[str, Any]) -> None:
         """See `Run.restore_values`."""
         if self.num_timesteps % self.round_steps:

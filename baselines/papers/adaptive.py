@@ -212,17 +212,15 @@ class ConstantStepFilter(GainFilter):
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
-        self._remember(measurement, position, velocity, measurement - position)
+        self._remember(measurement, position, velocity)
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
         adapted = self._adapted()
         return np.where(np.isnan(adapted), line, adapted)
 
     @abstractmethod
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
-        """Take the values of a tick, (B, d) each, NaN where there is none."""
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        """Take measurement and prediction of a tick, (B, d) each, NaN where there is none."""
 
     @abstractmethod
     def _adapted(self) -> FloatArray:
@@ -256,10 +254,8 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
-        values = (position, velocity, innovation)
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        values = (position, velocity, measurement - position)
         self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history)
         known = np.logical_not(np.isnan(new).any(axis=0))
@@ -311,9 +307,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._squares = np.full((self.window, tracks), np.nan)  # of innovations, mean over the axes
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        innovation = measurement - position
         self._measurements = _shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
         known = ~np.isnan(new)
