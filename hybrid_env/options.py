@@ -15,13 +15,7 @@ from hybrid_env.checks import axis_variances, check_choice, check_flag, check_po
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
-from hybrid_env.limits import (
-    check_initial_error,
-    check_ratios,
-    check_variances,
-    check_within,
-    distinct_radii,
-)
+from hybrid_env.limits import check_initial_error, check_ratios, check_variances, check_within, distinct_radii
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table

@@ -11,12 +11,7 @@ from hybrid_env.checks import check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
-from hybrid_env.durations import (
-    Durations,
-    duration_probabilities,
-    parse_durations,
-    remaining_probabilities,
-)
+from hybrid_env.durations import Durations, duration_probabilities, parse_durations, remaining_probabilities
 from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions

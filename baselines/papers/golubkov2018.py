@@ -18,14 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.papers.reproduction import (
-    Cell,
-    Finding,
-    Reproduction,
-    rmse_row,
-    study_interval,
-    table_row,
-)
+from baselines.papers.reproduction import Cell, Finding, Reproduction, rmse_row, study_interval, table_row
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled

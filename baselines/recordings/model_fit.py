@@ -12,13 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baselines.recordings.imm_pass import (
-    Chunks,
-    fit_chunks,
-    imm_pass,
-    no_output,
-    recorded_pass,
-)
+from baselines.recordings.imm_pass import Chunks, fit_chunks, imm_pass, no_output, recorded_pass
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from baselines.rules.measurements import run_compiled

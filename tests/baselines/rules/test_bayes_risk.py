@@ -8,11 +8,7 @@ from scipy import stats
 
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
-from baselines.rules.posterior_paths import (
-    PosteriorPaths,
-    calibration,
-    simulate_posterior_paths,
-)
+from baselines.rules.posterior_paths import PosteriorPaths, calibration, simulate_posterior_paths
 from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 
