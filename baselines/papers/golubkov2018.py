@@ -129,14 +129,8 @@ def filter_known_modes(
     P := I at every switch the published table is not reproduced.
 
     Args:
-        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
-        lengths: (K,) segment lengths [ticks], with sum T.
+        measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
-            uses `first_estimate`.
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
         start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
         carry_covariance: False resets the covariance to `start_covariance` at every switch.
 

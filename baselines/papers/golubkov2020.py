@@ -109,14 +109,9 @@ def detect_switch(
     """Detect the switch from straight motion to a turn in recorded positions.
 
     Args:
-        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
-            uses `first_estimate`.
+        measurements, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         radii: n turn radii [m]; hypotheses 1 .. n are left turns, n + 1 .. 2 n are right turns.
         tested: hypotheses that may be declared; None tests all turns.
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
         alpha, beta: determine the thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha); None for beta
             uses alpha.
         margin: minimum difference between the largest ln lambda and that of every other tested hypothesis at
