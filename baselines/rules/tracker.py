@@ -41,9 +41,9 @@ class OnlineEstimate(NamedTuple):
         decided: False while the first measurements are collected, and with announced switches from a switch
             to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
-        estimate: (4,) [x, vx, y, vy] [m, m/s].
+        estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
-            variances are infinite.
+            variances are infinite, as all are before the first measurement of a track that begins again.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
             then.
     """
@@ -78,8 +78,8 @@ class OnlineTracker:
     measurement at every tick.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them in a row the object is elsewhere, and the
-    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
+    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them, with never two between them that are
+    used in a row, the object is elsewhere, and the track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
     bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
     unknown. Deciders that need a measurement at every tick get every measurement.
 
@@ -152,7 +152,7 @@ class OnlineTracker:
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
-        self._refused = 0
+        self._refused = self._agreed = 0
         self._measured = False
         self._ticks: int | None = self._longest  # of the segment that the next measurement begins
         self._decider_state: Any = None
@@ -211,8 +211,10 @@ class OnlineTracker:
             self._measured = True
             self._begin_announced()
             agrees = self._agrees(point)
+            self._agreed = (self._agreed + 1) * agrees
             if agrees:
-                self._refused = 0
+                if self._agreed > 1:  # a single one may agree only because its prediction is so uncertain
+                    self._refused = 0
                 world.measure(*point)
                 if world.asks:
                     world.decide(self._ask_decider())
@@ -242,9 +244,11 @@ class OnlineTracker:
 
     def _begin_again(self) -> None:
         """Begin the track anew with the next measurements; with announced switches in the same segment."""
-        time, left = self._last_time, self.world.ticks_left
+        time = self._last_time
         self.begin(mode=self.world.mode)
-        self._last_time, self._ticks = time, left
+        self._last_time, self._ticks = time, self.world.ticks_left
+        assert self._collected is not None
+        self._collected.estimate = self.world.estimate()  # until the first of them
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
