@@ -68,7 +68,7 @@ def mutated(draw, document):
 
 @st.composite
 def damaged(draw, content):
-    """The bytes, some replaced, inserted, removed or cut off, or a bit flipped; more often near the start than near the end."""
+    """The bytes, some replaced, inserted, removed, cut off or flipped; more often near the start."""
     content = bytearray(content)
     last = draw(st.sampled_from([16, 200, len(content)]))
     for _ in range(draw(st.integers(1, 4))):

@@ -212,9 +212,8 @@ class OnlineTracker:
             self._begin_announced()
             agrees = self._agrees(point)
             self._agreed = (self._agreed + 1) * agrees
-            if agrees:
-                if self._agreed > 1:  # a single one may agree only because its prediction is so uncertain
-                    self._refused = 0
+            if agrees:  # a single one may agree only because its prediction is so uncertain
+                self._refused *= self._agreed < 2
                 world.measure(*point)
                 if world.asks:
                     world.decide(self._ask_decider())

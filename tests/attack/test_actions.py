@@ -1,4 +1,4 @@
-"""Actions of every type to every environment: refused in one line without a step, or the step of an integer."""
+"""Actions of every type to every environment: refused in one line, or the step of an integer."""
 
 import operator
 
@@ -25,9 +25,10 @@ class Index:
 
 
 OTHERS = [
-    torch.tensor(1), torch.tensor(1.0), torch.tensor([1, 0, 2]), torch.zeros(3, requires_grad=True), Index(1), Index(9),
-    Index(-1), Index(10**30), np.timedelta64(1, "s"), "a\nb", [[1, 2], [3]], np.ones(3, "m8[s]"), [Index(1)] * 3, "abc", b"1",
-    np.array(1), np.array([1]), np.ma.masked_array([1, 1, 1], [0, 1, 0]), np.zeros((3, 1), int), np.zeros(4, int), object(), len, 1j,
+    torch.tensor(1), torch.tensor(1.0), torch.tensor([1, 0, 2]), torch.zeros(3, requires_grad=True),
+    Index(1), Index(9), Index(-1), Index(10**30), [Index(1)] * 3, np.timedelta64(1, "s"), np.ones(3, "m8[s]"),
+    "a\nb", "abc", b"1", [[1, 2], [3]], np.array(1), np.array([1]), np.zeros((3, 1), int), np.zeros(4, int),
+    np.ma.masked_array([1, 1, 1], [0, 1, 0]), object(), len, 1j,
 ]  # fmt: skip
 TYPES = [
     bool,
