@@ -79,10 +79,10 @@ class OnlineTracker:
     measurement at every tick.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them, with never two between them that are
-    used in a row, the object is elsewhere, and the track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
-    bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
-    unknown. Deciders that need a measurement at every tick get every measurement.
+    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them, without two used ones in a row between
+    them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
+    of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
+    mode may be wrong or unknown. Deciders that need a measurement at every tick get every measurement.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
