@@ -18,6 +18,7 @@ from agents.interface.help_texts import as_command, as_subcommand
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
+from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
@@ -34,6 +35,7 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "dataset": Dataset,
 }
 EXAMPLES = {
     "": (
@@ -85,6 +87,10 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "dataset": (
+        "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
 }
 """Lines below the help of each command; a test parses them."""

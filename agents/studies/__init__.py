@@ -6,6 +6,7 @@
   recorded flights.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`, `limits_figure`.
 - `play_command`: `hybridtrack play`; `episodes`, `animation`.
+- `dataset_command`: `hybridtrack dataset`, for offline learning.
 - `tables`: of scores, the same for every task.
 
 May import all other subpackages but `recordings`, `reproduction` and `tuning`.
