@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.interface.help_texts import shown_default
+from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
@@ -41,12 +42,12 @@ class RandomPolicy:
 
 
 @dataclass(kw_only=True)
-class Dataset(WorldArguments):
+class Dataset(WorldArguments, TrustArguments):
     """Write episodes of deciders as data sets of Minari, for offline learning: one for each decider."""
 
     policies: tuple[str, ...] = ()
-    """Rules, 'shipped' or run folders, with optional thresholds, or 'random'.
-    Announced switches: {announced}. Unknown switches: {unknown}."""
+    """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
+    thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}."""
     episodes: int = 200
     """Number of episodes of each, the same for all."""
     seed: int = seeds.DATASET
