@@ -84,7 +84,7 @@ class Dataset(WorldArguments, TrustArguments):
         before = os.environ.get(ROOT)
         try:
             with atomic_folder("out", folder) as part:
-                os.environ[ROOT] = str(part)
+                os.environ[ROOT] = str(part.resolve())  # Minari writes to no relative path
                 for identity, title, changes, decider in found:
                     print(self._write(task, identity, title, {**task.given, **changes}, decider))
         finally:
