@@ -72,7 +72,7 @@ def test_what_cannot_be_written_is_refused_in_one_line(root, capsys, flags, mess
 
 def test_the_folder_may_be_relative(root, monkeypatch, capsys):
     monkeypatch.chdir(root)
-    assert main("dataset --policies random --episodes 2 --out datasets".split()) == 0
+    assert main(["dataset", "--policies", "random", "--episodes", "2", "--out", "datasets"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "Data datasets"
     monkeypatch.setenv("MINARI_DATASETS_PATH", "datasets")
     assert minari.load_dataset("HybridTrack-v0/random-v0").total_episodes == 2
