@@ -20,6 +20,7 @@ from agents.interface.trust import TRUST
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
+from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
@@ -36,6 +37,7 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "dataset": Dataset,
 }
 EXAMPLES = {
     "": (
@@ -88,6 +90,10 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "dataset": (
+        "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
 }
 """Lines below the help of each command; a test parses them."""
