@@ -17,6 +17,7 @@ import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
 from agents.interface.trust import TRUST
+from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
@@ -36,6 +37,7 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -88,6 +90,10 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "league": (
+        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
+        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""
