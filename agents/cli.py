@@ -17,6 +17,7 @@ import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
 from agents.interface.trust import TRUST
+from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
@@ -38,6 +39,7 @@ COMMANDS = {
     "reproduce": Reproduce,
     "limits": Limits,
     "dataset": Dataset,
+    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -94,6 +96,9 @@ EXAMPLES = {
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
+    "league": (
+        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
+        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""
