@@ -96,6 +96,7 @@ EXAMPLES = {
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
+    ),
     "league": (
         "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
         "hybridtrack league --table results/*.json          # table and picture only",
