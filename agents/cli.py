@@ -21,6 +21,7 @@ from agents.studies.compare_command import Compare
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
+from agents.studies.score_command import Score
 from agents.training.command import Train
 from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
@@ -34,6 +35,7 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "score": Score,
 }
 EXAMPLES = {
     "": (
@@ -85,6 +87,10 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "score": (
+        "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
+        "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png",
     ),
 }
 """Lines below the help of each command; a test parses them."""

@@ -6,6 +6,7 @@
   recorded flights.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`, `limits_figure`.
 - `play_command`: `hybridtrack play`; `episodes`, `animation`.
+- `score_command`: `hybridtrack score`, statements of any origin; `score_report`.
 - `tables`: of scores, the same for every task.
 
 May import all other subpackages but `recordings`, `reproduction` and `tuning`.
