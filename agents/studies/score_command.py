@@ -69,7 +69,7 @@ class Score:
             save_figure(score_figure(result), self.picture)
         for path in (self.out, self.picture):
             if path is not None:
-                console.print(f"Data {path}", markup=False, highlight=False, soft_wrap=True)
+                console.print(str(path), markup=False, highlight=False, soft_wrap=True)
 
     def score(self) -> "TimelineScores":
         """Read the files and score the statements.
