@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -21,6 +22,9 @@ HOUR = 3600.0
 MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
 """A single track is divided into so many blocks of equal time; with fewer there are no intervals."""
 SWITCHES_OF_A_BLOCK = 2
+
+MISSING = ("NAType", "NaTType")
+"""Types of a missing mode in pandas, which is not imported."""
 
 ONE_SET = "statements"
 """Name of statements that are given without a name."""
@@ -130,7 +134,7 @@ def score(
     timelines = {}
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
-        own = statement_times[name] if isinstance(statement_times, Mapping) else statement_times
+        own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
         found = _tracks(
             "times" if own is None else "statement_times", times if own is None else own, place, stated
         )
@@ -157,6 +161,8 @@ def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
     found = []
     for number, (clock, values) in enumerate(zip(times, modes, strict=True)):
         place = name if len(times) == 1 else f"{name}[{number}]"
+        if dimensions(clock) != 1:
+            raise reject(place, clock, "an array of times")
         if dimensions(values) != 1 or len(values) != len(clock):
             raise ArgumentError(
                 f"{word} has shape {np.shape(values)} for {len(clock)} {place}: expected one mode for each"
@@ -173,11 +179,14 @@ def _nested(times: Any) -> bool:
 def _times(name: str, values: Any) -> NDArray[Any]:
     """Return checked increasing times, floats or datetime64[ns]."""
     array = np.asarray(values)
-    if array.dtype.kind in "mMUO":
+    if array.dtype.kind == "O" and all(isinstance(value, datetime) for value in array.flat):
+        zoned = (value.astimezone(UTC) if value.tzinfo else value for value in array.tolist())
+        array = np.array([value.replace(tzinfo=None) for value in zoned], "datetime64[ns]")
+    if array.dtype.kind in "mMU":
         try:
             array = array.astype("timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]")
-        except (ValueError, TypeError):
-            raise reject(name, values, "an array of numbers or datetimes without a time zone") from None
+        except ValueError:
+            raise reject(name, values, "an array of numbers or datetimes") from None
         if np.isnat(array).any():
             raise reject(name, "NaT", "a time for every sample")
     else:
@@ -191,10 +200,8 @@ def _times(name: str, values: Any) -> NDArray[Any]:
 def _code(mode: Any, codes: dict[Any, int]) -> int:
     """Return the index of a mode, a new one if need be; `NOTHING` for a missing one."""
     value = mode.item() if isinstance(mode, np.generic) else mode
-    if value is None or value == "" or value != value:
+    if value is None or type(value).__name__ in MISSING or value == "" or value != value:
         return NOTHING
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
     if not isinstance(value, (int, float, str)):
         raise reject("mode", mode, "a number or a string")
     return codes.setdefault(value, len(codes))

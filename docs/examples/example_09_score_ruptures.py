@@ -105,7 +105,8 @@ for name, figures in result.differences.items():
 
 # %%
 # Afterwards, ruptures agrees best: it has seen what came next. Live, from the same positions as the rule, it is later and changes more
-# often. It is made for whole signals, and the rule is given the model of the tracks. ``hybridtrack score truth.csv imm.csv ruptures.csv`` prints the same from files.
+# often. It is made for whole signals, and the rule is given the model of the tracks.
+# ``hybridtrack score truth.csv imm.csv ruptures.csv`` prints the same from files.
 
 figure, (bars, plane) = plt.subplots(1, 2, figsize=(10, 3.2), width_ratios=(2, 1), layout="constrained")
 rows = np.stack([true[0], *(stated[0] for stated in statements.values())])

@@ -128,7 +128,8 @@ def test_times_may_be_dates():
     start = datetime.datetime(2026, 1, 1)
     dates = [start + datetime.timedelta(seconds=5 * k) for k in range(6)]
     expected = values(score(np.arange(0, 30, 5), list("aabbbb"), list("aaabbb")))
-    for times in (dates, np.array(dates, "datetime64[us]"), [date.isoformat() for date in dates]):
+    zoned = [date.replace(tzinfo=datetime.UTC) for date in dates]
+    for times in (dates, zoned, np.array(dates, "datetime64[us]"), [date.isoformat() for date in dates]):
         assert values(score(times, list("aabbbb"), list("aaabbb"))) == pytest.approx(expected, nan_ok=True)
 
 
@@ -151,6 +152,9 @@ TIMES, TRUTH = [0.0, 1.0, 2.0], ["a", "b", "b"]
         (([TIMES, TIMES], [TRUTH, TRUTH], [TRUTH]), {}, "1 tracks"),
         ((["x", "y", "z"], TRUTH, TRUTH), {}, "numbers or datetimes"),
         ((3.0, TRUTH, TRUTH), {}, "an array of times"),
+        (([TIMES, 3.0], [TRUTH, TRUTH], [TRUTH, TRUTH]), {}, r"times\[1\]=3.0"),
+        (([0.0, None, 2.0], TRUTH, TRUTH), {}, "finite numbers"),
+        ((TIMES, TRUTH, None), {}, r"statements has shape \(\)"),
         ((TIMES, [{}, 1, 2], TRUTH), {}, "mode={}"),
     ],
 )  # fmt: skip
