@@ -228,7 +228,8 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
     elapsed = clock - clock[0]
     seconds = elapsed if elapsed.dtype.kind == "f" else elapsed / np.timedelta64(1, "s")
     weights = np.where(scored, np.append(np.diff(seconds), 0.0), 0.0)
-    samples = np.isin(clock, true.times) & scored
+    denser = max(true.times, stated.times, key=len)  # a list of switches has no samples
+    samples = np.isin(clock, denser) & scored
     samples[-1] = False  # the end
     return Timeline(np.asarray(seconds), modes, spoken, scored, weights, samples)
 

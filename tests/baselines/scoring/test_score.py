@@ -44,6 +44,8 @@ def test_switches_are_as_good_as_samples_and_statements_have_their_own_times():
         assert found["agreement"] == pytest.approx(1.0 - 4.5 / 100.0)
         assert found["delay"] == pytest.approx(3.5)
         assert found["false_changes"] == pytest.approx(0.01)
+    listed = score([0.0, 30.0, 100.0], [0, 1, 1], stated, statement_times=times)
+    assert values(listed)["false_per_1000"] == pytest.approx(1000.0 / 200)
 
 
 def test_an_early_statement_is_neither_false_nor_late_and_an_unfinished_switch_is_no_miss():
