@@ -35,6 +35,8 @@ class Score:
     the header or seconds; dates are recognised."""
     per: str = "h"
     """Time in which false changes are counted: h, min or s."""
+    normal: str | None = None
+    """True mode, away from which a false change is a false alarm, counted in the time in which it is true."""
     out: Path | None = None
     """JSON file for figures, differences and intervals."""
     picture: Path | None = None
@@ -96,5 +98,5 @@ class Score:
             list(truth.times.values()), list(truth.modes.values()),
             {name: list(file.modes.values()) for name, file in sets.items()},
             statement_times={name: list(file.times.values()) for name, file in sets.items()},
-            per=SECONDS[self.per],
+            per=SECONDS[self.per], normal=self.normal,
         )  # fmt: skip

@@ -20,6 +20,7 @@ HEADS = {
     "full_delay": ("delay,\nall", 2, 1.0),
     "false_changes": ("false\n/{per}", 2, 1.0),
     "false_per_1000": ("false\n/1000", 2, 1.0),
+    "false_alarms": ("alarms\n/{per}", 2, 1.0),
     "changes_per_switch": ("changes", 2, 1.0),
 }
 """Heading, digits and factor of each figure."""
@@ -47,19 +48,23 @@ def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Tabl
         over = "No intervals: they need several tracks, or one of at least 20 switches."
     count = f"{result.tracks} track" + "s" * (result.tracks > 1)
     title = f"Statements on {count}, {seconds / result.period:.4g} {per} scored"
-    contents = [(title, f"{over}\n{NOTES.format(per=per)}", result.estimates, "")]
+    notes = NOTES.format(per=per)
+    if result.normal is not None:
+        notes += f"\nalarms: false changes away from {result.normal}, per {per} in which it is true."
+    contents = [(title, f"{over}\n{notes}", result.estimates, "")]
     if others:
         contents.append((f"Less that of {first}, on the same tracks", over, result.differences, "+"))
+    heads = {key: head for key, head in HEADS.items() if key != "false_alarms" or result.normal is not None}
     tables = []
     for title, caption, rows, sign in contents:
         table = new_table(title, caption)
         table.add_column("statements", min_width=10, overflow="fold")
-        for head, *_ in HEADS.values():
+        for head, *_ in heads.values():
             table.add_column(head.format(unit=unit, per=per), justify="right", no_wrap=True)
         for name, figures in rows.items():
             cells = [
                 estimate_cell(figures[key], scale, digits, sign=sign)
-                for key, (_, digits, scale) in HEADS.items()
+                for key, (_, digits, scale) in heads.items()
             ]
             table.add_row(escape(name), *cells)
         tables.append(table)

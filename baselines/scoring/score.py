@@ -40,12 +40,14 @@ class TimelineScores:
         timelines: of every track, by the name of the set.
         modes: names of the modes, by whose indices the timelines are.
         period: time in which false changes are counted.
+        normal: mode away from which a false change is a false alarm; None without one.
     """
 
     scores: dict[str, Scores]
     timelines: dict[str, list[Timeline]]
     modes: tuple[Any, ...]
     period: float
+    normal: Any = None
 
     @property
     def tracks(self) -> int:
@@ -100,7 +102,13 @@ class _Track(NamedTuple):
 
 
 def score(
-    times: Any, truth: Any, statements: Any, *, statement_times: Any = None, per: float = HOUR
+    times: Any,
+    truth: Any,
+    statements: Any,
+    *,
+    statement_times: Any = None,
+    per: float = HOUR,
+    normal: Any = None,
 ) -> TimelineScores:
     """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
 
@@ -117,6 +125,8 @@ def score(
         statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their names.
         statement_times: as `statements`, with their times; None are those of the truth.
         per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
+        normal: true mode, away from which a false change is a false alarm; these are counted in the time in
+            which it is true.
 
     Raises:
         ArgumentError: an argument has a value or a length that is not allowed.
@@ -131,6 +141,8 @@ def score(
     known = len(codes)
     if not known:
         raise ArgumentError("truth has no mode: expected at least one sample that is not None, NaN or ''")
+    if normal is not None and normal not in codes:
+        raise reject("normal", normal, "a mode of the truth, such as " + ", ".join(map(str, list(codes)[:5])))
     timelines = {}
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
@@ -146,8 +158,8 @@ def score(
             modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
             raise reject(place, shown, f"modes of the truth, such as {modes}")
         timelines[name] = [_merge(*pair, place) for pair in zip(moments, coded, strict=True)]
-    scores = {name: _scores(name, tracks) for name, tracks in timelines.items()}
-    return TimelineScores(scores, timelines, tuple(codes), period)
+    scores = {name: _scores(name, tracks, codes.get(normal)) for name, tracks in timelines.items()}
+    return TimelineScores(scores, timelines, tuple(codes), period, normal)
 
 
 def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
@@ -234,10 +246,10 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
     return Timeline(np.asarray(seconds), modes, spoken, scored, weights, samples)
 
 
-def _scores(name: str, tracks: Sequence[Timeline]) -> Scores:
+def _scores(name: str, tracks: Sequence[Timeline], normal: int | None) -> Scores:
     """Return the scores of one set, with a row for each track or each block of a single one."""
     if len(tracks) > 1:
-        rows = np.concatenate([count_timeline(track) for track in tracks])
+        rows = np.concatenate([count_timeline(track, normal) for track in tracks])
     else:
         (track,) = tracks
         count = min(MOST_BLOCKS, int((np.diff(track.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
@@ -245,5 +257,5 @@ def _scores(name: str, tracks: Sequence[Timeline]) -> Scores:
         if count >= FEWEST_BLOCKS:
             shares = track.times / track.times[-1]
             blocks = np.minimum((count * shares).astype(np.int64), count - 1)
-        rows = count_timeline(track, blocks=blocks)
+        rows = count_timeline(track, normal, blocks)
     return Scores(name, "", (0.0,), TimelineCounts._fields, rows[..., None])

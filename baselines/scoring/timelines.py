@@ -42,6 +42,7 @@ class TimelineCounts(NamedTuple):
     Attributes:
         scored: time that is scored.
         agreed: of it, time in which the statement is the true mode.
+        normal: of it, time in which the normal mode is true.
         samples: number of samples.
         switches: number of switches whose mode is stated or missed.
         missed: of them, those whose mode is not stated before the next switch.
@@ -50,7 +51,7 @@ class TimelineCounts(NamedTuple):
         undetected: time between any switch and the first right statement, the next switch or the end of the
             track, whichever is first.
         false: changes of the statement to a mode that is not true at any moment until the next change.
-        false_alarms: of them, those away from the mode of rest while it is true at all of these moments.
+        false_alarms: of them, those away from the normal mode while it is true at all of these moments.
         changes: changes of the statement.
 
     Switches count if at least half of the moments until the next one are scored, changes of the statement if
@@ -59,6 +60,7 @@ class TimelineCounts(NamedTuple):
 
     scored: float
     agreed: float
+    normal: float
     samples: float
     switches: float
     missed: float
@@ -75,8 +77,8 @@ def statistics(period: float) -> dict[str, Statistic]:
 
     They are: share of the scored time with a right statement; mean delay of the detected switches; share of
     the switches that are missed; mean delay of all switches, where one that is not detected counts until the
-    next one or the end of its track; false changes in a period of scored time and per 1,000 samples; changes
-    of the statement for each switch.
+    next one or the end of its track; false changes in a period of scored time and per 1,000 samples; false
+    alarms in a period of time in the normal mode; changes of the statement for each switch.
 
     Args:
         period: in which false changes are counted, in the unit of time.
@@ -94,18 +96,19 @@ def statistics(period: float) -> dict[str, Statistic]:
         ),
         "false_changes": ratio("false", "scored", period),
         "false_per_1000": ratio("false", "samples", 1000.0),
+        "false_alarms": ratio("false_alarms", "normal", period),
         "changes_per_switch": ratio("changes", "switches"),
     }
 
 
 def count_timeline(
-    timeline: Timeline, resting: int | None = None, blocks: IntArray | None = None
+    timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None
 ) -> FloatArray:
-    """Return the `TimelineCounts` of B blocks of a track, (B, 11). Events belong to the block they begin in.
+    """Return the `TimelineCounts` of B blocks of a track, (B, 12). Events belong to the block they begin in.
 
     Args:
         timeline: the track.
-        resting: mode of rest; without one there are no false alarms.
+        normal: mode away from which a false change is a false alarm; without one there is none.
         blocks: (T,) number of the block of each moment; None is a single block.
     """
     times, modes, stated, scored, weights, samples = timeline
@@ -134,10 +137,11 @@ def count_timeline(
         return np.asarray(total[ends] - total[changes])
 
     false = within(right) == 0
-    at_rest = within(modes == resting) == ends - changes
+    quiet = within(modes == normal) == ends - changes
     counts = {
         "scored": summed(scored, weights[scored]),
         "agreed": summed(right, weights[right]),
+        "normal": summed(modes == normal, weights[modes == normal]),
         "samples": summed(samples),
         "switches": summed(begin[detected | ~last]),
         "missed": summed(begin[~detected & ~last]),
@@ -145,7 +149,7 @@ def count_timeline(
         "pending": summed(begin[~detected & last]),
         "undetected": summed(begin, waited),
         "false": summed(changes[false]),
-        "false_alarms": summed(changes[false & at_rest & (stated[changes] != resting)]),
+        "false_alarms": summed(changes[false & quiet & (stated[changes] != normal)]),
         "changes": summed(changes),
     }
     return np.stack([counts[name] for name in TimelineCounts._fields], axis=1)

@@ -212,6 +212,7 @@ INVALID_ARGUMENTS += [
         ("good.csv good.csv", "--columns time=1 mode=3", "columns='3'"),
         ("good.csv good.csv", "--columns time=1 --object 7", "object='7'"),
         ("good.csv good.csv", "--columns time=1 --time-unit h2", "time_unit='h2'"),
+        ("good.csv good.csv", "--columns time=1 mode=2 --normal x", "normal='x'"),
         ("good.csv good.csv", "--per year", "per='year'"),
         ("good.csv good.csv", "--out no/s.json", "out='no/s.json'"),
         ("good.csv good.csv", "--picture no/s.png", "picture='no/s.png'"),

@@ -51,5 +51,5 @@ def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> TimelineCo
         track = Timeline(
             labels.times[rows], labels.modes[rows], stated[rows], scored, labels.weights[rows], scored
         )
-        counts.append(count_timeline(track, resting=STRAIGHT))
+        counts.append(count_timeline(track, normal=STRAIGHT))
     return TimelineCounts(*np.sum(counts, axis=(0, 1)).tolist())

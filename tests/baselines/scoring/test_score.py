@@ -27,6 +27,17 @@ def test_a_case_counted_by_hand():
     assert found["false_changes"] == pytest.approx(1 / 120.0 * 60.0)
     assert found["false_per_1000"] == pytest.approx(1000.0 / 12)
     assert found["changes_per_switch"] == pytest.approx(4 / 3)
+    assert np.isnan(found["false_alarms"])
+
+
+def test_false_alarms_are_counted_in_the_time_of_normal_operation():
+    truth, stated = (
+        list("AAAABBBBCCAA"),
+        list("ACAABBABCCAB"),
+    )  # C is one, A in B is none; the last is no time
+    found = values(score(np.arange(12) * 10.0, truth, stated, per=60.0, normal="A"))
+    assert found["false_changes"] == pytest.approx(3 / 110.0 * 60.0)
+    assert found["false_alarms"] == pytest.approx(2 / 50.0 * 60.0)
 
 
 def test_switches_are_as_good_as_samples_and_statements_have_their_own_times():
@@ -149,6 +160,7 @@ TIMES, TRUTH = [0.0, 1.0, 2.0], ["a", "b", "b"]
         ((TIMES, TRUTH, ["A", "B", "B"]), {}, r"statements=\['A', 'B'\].*modes of the truth, such as a, b"),
         ((TIMES, [None, "", np.nan], TRUTH), {}, "truth has no mode"),
         ((TIMES, TRUTH, TRUTH), {"per": 0.0}, "per=0.0"),
+        ((TIMES, TRUTH, TRUTH), {"normal": "c"}, "normal='c'.*a mode of the truth, such as a, b"),
         ((TIMES, TRUTH, TRUTH), {"statement_times": [5.0, 6.0, 7.0]}, "before the end of the truth"),
         ((TIMES, TRUTH, TRUTH), {"statement_times": ["2026-01-01", "2026-01-02", "2026-01-03"]}, "as those"),
         (([TIMES, TIMES], [TRUTH, TRUTH], [TRUTH]), {}, "1 tracks"),

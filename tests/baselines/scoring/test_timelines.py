@@ -15,13 +15,14 @@ def drawn(seed, moments=120):
     return Timeline(times, modes, stated, scored, weights, scored & (generator.random(moments) < 0.9))
 
 
-def literal_counts(one, resting):
+def literal_counts(one, normal):
     """The definitions of `TimelineCounts`, event by event."""
     total = dict.fromkeys(TimelineCounts._fields, 0.0)
     n = len(one.times)
     for k in range(n):
         total["scored"] += one.weights[k]
         total["agreed"] += one.weights[k] * (one.modes[k] == one.stated[k])
+        total["normal"] += one.weights[k] * (one.modes[k] == normal)
         total["samples"] += one.samples[k]
 
     def runs(values):
@@ -49,23 +50,23 @@ def literal_counts(one, resting):
         true = set(one.modes[begin:end].tolist())
         total["changes"] += 1
         total["false"] += one.stated[begin] not in true
-        total["false_alarms"] += true == {resting} and one.stated[begin] != resting
+        total["false_alarms"] += true == {normal} and one.stated[begin] != normal
     return list(total.values())
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_counts_equal_those_of_a_literal_loop_also_in_blocks(seed):
     one = drawn(seed)
-    expected = literal_counts(one, resting=1)
-    np.testing.assert_allclose(count_timeline(one, resting=1)[0], expected, atol=1e-12)
+    expected = literal_counts(one, normal=1)
+    np.testing.assert_allclose(count_timeline(one, normal=1)[0], expected, atol=1e-12)
     blocks = np.repeat([0, 1, 3], 40)
-    parts = count_timeline(one, resting=1, blocks=blocks)
+    parts = count_timeline(one, normal=1, blocks=blocks)
     assert parts.shape == (4, len(TimelineCounts._fields))
     assert not parts[2].any()
     np.testing.assert_allclose(parts.sum(0), expected, atol=1e-12)
 
 
-def test_without_a_mode_of_rest_there_are_no_false_alarms():
+def test_without_a_normal_mode_there_are_no_false_alarms():
     counts = TimelineCounts(*count_timeline(drawn(0))[0])
     assert counts.false > 0
     assert counts.false_alarms == 0
