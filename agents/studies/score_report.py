@@ -28,7 +28,7 @@ HEADS = {
 NOTES = """delay: from a switch to the first right statement.
 misses: switches followed by another one before that.
 delay, all: without it, until the next switch or the end of the track.
-false: changes to a mode that is not true until the next change, per {per} and 1,000 samples.
+false: changes to a mode that is not true until the next change, per {per} or 1,000 samples.
 changes: of the statement, per switch."""
 MOST_TRACKS = 4  # in the picture
 

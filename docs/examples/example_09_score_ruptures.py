@@ -98,7 +98,10 @@ statements = {
 }
 result = score([times] * tracks, list(true), statements, per=60.0)
 for name, figures in result.estimates.items():
-    print(f"{name}:", ", ".join(f"{key} {one.value:.2f}" for key, one in figures.items()))
+    print(
+        f"{name}:",
+        ", ".join(f"{key} {one.value:.2f}" for key, one in figures.items() if key != "false_alarms"),
+    )
 for name, figures in result.differences.items():
     delay = figures["full_delay"]
     print(f"{name}: delay {delay.value:+.2f} s [{delay.low:+.2f}, {delay.high:+.2f}] from that of the IMM")
