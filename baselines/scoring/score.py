@@ -15,9 +15,6 @@ from baselines.scoring.scores import Scores
 from baselines.scoring.timelines import NOTHING, Timeline, TimelineCounts, count_timeline, statistics
 from hybrid_env.checks import ArgumentError, check_array, check_positive, dimensions, reject
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 HOUR = 3600.0
 MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
 """A single track is divided into so many blocks of equal time; with fewer there are no intervals."""

@@ -7,10 +7,7 @@ from numpy.typing import NDArray
 
 from baselines.scoring.scores import Statistic, quotient, ratio
 from baselines.scoring.statements import find_switches
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 NOTHING = -1
 """In place of a stated mode where nothing is stated."""

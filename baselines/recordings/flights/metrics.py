@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import Labels
 from baselines.scoring.scores import Scores, Statistic, ratio
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline, statistics
-
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import IntArray
 
 _COMMON = statistics(3600.0)
 STATISTICS: dict[str, Statistic] = {
