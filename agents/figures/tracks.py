@@ -101,9 +101,7 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
         handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
         handles.append(wrong_patch("wrong statement"))
     else:
-        draw_timelines(
-            timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names
-        )
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
         handles = [
             Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
             wrong_patch("wrong mode"),
