@@ -17,9 +17,11 @@ import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
 from agents.interface.trust import TRUST
+from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
+from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
@@ -38,6 +40,8 @@ COMMANDS = {
     "reproduce": Reproduce,
     "limits": Limits,
     "score": Score,
+    "dataset": Dataset,
+    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -94,6 +98,14 @@ EXAMPLES = {
     "score": (
         "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
         "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png",
+    ),
+    "dataset": (
+        "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
+    ),
+    "league": (
+        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
+        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""

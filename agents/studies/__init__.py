@@ -6,6 +6,7 @@
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`.
 - `play_command`: `hybridtrack play`; `episodes`.
 - `score_command`: `hybridtrack score`, statements of any origin; `score_report`.
+- `dataset_command`: `hybridtrack dataset`, for offline learning.
 - `tables`: of scores, the same for every task.
 
 May import all other subpackages but `recordings`, `reproduction` and `tuning`.
