@@ -17,6 +17,7 @@ from baselines.rules.rollout import record_statements
 from baselines.rules.sprt import SPRTDecider, sprt_test, sprt_thresholds
 from baselines.rules.threshold import ThresholdDecider
 from baselines.rules.tracker import OnlineEstimate, OnlineTracker
+from baselines.scoring.score import TimelineScores, score
 from baselines.scoring.statements import StatementMetrics, Statements, measure_statements
 
 __all__ = [
@@ -35,10 +36,12 @@ __all__ = [
     "StatementMetrics",
     "Statements",
     "ThresholdDecider",
+    "TimelineScores",
     "Tracks",
     "first_estimate",
     "measure_statements",
     "record_statements",
+    "score",
     "sprt_test",
     "sprt_thresholds",
     "track_ate",
