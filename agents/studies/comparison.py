@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.progress import Progress
 
 from agents.evaluation.curves import Selected
@@ -120,6 +121,10 @@ class Comparison:
         return self.plan.task.against(
             entry.scores, entry.chosen, first.scores, first.chosen, self.plan.curves
         )
+
+    def picture(self) -> Figure:
+        """Return the figure of the operating curves."""
+        return self.plan.task.figure(self.seed_groups, self.plan.curves)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without agents the best rule, and the episode on which it differs most.
