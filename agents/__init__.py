@@ -22,5 +22,8 @@ if TYPE_CHECKING:
     from agents.functions import evaluate as evaluate
     from agents.functions import load as load
     from agents.functions import train as train
+    from agents.recordings.tracking import track_recording as track_recording
 else:
-    __all__, __getattr__, __dir__ = lazy_names(__name__, {"functions": "compare evaluate load train"})
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__, {"functions": "compare evaluate load train", "recordings.tracking": "track_recording"}
+    )

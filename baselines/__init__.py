@@ -11,8 +11,6 @@ from hybrid_env.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from baselines.estimation.imm import IMMFilter as IMMFilter
-    from baselines.recordings.arrays import first_estimate as first_estimate
-    from baselines.recordings.ate import Tracks as Tracks
     from baselines.recordings.ate import track_ate as track_ate
     from baselines.recordings.reading.read import read_recordings as read_recordings
     from baselines.rules.beam import BeamDecider as BeamDecider
@@ -26,12 +24,10 @@ if TYPE_CHECKING:
     from baselines.rules.restarted import MeanRatioDecider as MeanRatioDecider
     from baselines.rules.rollout import record_statements as record_statements
     from baselines.rules.sprt import SPRTDecider as SPRTDecider
-    from baselines.rules.sprt import sprt_test as sprt_test
     from baselines.rules.sprt import sprt_thresholds as sprt_thresholds
     from baselines.rules.threshold import ThresholdDecider as ThresholdDecider
     from baselines.rules.tracker import OnlineEstimate as OnlineEstimate
     from baselines.rules.tracker import OnlineTracker as OnlineTracker
-    from baselines.scoring.statements import StatementMetrics as StatementMetrics
     from baselines.scoring.statements import Statements as Statements
     from baselines.scoring.statements import measure_statements as measure_statements
 else:
@@ -39,8 +35,7 @@ else:
         __name__,
         {
             "estimation.imm": "IMMFilter",
-            "recordings.arrays": "first_estimate",
-            "recordings.ate": "Tracks track_ate",
+            "recordings.ate": "track_ate",
             "recordings.reading.read": "read_recordings",
             "rules.beam": "BeamDecider",
             "rules.change_detection": "CusumDecider ShiryaevRobertsDecider",
@@ -49,9 +44,9 @@ else:
             "rules.msprt": "GapDecider MSPRTDecider",
             "rules.restarted": "GLRDecider MeanRatioDecider",
             "rules.rollout": "record_statements",
-            "rules.sprt": "SPRTDecider sprt_test sprt_thresholds",
+            "rules.sprt": "SPRTDecider sprt_thresholds",
             "rules.threshold": "ThresholdDecider",
             "rules.tracker": "OnlineEstimate OnlineTracker",
-            "scoring.statements": "StatementMetrics Statements measure_statements",
+            "scoring.statements": "Statements measure_statements",
         },
     )

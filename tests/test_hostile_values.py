@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
+from agents import track_recording
 from agents.cli import main
 from agents.recordings.files import object_folders
-from agents.recordings.tracking import track_recording
 from agents.tuning.search import JOURNAL
 from baselines.rules.rollout import evaluate
 from hybrid_env import (
