@@ -7,6 +7,7 @@ import operator
 import os
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ import gymnasium as gym
 import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
+from agents.interface.trust import TRUST
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
@@ -63,6 +65,7 @@ EXAMPLES = {
         "hybridtrack compare                                # trains PPO, draws the operating curves",
         "hybridtrack compare --agents shipped runs/anchor --measurement-variance 1",
         "hybridtrack compare --agents ppo --training-seeds 5 --jobs 2 --out results/seeds",
+        "hybridtrack compare --deciders ate mine.py:MyRule --agents model.zip",
         "hybridtrack compare --no-curves --episodes 300     # a first look",
         "hybridtrack compare --env HybridTrackBank-v0 --deciders ate msprt-type bayes --accuracy 0.9",
     ),
@@ -167,7 +170,11 @@ def _run(arguments: Sequence[str]) -> int:
         else:
             _print_examples(arguments[0])
         return int(stop.code or 0)
-    command.run()
+    if getattr(command, "trust", False):
+        os.environ[TRUST] = "1"
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_: _report(f"warning: {message}")
+        command.run()
     return 0
 
 

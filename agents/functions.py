@@ -18,13 +18,13 @@ from agents.studies import comparison
 from agents.studies.compare_command import Compare
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from baselines.rules.decider import Decider, DeciderFamily, as_decider
+from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import check_integer
 
 
-def load(decider: str, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
-    """Return a decider by its name, such as "ate", "msprt:0.02", "shipped" or the path of a run folder.
+def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
+    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip", "mine.py:MyRule"; or itself.
 
     Raises:
         ArgumentError: no decider of the environment has this name, or an option is not allowed.
@@ -38,7 +38,7 @@ def evaluate(
     """Return the metrics of a decider with their 95 % confidence intervals, as `hybridtrack evaluate`.
 
     Args:
-        decider: a name, see `load`, or an object with the method `predict` of Stable-Baselines3.
+        decider: a name, a function of the observations, or an object with `predict`, see `load`.
         env_id: of the environment.
         episodes: number of episodes.
         seed: of the first episode; later ones have consecutive seeds.
@@ -48,19 +48,15 @@ def evaluate(
         ArgumentError: an argument is not allowed.
     """
     task = task_of(env_id, options)
-    if isinstance(decider, str):
-        family, threshold = find_decider(decider, task.options)
-    else:
-        model, threshold = as_decider(decider), 0.0
-        family = DeciderFamily(model.class_name, "", (threshold,), threshold, lambda _: model)
+    family, threshold = find_decider(decider, task.options)
     check_integer("seed", seed, minimum=0)
     scores = sweep(task, family, check_integer("episodes", episodes), seed, thresholds=(threshold,))
     return {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
 
 
 def compare(
-    deciders: Sequence[str] | None = None,
-    agents: Sequence[str] | None = None,
+    deciders: Sequence[Any] | None = None,
+    agents: Sequence[Any] | None = None,
     env_id: str = DEFAULT_ENV,
     *,
     out: str | os.PathLike[str] | None = None,
@@ -69,10 +65,10 @@ def compare(
     """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
 
     Args:
-        deciders: names of rules, the reference first; None for the usual ones of the environment.
-        agents: recipes to train, "shipped", or run folders; None for the usual ones.
+        deciders: rules, the reference first, see `load`; None for the usual ones of the environment.
+        agents: recipes to train, or agents, see `load`; None for the usual ones.
         env_id: of the environment.
-        out: folder for trained agents, from which an interrupted comparison goes on; None writes nothing.
+        out: folder for the trained agents, from which an interrupted comparison goes on; None writes nothing.
         options: of the environment, and the other flags of `hybridtrack compare`: episodes, seed,
             selection_episodes, steps, training_seeds, accuracy, curves, jobs.
 

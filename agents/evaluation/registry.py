@@ -10,6 +10,7 @@ import numpy as np
 
 from agents import learned
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN, Decider, DeciderFamily, rules
+from baselines.rules.own import find_own, own_family, own_names
 from hybrid_env.checks import reject
 
 TASKS = {ANNOUNCED: "known switch moments", UNKNOWN: "unknown switch moments", FLIGHTS: "recorded flights"}
@@ -54,24 +55,24 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
     return kind.trained(folder.name, load_network(folder, weights, card, kind.network), options)
 
 
+EXCHANGED = (".zip", ".onnx")
+"""Endings of the files of policies that other libraries write."""
 SHIPPED = "shipped"
 SHIPPED_FOLDERS = {ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights"}
 """Folders of the weights that come with the package."""
 
 
-def split_threshold(name: str) -> tuple[str, float | None]:
-    """Return the name of a decider and the threshold after its colon, None if there is none.
-
-    Raises:
-        ArgumentError: what follows the colon is not a number.
-    """
+def split_threshold(name: Any) -> tuple[Any, float | None]:
+    """Return the name of a decider, or the object itself, and the number after its colon or None."""
+    if not isinstance(name, str):
+        return name, None
     base, colon, text = name.rpartition(":")
-    if not colon or Path(name).is_dir():
+    if not colon or Path(name).is_dir() or (base.endswith(".py") and text.isidentifier()):
         return name, None
     try:
         return base, float(text)
     except ValueError:
-        raise reject("decider", name, "a number after the colon") from None
+        return name, None
 
 
 def policy_folder(name: str, switches: str) -> Path:
@@ -81,26 +82,50 @@ def policy_folder(name: str, switches: str) -> Path:
     return Path(name or os.devnull)
 
 
-def find_family(name: str, options: Any) -> DeciderFamily:
-    """Return the family of a classical rule, of the shipped agent or of a run folder, for an environment.
+def is_own(name: Any) -> bool:
+    """Return whether a decider is an object, or the name of one in a file, module or entry point of a user.
+
+    Raises:
+        ArgumentError: it cannot be imported.
+    """
+    return not isinstance(name, str) or find_own(name) is not None
+
+
+def is_brought(name: Any) -> bool:
+    """Return whether a decider is the folder or file of a policy, or one of a user, see `is_own`."""
+    path = Path(name or os.devnull) if isinstance(name, str) else Path(os.devnull)
+    return path.is_dir() or (path.suffix in EXCHANGED and path.is_file()) or is_own(name)
+
+
+def find_family(name: Any, options: Any) -> DeciderFamily:
+    """Return a decider at any threshold, for an environment.
 
     Args:
-        name: without a threshold.
+        name: of a classical rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or the
+            name of an entry point, without a threshold; or the object itself, see `own_family`.
         options: of the environment.
 
     Raises:
         ArgumentError: an unknown name, an unreadable run folder, a policy for another task or for another
             number of hypotheses.
     """
+    if not isinstance(name, str):
+        return own_family(name, getattr(name, "__name__", type(name).__name__), options)
     known = rules(options.switches)
     if name in known:
         return known[name].family(options)
     folder = policy_folder(name, options.switches)
+    if Path(name).suffix in EXCHANGED:
+        from agents.learned.exchange import exchanged_family
+
+        return exchanged_family(Path(name), options)
     if not folder.is_dir():
-        names = ", ".join(map(repr, (*known, SHIPPED)))
-        raise reject(
-            "decider", name, f"{names} or the path of a run folder, each with an optional ':threshold'"
-        )
+        own = find_own(name)
+        if own is not None:
+            return own_family(own, name, options)
+        names = ", ".join(map(repr, (*known, SHIPPED, *own_names())))
+        allowed = f"{names}, a run folder, model.zip, policy.onnx or mine.py:MyRule, and optionally ':number'"
+        raise reject("decider", name, allowed)
     family = learned_family(folder, options)
     if name == SHIPPED:
         family = dataclasses.replace(family, name=SHIPPED)
@@ -110,7 +135,7 @@ def find_family(name: str, options: Any) -> DeciderFamily:
     return family
 
 
-def find_decider(name: str, options: Any) -> tuple[DeciderFamily, float]:
+def find_decider(name: Any, options: Any) -> tuple[DeciderFamily, float]:
     """Return the family and the threshold of "ate", "ate:1e-6", "beam:0.7", "runs/ppo" or "runs/ppo:-2".
 
     Args:
@@ -132,7 +157,7 @@ def find_decider(name: str, options: Any) -> tuple[DeciderFamily, float]:
     return family, threshold
 
 
-def load_decider(name: str, options: Any) -> Decider:
+def load_decider(name: Any, options: Any) -> Decider:
     """Return the decider of a name with an optional threshold, see `find_decider`.
 
     Raises:
@@ -148,7 +173,9 @@ def load_decider(name: str, options: Any) -> Decider:
     return decider
 
 
-def needed_options(name: str, switches: str) -> Mapping[str, Any]:
+def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     """Return the options of an environment that a classical rule needs, see `Decider.options`."""
-    rule = rules(switches).get(name.partition(":")[0])
-    return {} if rule is None else rule.options
+    base, _ = split_threshold(name)
+    rule = rules(switches).get(base) or find_own(base)
+    found: Mapping[str, Any] = getattr(rule, "options", {})
+    return found

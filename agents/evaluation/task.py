@@ -14,7 +14,8 @@ from rich.table import Table
 from agents.evaluation.curves import Groups
 from agents.figures.curves import Panel, curve_figure
 from agents.figures.tracks import TrackRecord
-from baselines.rules.decider import DeciderFamily, as_decider
+from baselines.rules.decider import DeciderFamily
+from baselines.rules.own import as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
 from hybrid_env.options import ModelOptions

@@ -17,7 +17,7 @@ from agents.learned.policy_file import LAYOUTS, card_task, load_weights, save_po
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_integer, reject
-from hybrid_env.observation import Layout, QuickestLayout
+from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
@@ -58,13 +58,13 @@ class ActorDecider(Decider):
     """Base class of the deciders of a trained actor; the subclasses choose actions from its logits.
 
     Args:
-        policy: actor with or without an LSTM.
+        policy: actor with or without an LSTM, or a network from rows to one number for each action.
         threshold: see the subclass.
     """
 
     symbol = "log-odds"
 
-    def __init__(self, policy: ActorCriticPolicy, threshold: float = 0.0):
+    def __init__(self, policy: Any, threshold: float = 0.0):
         self.policy = policy
         self.threshold = threshold
         self.generator = np.random.default_rng(0)
@@ -92,6 +92,8 @@ class ActorDecider(Decider):
     ) -> tuple[NDArray[np.float64], Any]:
         """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
         rows = torch.as_tensor(observation)
+        if not isinstance(self.policy, ActorCriticPolicy):
+            return self.policy(rows).numpy().astype(np.float64), None
         lstm: Any = getattr(self.policy, "lstm_actor", None)
         features: Tensor = self.policy.pi_features_extractor(rows)
         if lstm is not None:
@@ -263,9 +265,13 @@ def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
     """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
     width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
     actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    layout = LAYOUTS[card_task(card)]
-    hypotheses = layout.of_width(width).hypotheses
-    allowed = (hypotheses,) if layout is QuickestLayout else (2, hypotheses + 1)
+    task = card_task(card)
+    check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
+    return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)
+
+
+def check_actions(actions: int, hypotheses: int, task: str) -> None:
+    """Raise `ArgumentError` if an actor cannot have this number of actions for M hypotheses."""
+    allowed = (hypotheses,) if task == UNKNOWN else (2, hypotheses + 1)
     if actions not in allowed:
         raise reject("actions", actions, " or ".join(map(str, allowed)))
-    return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)

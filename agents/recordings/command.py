@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.interface.output_files import atomic_folder, output_folder, write_table
+from agents.interface.trust import TrustArguments
 from agents.recordings.files import FileArguments, Report, check_free, object_folders, work_on_files
 from agents.recordings.tracked import TrackedRecording, piece_table, row_table
 from agents.recordings.tracking import TrackingArguments
@@ -19,7 +20,7 @@ FEW_FILES = 20
 
 
 @dataclass(kw_only=True)
-class Track(TrackingArguments, FileArguments):
+class Track(TrackingArguments, TrustArguments, FileArguments):
     """Decide between straight motion, left and right turns on recordings, and estimate the trajectory.
 
     Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such as noise

@@ -3,13 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.registry import SHIPPED, load_decider, needed_options
+from agents.evaluation.registry import SHIPPED, is_brought, load_decider, needed_options, split_threshold
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
@@ -90,10 +89,10 @@ class TrackingArguments:
         if self.start is not None:
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
-        name = self._decider_name().partition(":")[0]
-        if name not in (*announced, *unknown, SHIPPED) and not Path(name).is_dir():
+        name, _ = split_threshold(self._decider_name())
+        if name not in (*announced, *unknown, SHIPPED) and not is_brought(name):
             known = ", ".join([*announced, *unknown, SHIPPED])
-            raise reject("decider", self.decider, f"{known} or the path of a run folder")
+            raise reject("decider", self.decider, f"{known}, a run folder, model.zip or mine.py:MyRule")
         if not self.lengths and name in announced:
             raise reject("decider", self.decider, f"{', '.join(unknown)} or an agent, or give --lengths")
         if self.lengths and name in unknown:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
+from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from agents.studies.flight_arguments import FlightArguments
 from baselines.rules import seeds
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class Compare(WorldArguments, ParallelArguments, FlightArguments):
+class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
     The defaults train PPO for about half a minute and take about four minutes in total. With
@@ -26,13 +27,14 @@ class Compare(WorldArguments, ParallelArguments, FlightArguments):
     """
 
     deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
-    """Classical rules; the first is the reference. Announced switches: {announced}. Unknown switches:
-    {unknown}. With --flights: {flights}, with an optional ':threshold', or the folder of an agent."""
+    """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference. Announced
+    switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
+    ':threshold', or the folder of an agent."""
     agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = (
         None
     )
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
-    package), or run folders."""
+    package), run folders, or policies of other libraries ('model.zip', 'policy.onnx')."""
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
     """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True

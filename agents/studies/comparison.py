@@ -19,7 +19,7 @@ from agents.interface.parallel import Call, Workers
 from agents.studies.continuation import Continuation, weights_digest
 from agents.studies.plan import Plan
 from baselines.rules import seeds
-from baselines.rules.decider import DeciderFamily, rules
+from baselines.rules.decider import DeciderFamily
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
 
@@ -59,7 +59,7 @@ class Comparison:
 
     Attributes:
         plan: settings.
-        entries: results of the deciders so far; the first is the reference. What is computed of an entry is kept.
+        entries: results of the deciders so far; the first is the reference.
     """
 
     plan: Plan
@@ -71,7 +71,7 @@ class Comparison:
         if not self.plan.curves:
             return {}
         task, first = self.plan.task, self.entries[0]
-        return task.levels(first.scores, rules(task.switches)[first.decider].family(task.options).default)
+        return task.levels(first.scores, first.family(task).default)
 
     @property
     def best_rule(self) -> Entry:

@@ -101,9 +101,10 @@ class Continuation:
 
 
 def weights_digest(name: str, switches: str) -> str:
-    """Digest of the weights of 'shipped' or of a run folder; empty for other deciders."""
-    path = policy_folder(name, switches) / WEIGHTS
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    """Digest of the weights of 'shipped' or of a run folder, or of the file of a decider; else empty."""
+    paths = policy_folder(name, switches) / WEIGHTS, Path(name), Path(name.rpartition(":")[0])
+    found = [path.read_bytes() for path in paths if path.is_file()]
+    return hashlib.sha256(found[0]).hexdigest() if found else ""
 
 
 def digest(values: Any) -> str:

@@ -29,7 +29,7 @@ class OneTrack:
     num_envs = 1
 
     def __init__(self, env: TrackEnv):
-        self.env = env
+        self.env, self.single_action_space = env, env.action_space
 
     @property
     def world(self) -> Any:

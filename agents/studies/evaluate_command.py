@@ -8,6 +8,7 @@ import tyro
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
+from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, check_number, reject
@@ -24,7 +25,7 @@ MOST_SHOWN_MODES = 5  # of a confusion matrix
 
 
 @dataclass(kw_only=True)
-class Evaluate(WorldArguments, ParallelArguments):
+class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
     """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
 
     With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
@@ -34,7 +35,8 @@ class Evaluate(WorldArguments, ParallelArguments):
         tyro.conf.Positional[tuple[str, ...]],
         shown_default("ate; threshold in HybridTrackQuickest-v0"),
     ] = ()
-    """Rules, 'shipped' or run folders, with optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2'.
+    """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
+    thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx', 'mine.py:MyRule:0.1'.
     Announced switches: {announced}. Unknown switches: {unknown}."""
     episodes: int = 1000
     """Number of evaluation episodes."""

@@ -95,13 +95,14 @@ class Limit:
         return self.scores.thresholds[0]
 
 
-def calls(env_id: str, episodes: int, seed: int) -> dict[str, dict[str, Call]]:
+def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) -> dict[str, dict[str, Call]]:
     """Return the calls of a study by its parts; every call returns a list of results.
 
     Args:
         env_id: registered id of an environment, or empty for both with announced switches.
         episodes: number of episodes. A third as many others (at least 50) serve to select thresholds.
         seed: of the first episode.
+        further: deciders to evaluate on every bank, besides the classical rules.
     """
     if env_id == QUICKEST_ENV:
         steps: dict[str, Call] = {
@@ -127,7 +128,7 @@ def calls(env_id: str, episodes: int, seed: int) -> dict[str, dict[str, Call]]:
             for env in RULES
             for noise in NOISE_LEVELS
             for bank in BANKS
-            for rule in RULES[env]
+            for rule in (*RULES[env], *further)
         },
         "calibration": {
             f"calibration, {bank}, R = {noise:g}": functools.partial(bank_calibration, bank, noise, seed)

@@ -6,12 +6,13 @@ from typing import Annotated
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
+from agents.interface.trust import TrustArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
 
 @dataclass(kw_only=True)
-class Limits(ParallelArguments):
+class Limits(TrustArguments, ParallelArguments):
     """Evaluate every classical rule on every filter bank and noise level.
 
     The default takes about two hours on one core, 1,500 episodes one hour. With
@@ -20,6 +21,8 @@ class Limits(ParallelArguments):
 
     env: Annotated[str | None, shown_default("both environments with known switch moments")] = None
     """'HybridTrackQuickest-v0'."""
+    deciders: tuple[str, ...] = ()
+    """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'."""
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
     seed: int = 0
@@ -39,22 +42,29 @@ class Limits(ParallelArguments):
         from rich.console import Console
         from rich.markdown import Markdown
 
+        from agents.evaluation.registry import find_family
+        from agents.evaluation.tasks import task_of
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
-        from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, calls, limits_json
+        from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, RULES, calls, limits_json
         from agents.studies.limits_figure import limits_figure
         from agents.studies.limits_report import limits_markdown
 
         quickest = QUICKEST_ENV.rpartition(":")[2]
         if self.env not in (None, quickest, QUICKEST_ENV):
             raise reject("env", self.env, f"{quickest}, or no --env for the others")
+        if self.deciders and self.env is not None:
+            raise reject("deciders", self.deciders, f"none in {quickest}, where compare evaluates them")
+        for name in self.deciders:
+            for env in RULES:
+                find_family(name, task_of(env).options)
         largest = max(self.episodes, CALIBRATION_EPISODES)
         if self.seed + largest > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION - largest}")
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
-        by_part = calls("" if self.env is None else QUICKEST_ENV, self.episodes, self.seed)
+        by_part = calls("" if self.env is None else QUICKEST_ENV, self.episodes, self.seed, self.deciders)
         with progress_display(console) as progress:
             all_calls = {name: call for part in by_part.values() for name, call in part.items()}
             bar = progress.add_task("Evaluating", total=len(all_calls), note="")

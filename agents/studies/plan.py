@@ -1,10 +1,9 @@
 """The plan of a comparison: its deciders, thresholds and episodes."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from agents.evaluation.registry import SHIPPED, find_family
+from agents.evaluation.registry import SHIPPED, find_family, is_brought, is_own
 from agents.evaluation.task import Task
 from baselines.rules.decider import DeciderFamily, rules
 from hybrid_env.checks import reject
@@ -60,13 +59,14 @@ class Plan:
 
         if name in self.agents:
             recipes = recipe_names()
-            if name in recipes or name.endswith(".yml"):
+            if name in recipes or str(name).endswith(".yml"):
                 return load_recipe(name, self.task.env_id)
-            if name != SHIPPED and not Path(name).is_dir():
-                allowed = f"'shipped', a run folder, a recipe as YAML, or one of {', '.join(recipes)}"
-                raise reject("agents", name, allowed)
-        elif name not in rules(self.task.switches):
-            raise reject("deciders", name, ", ".join(rules(self.task.switches)))
+            if name != SHIPPED and not is_brought(name):
+                kinds = "'shipped', a run folder, model.zip, policy.onnx, a recipe as YAML"
+                raise reject("agents", name, f"{kinds}, or {', '.join(recipes)}")
+        elif name not in rules(self.task.switches) and not is_own(name):
+            allowed = f"{', '.join(rules(self.task.switches))}, or mine.py:MyRule"
+            raise reject("deciders", name, allowed)
         return find_family(name, self.task.options)
 
     def check(self) -> None:

@@ -13,6 +13,7 @@ from rich.progress import Progress
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
+from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.rendering.history import TRACE_INDEX, History
@@ -26,12 +27,12 @@ FINAL_FRAMES = 2 * RENDER_FPS
 
 
 @dataclass(kw_only=True)
-class Play(WorldArguments):
+class Play(WorldArguments, TrustArguments):
     """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
 
     decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
-    """'shipped', a run folder or a rule, with an optional ':threshold'. Announced switches: {announced}.
-    Unknown switches: {unknown}."""
+    """'shipped', a run folder, 'model.zip', 'mine.py:MyRule' or a rule, with an optional ':threshold'.
+    Announced switches: {announced}. Unknown switches: {unknown}."""
     episodes: int = 1
     """Number of episodes."""
     seed: int = 0

@@ -65,7 +65,8 @@ def scores_table(
 def decider_cell(scores: Scores) -> str:
     """Return the name of a decider, and below it its threshold, for the scores of a single one."""
     (threshold,) = scores.thresholds
-    shown = f"{scores.symbol} {threshold:g}" if threshold < NO_EARLY_DECISION else "no threshold"
+    has_threshold = scores.symbol and threshold < NO_EARLY_DECISION
+    shown = f"{scores.symbol} {threshold:g}" if has_threshold else "no threshold"
     return f"{escape(scores.name)}\n[bright_black]{shown}[/]"
 
 

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
@@ -163,48 +162,6 @@ class SeveralThresholds(Decider):
     """
 
     chosen: list[Actions]
-
-
-class Adapted(Decider):
-    """Any object with Stable-Baselines3's `predict`, as a decider.
-
-    Args:
-        model: the object.
-    """
-
-    def __init__(self, model: Any):
-        self.model = model
-
-    @property
-    def class_name(self) -> str:
-        """Name of the class of the object."""
-        return type(self.model).__name__
-
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, Any]:
-        """See `Decider.predict`."""
-        actions, state = self.model.predict(
-            observation, state=state, episode_start=episode_start, deterministic=deterministic
-        )
-        return actions, state
-
-
-def as_decider(model: Any) -> Decider:
-    """Return a decider, or any object with its `predict`, as a decider.
-
-    Raises:
-        ArgumentError: it has no method `predict`.
-    """
-    if isinstance(model, Decider):
-        return model
-    if not callable(getattr(model, "predict", None)):
-        raise reject("decider", model, "an object with a method predict")
-    return Adapted(model)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Observations, as_decider
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.own import Asked, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import check_integer, reject
@@ -35,6 +36,10 @@ class VectorEnvironment(Protocol):
     """What a rollout needs of an environment of N tracks: Gymnasium's `VectorEnv` with its arrays."""
 
     num_envs: int
+
+    @property
+    def single_action_space(self) -> Any:
+        """Discrete actions of one track."""
 
     @property
     def world(self) -> Any:
@@ -90,6 +95,7 @@ def rollout(
             longer passed to deciders that can drop tracks. Without it all count.
     """
     decider = as_decider(model)
+    ask = Asked(decider, int(env.single_action_space.n))
     rows, info = env.reset(seed=seed)
     running = np.arange(env.num_envs)  # tracks passed to the decider
     drops = unfinished is not None
@@ -112,7 +118,7 @@ def rollout(
         seen, starts = now.seen, now.starts
         if running.size < env.num_envs:
             seen, starts = seen[running], starts[running]
-        chosen, now.state = decider.predict(seen, now.state, starts, deterministic=True)
+        chosen, now.state = ask(seen, now.state, starts)
         actions[running] = chosen
         now.actions = actions.copy()
         now.observation, now.rewards, now.terminated, _, now.info = env.step(actions)

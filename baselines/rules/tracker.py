@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.rules.decider import Decider, as_decider
+from baselines.rules.decider import Decider
 from baselines.rules.gate import DEVIATIONS, PATIENCE, gate_distance
+from baselines.rules.own import Asked, as_decider
 from baselines.rules.start import FEW, MANY, FirstMeasurements
 from hybrid_env.checks import (
     LARGEST_NUMBER,
@@ -118,7 +119,7 @@ class OnlineTracker:
         self.gate = None if gate is None else check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau, np.broadcast_to(options.variances, 2).copy()
         prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, 1)
-        self._action_count = int(self.world.action_space().n)
+        self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
         self._try_decider()
         self.begin()
@@ -298,14 +299,9 @@ class OnlineTracker:
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
         seen = self.decider.observe(self.world)
-        actions, self._decider_state = self.decider.predict(
-            seen, self._decider_state, self._episode_start, True
-        )
+        actions, self._decider_state = self._ask(seen, self._decider_state, self._episode_start)
         self._episode_start = np.zeros(1, np.bool_)
-        action = operator.index(actions[0])
-        if not 0 <= action < self._action_count:
-            raise reject("action", action, f"an integer from 0 to {self._action_count - 1}")
-        return action
+        return operator.index(actions[0])
 
     def _try_decider(self) -> None:
         """Ask the decider about a row, so that its code is compiled and a wrong decider is found at once."""

@@ -72,6 +72,7 @@ INVALID_ARGUMENTS = [
     ("compare --accuracy nan", "accuracy=nan"),
     ("limits --episodes 1", "episodes=1"),
     ("limits --seed 1000000000", "seed=1000000000"),
+    ("limits --deciders nowhere.py:rule", "nowhere.py"),
     ("limits --out bad.txt", "out="),
     ("limits --env HybridTrack-v0", "env='HybridTrack-v0'"),
     ("evaluate msprt:0", "alpha=0.0"),
@@ -236,5 +237,6 @@ def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
                     (Track, "files"),
                     (Evaluate, "deciders"),
                     (Reproduce, "papers"),
+                    (kind, "trust"),
                 }
                 assert positional or f"--{field.name.replace('_', '-')}" in lines, (command, field.name)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from baselines.estimation.turns import Batch, TurnEstimates
@@ -29,12 +30,14 @@ class FlightTracks:
     Attributes:
         batch, estimates: as given.
         num_envs: B.
+        single_action_space: M modes to state.
         tick: index of the present position.
     """
 
     def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):
         self.batch, self.estimates = batch, estimates
         self.num_envs, self.tick = batch.times.shape[1], 0
+        self.single_action_space = spaces.Discrete(MODES)
         told = estimates.probabilities if probabilities is None else probabilities
         likelihoods = estimates.log_likelihoods
         layout = QuickestLayout(MODES)

@@ -16,7 +16,7 @@ from agents.studies.animation import PALETTE_SIZE, palette_colours
 from agents.studies.episodes import Episodes
 from agents.studies.play_command import Play
 from baselines.recordings.reading.read import read_recordings
-from baselines.rules.decider import as_decider
+from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import FRAME_SIZE
@@ -215,7 +215,7 @@ def test_the_error_for_an_invalid_argument_is_one_line_and_no_file_is_written(tm
 def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch, name):
     use(monkeypatch, Decider(4, fail))
     (tmp_path / name).write_bytes(b"old")
-    with pytest.raises(RuntimeError, match="decider failed"):
+    with pytest.raises(ArgumentError, match=r"failed in .*decider failed"):
         play(out=tmp_path / name, record=tmp_path / "episode.csv")
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_bytes() == b"old"

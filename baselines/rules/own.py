@@ -1,0 +1,320 @@
+"""Deciders that users bring: functions, classes and objects in Python, files, modules and entry points."""
+
+import copy
+import functools
+import importlib
+import importlib.util
+import inspect
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from gymnasium.error import InvalidAction
+from numpy.typing import NDArray
+
+from baselines.rules.decider import Actions, Decider, DeciderFamily
+from hybrid_env.checks import ArgumentError, check_number, reject
+
+ENTRY_POINTS = "hybridtrack.deciders"
+"""Group of entry points by which packages name deciders."""
+SLOW_CALL, SLOW_TOTAL = 0.05, 20.0  # seconds; above both the user is told
+OURS = ("agents.", "baselines.")
+
+
+class Adapted(Decider):
+    """An object with Stable-Baselines3's `predict`, or a function of the observations, as a decider.
+
+    Args:
+        model: object, or function `observation -> actions` of (N, width) rows, with actions (N,).
+    """
+
+    def __init__(self, model: Any):
+        self.model = model
+        self._call = getattr(model, "predict", model)
+        self._rows_only = not _accepts(self._call, "state")
+
+    @property
+    def class_name(self) -> str:
+        """Name of the class or of the function."""
+        return str(getattr(self.model, "__name__", type(self.model).__name__))
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """See `Decider.predict`; a model that returns actions only has no state."""
+        if self._rows_only:
+            answer = self._call(observation)
+        else:
+            answer = self._call(
+                observation, state=state, episode_start=episode_start, deterministic=deterministic
+            )
+        actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
+        return actions, state
+
+
+def as_decider(model: Any) -> Decider:
+    """Return a decider, any object with its `predict`, or a function of the observations, as a decider.
+
+    Raises:
+        ArgumentError: it is none of these.
+    """
+    if isinstance(model, Decider):
+        return model
+    if isinstance(model, type) or not callable(getattr(model, "predict", model)):
+        raise reject("decider", model, "an object with a method predict, or a function of the observations")
+    return Adapted(model)
+
+
+class Asked:
+    """Asks a decider for actions, and checks those of a decider that is not of this package.
+
+    Args:
+        decider: the decider.
+        action_count: number of actions of a track.
+    """
+
+    def __init__(self, decider: Decider, action_count: int):
+        self.decider, self.action_count = decider, action_count
+        self._trusted = type(decider).__module__.startswith(OURS) and not isinstance(decider, Adapted)
+        self._seconds, self._calls, self._told = 0.0, 0, False
+
+    def __call__(self, seen: Any, state: Any, starts: NDArray[np.bool_]) -> tuple[Actions, Any]:
+        """Return actions (N,) and the new state, see `Decider.predict`.
+
+        Raises:
+            ArgumentError: the decider failed, or what it returned are not N actions.
+
+        Warns:
+            UserWarning: it is slow.
+        """
+        if self._trusted:
+            return self.decider.predict(seen, state, starts, deterministic=True)
+        began = time.perf_counter()
+        try:
+            actions, state = self.decider.predict(seen, state, starts, deterministic=True)
+        except (ArgumentError, InvalidAction):
+            raise
+        except Exception as error:
+            raise _failure(self.decider, error) from error
+        self._watch(time.perf_counter() - began, len(seen))
+        return self._checked(actions, len(seen)), state
+
+    def _checked(self, actions: Any, tracks: int) -> Actions:
+        try:
+            array = np.asarray(actions)
+        except ValueError:  # ragged
+            raise self._refused(actions, tracks) from None
+        if array.shape != (tracks,) or array.dtype.kind not in "iu":
+            raise self._refused(f"{array.dtype} of shape {array.shape}", tracks)
+        wrong = (array < 0) | (array >= self.action_count)
+        if wrong.any():
+            raise self._refused(array[wrong], tracks)
+        return array
+
+    def _refused(self, actions: Any, tracks: int) -> ArgumentError:
+        place = where_defined(self.decider)
+        return reject("actions", actions, f"{tracks} integers from 0 to {self.action_count - 1} from {place}")
+
+    def _watch(self, seconds: float, tracks: int) -> None:
+        self._seconds, self._calls = self._seconds + seconds, self._calls + 1
+        if self._told or self._seconds < SLOW_TOTAL or self._seconds < SLOW_CALL * self._calls:
+            return
+        self._told = True
+        mean = self._seconds / self._calls
+        warnings.warn(
+            f"{where_defined(self.decider)} is slow: {mean:.2g} s a call for {tracks} tracks; rules on whole "
+            "arrays take milliseconds", stacklevel=4,
+        )  # fmt: skip
+
+
+def find_own(name: str) -> Any:
+    """Return the object of "mine.py:MyRule", "package.module:Rule" or the name of an entry point.
+
+    Returns:
+        The object; None if the name has none of these forms.
+
+    Raises:
+        ArgumentError: there is no such file, module or name in it, or it cannot be imported.
+    """
+    found = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
+    where, colon, attribute = name.rpartition(":")
+    if not found and not (colon and attribute.isidentifier() and _is_source(where)):
+        return None
+    if found:
+        place, load = name, found[0].load
+    else:
+        place, load = where, functools.partial(_load, where, attribute)
+    try:
+        return load()
+    except AttributeError as error:
+        if isinstance(error.__context__, ImportError) or (attribute and attribute in str(error)):
+            raise reject("decider", name, f"a name that {place} defines") from error
+        raise _failure(place, error) from error
+    except ArgumentError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise _failure(place, error) from error
+
+
+def own_names() -> list[str]:
+    """Return the names of the deciders that installed packages bring."""
+    return sorted(point.name for point in entry_points(group=ENTRY_POINTS))
+
+
+def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
+    """Return a user's decider at any threshold, for the options of an environment.
+
+    Args:
+        model: function `observation -> actions`, object with `predict`, or class of one. With an attribute
+            `thresholds` it is swept: a class is created with a threshold, a function called with it as its
+            second argument, and an object gets it as its attribute `threshold`. `default`, `title`, `symbol`,
+            `task` and `options` are read if they exist, see `Decider`.
+        name: as it was given, for messages.
+        options: of the environment.
+
+    Raises:
+        ArgumentError: it is for another task, or its thresholds are not different numbers.
+    """
+    task = getattr(model, "task", options.switches)
+    if task != options.switches:
+        raise reject("decider", name, f"one for {options.switches} switches; this one is for {task}")
+    given, rule = getattr(model, "thresholds", ()), isinstance(model, type) and issubclass(model, Decider)
+    try:
+        thresholds = tuple(check_number("thresholds", one) for one in given)
+    except TypeError:
+        raise reject("thresholds", given, f"a sequence of numbers in {name}") from None
+    if len(set(thresholds)) < len(thresholds):
+        raise reject("thresholds", given, f"different numbers in {name}")
+    title = str(getattr(model, "title", "") or getattr(model, "__name__", type(model).__name__))
+    if rule and thresholds:
+        return replace(model.family(options), name=title)
+    default = getattr(model, "default", None)
+    if default not in thresholds:
+        default = thresholds[len(thresholds) // 2] if thresholds else 0.0
+
+    def make(threshold: float) -> Decider:
+        try:
+            made = _at_threshold(model, threshold) if thresholds else model
+            made = made() if isinstance(made, type) else made
+        except ArgumentError:
+            raise
+        except Exception as error:
+            raise _failure(name, error) from error
+        decider = as_decider(made)
+        if isinstance(decider, Adapted):
+            decider.task = task  # type: ignore[misc]
+        return decider
+
+    symbol = str(getattr(model, "symbol", Decider.symbol)) if thresholds else ""
+    needs: Mapping[str, Any] = getattr(model, "options", {})
+    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=dict(needs))
+
+
+def _at_threshold(model: Any, threshold: float) -> Any:
+    if isinstance(model, type):
+        return model(threshold)
+    if hasattr(model, "predict"):
+        one = copy.copy(model)
+        one.threshold = threshold
+        return one
+
+    @functools.wraps(model)
+    def at_threshold(observation: Any) -> Any:
+        return model(observation, threshold)
+
+    return at_threshold
+
+
+def where_defined(model: Any) -> str:
+    """Return class or function, file and line of a decider, for messages."""
+    code = _code(model)
+    inner = getattr(model, "model", model)
+    title = str(getattr(inner, "__name__", type(inner).__name__))
+    return title if code is None else f"{title}, {Path(code.co_filename).name} line {code.co_firstlineno}"
+
+
+def _code(model: Any) -> Any:
+    """Return the code object of the function that decides; None for compiled code."""
+    if isinstance(model, Adapted):
+        call = model._call
+    else:
+        call = model.predict if type(model).decide is Decider.decide else model.decide
+    call = call if inspect.isroutine(call) else getattr(call, "__call__", call)  # noqa: B004
+    return getattr(inspect.unwrap(call), "__code__", None)
+
+
+def _failure(decider: Any, error: BaseException) -> ArgumentError:
+    """Return the error of one line for an exception in a user's code: decider, file, line, what happened."""
+    frames = traceback.extract_tb(error.__traceback__)
+    code = None if isinstance(decider, str) else _code(decider)
+    hidden = (__file__, importlib.__file__, "<frozen")
+    outside = [one for one in frames if not one.filename.startswith(hidden)]
+    own = [one for one in outside if code is not None and one.filename == code.co_filename]
+    places = [f" in {Path(one.filename).name} line {one.lineno}" for one in own or outside]
+    name = decider if isinstance(decider, str) else where_defined(decider).partition(",")[0]
+    return ArgumentError(f"decider {name} failed{(places or [''])[-1]}: {type(error).__name__}: {error}")
+
+
+def _accepts(function: Any, name: str) -> bool:
+    """Return whether a function has an argument of a name."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # compiled code
+        return False
+    return any(one.name == name or one.kind is one.VAR_KEYWORD for one in parameters)
+
+
+def _is_source(where: str) -> bool:
+    """Return whether a text is the path of a Python file, or a module."""
+    if where.endswith(".py"):
+        return True
+    if not all(part.isidentifier() for part in where.split(".")):
+        return False
+    if "." in where:
+        return True
+    _search_here()
+    return importlib.util.find_spec(where) is not None
+
+
+def _search_here() -> None:
+    """Let modules of the present folder be imported, as `python` does."""
+    if str(Path.cwd()) not in sys.path:
+        sys.path.append(str(Path.cwd()))
+
+
+def _load(where: str, attribute: str) -> Any:
+    """Return an attribute of a Python file or a module."""
+    if not where.endswith(".py"):
+        _search_here()
+        return getattr(importlib.import_module(where), attribute)
+    path = Path(where).resolve()
+    if not path.is_file():
+        raise reject("decider", f"{where}:{attribute}", "a file that exists")
+    return getattr(_module(path, path.stat().st_mtime_ns), attribute)
+
+
+@functools.cache
+def _module(path: Path, changed: int) -> ModuleType:
+    """Import a Python file, once for each version of it; modules beside it can be imported."""
+    name = f"own_deciders_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    sys.modules[name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module

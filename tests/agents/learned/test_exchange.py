@@ -1,0 +1,139 @@
+"""Policies of other libraries: the zip of Stable-Baselines3 without unpickling, and ONNX."""
+
+import zipfile
+
+import numpy as np
+import pytest
+import torch
+from sb3_contrib import QRDQN, RecurrentPPO
+from stable_baselines3 import A2C, DQN, PPO
+from stable_baselines3.common.torch_layers import FlattenExtractor
+
+from agents.evaluation.registry import find_decider, find_family
+from agents.interface.trust import TRUST
+from baselines.rules.rollout import evaluate
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+
+OPTIONS = WorldOptions(scheme="random 2x20-25")
+ENV = "hybrid_env:HybridTrackEasy-v0"
+RELU = {"activation_fn": torch.nn.ReLU, "net_arch": [16]}
+MODELS = {
+    "ppo": lambda: PPO("MlpPolicy", ENV, seed=1),
+    "relu": lambda: PPO("MlpPolicy", ENV, seed=1, policy_kwargs=RELU),
+    "two heads": lambda: A2C("MlpPolicy", ENV, policy_kwargs={"net_arch": {"pi": [8], "vf": [16, 4]}}),
+    "linear": lambda: A2C("MlpPolicy", ENV, seed=1, policy_kwargs={"net_arch": []}),
+    "dqn": lambda: DQN("MlpPolicy", ENV, seed=1, buffer_size=10),
+    "qrdqn": lambda: QRDQN("MlpPolicy", ENV, seed=1, buffer_size=10, policy_kwargs={"n_quantiles": 7}),
+    "lstm": lambda: RecurrentPPO("MlpLstmPolicy", ENV, seed=1, policy_kwargs={"lstm_hidden_size": 8}),
+    "one lstm": lambda: RecurrentPPO(
+        "MlpLstmPolicy", ENV, seed=1,
+        policy_kwargs={"lstm_hidden_size": 8, "enable_critic_lstm": False, "n_lstm_layers": 2},
+    ),
+}  # fmt: skip
+
+
+def rows(steps=12):
+    """(steps, N, width) rows while nothing is declared."""
+    env = HybridTrackVectorEnv(5, **vars(OPTIONS))
+    found = [env.reset(seed=3)[0]]
+    found += [env.step(np.zeros(5, int))[0] for _ in range(steps - 1)]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_saved_model_decides_as_the_library_does(name, tmp_path):
+    model = MODELS[name]()
+    model.save(tmp_path / "model.zip")
+    family, threshold = find_decider(str(tmp_path / "model.zip"), OPTIONS)
+    assert (family.name, threshold, family.hypotheses) == ("model", 0.0, 3)
+    assert len(family.thresholds) > 10
+    decider, state, theirs = family.make(0.0), None, None
+    for seen in rows():
+        starts = np.full(5, state is None)
+        actions, state = decider.predict(seen, state, starts)
+        expected, theirs = model.predict(seen, theirs, starts, deterministic=True)
+        np.testing.assert_array_equal(actions, expected)
+    assert evaluate(family.make(family.thresholds[-1]), episodes=3).ticks.shape == (3, 6)
+
+
+def test_a_model_of_the_other_task_or_of_another_bank_is_refused(tmp_path):
+    MODELS["linear"]().save(tmp_path / "model.zip")
+    with pytest.raises(ArgumentError, match=r"model.zip: width=28"):
+        find_family(str(tmp_path / "model.zip"), QuickestOptions())
+    with pytest.raises(ArgumentError, match="5 hypotheses; this one is for 3"):
+        find_family(str(tmp_path / "model.zip"), WorldOptions(radii=(3.0, 5.0)))
+
+
+class Doubled(FlattenExtractor):
+    """An extractor that the file alone does not describe."""
+
+    def __init__(self, space):
+        super().__init__(space)
+        self.gain = torch.nn.Parameter(torch.ones(1))
+
+    def forward(self, observations):
+        return 2.0 * self.gain * super().forward(observations)
+
+
+def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
+    model = PPO("MlpPolicy", ENV, seed=1, policy_kwargs={"features_extractor_class": Doubled})
+    model.save(tmp_path / "model.zip")
+    with pytest.raises(ArgumentError, match="--trust"):
+        find_family(str(tmp_path / "model.zip"), OPTIONS)
+    monkeypatch.setenv(TRUST, "1")
+    decider = find_family(str(tmp_path / "model.zip"), OPTIONS).make(0.0)
+    for seen in rows(3):
+        np.testing.assert_array_equal(decider.predict(seen)[0], model.predict(seen, deterministic=True)[0])
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "cut", "no policy", "pickle"])
+def test_a_damaged_zip_is_one_line(tmp_path, damage):
+    path = tmp_path / "model.zip"
+    MODELS["linear"]().save(path)
+    content = path.read_bytes()
+    if damage in ("no policy", "pickle"):
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("data", "{}")
+            if damage == "pickle":
+                file.writestr("policy.pth", b"cos\nsystem\n(S'false'\ntR.")
+    else:
+        path.write_bytes({"empty": b"", "text": b"not a zip", "cut": content[: len(content) // 2]}[damage])
+    with pytest.raises(
+        ArgumentError, match=r"model\.zip.* is not allowed: expected a policy that can be read"
+    ) as error:
+        find_family(str(path), OPTIONS)
+    assert "\n" not in str(error.value)
+    with pytest.raises(ArgumentError, match=r"mine.py:MyRule|a file of at most"):
+        find_family(str(tmp_path / "missing.zip"), OPTIONS)
+
+
+def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
+    pytest.importorskip("onnxruntime")
+    onnx = pytest.importorskip("onnx")
+    helper, FLOAT, INT = onnx.helper, onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
+    weight = np.random.default_rng(0).normal(size=(28, 4)).astype(np.float32)
+    nodes = [
+        helper.make_node("MatMul", ["rows", "weight"], ["logits"]),
+        helper.make_node("ArgMax", ["logits"], ["actions"], axis=1, keepdims=0),
+    ]
+    given = helper.make_tensor_value_info("rows", FLOAT, ["N", 28])
+    outputs = {
+        "logits": helper.make_tensor_value_info("logits", FLOAT, ["N", 4]),
+        "actions": helper.make_tensor_value_info("actions", INT, ["N"]),
+    }
+    for name, out in outputs.items():
+        graph = helper.make_graph(
+            nodes[: 1 if name == "logits" else 2], name, [given], [out],
+            [onnx.numpy_helper.from_array(weight, "weight")],
+        )  # fmt: skip
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+        onnx.save(model, tmp_path / f"{name}.onnx")
+        family = find_family(str(tmp_path / f"{name}.onnx"), OPTIONS)
+        assert len(family.thresholds) == (18 if name == "logits" else 1)
+        for seen in rows(3):
+            actions, _ = family.make(0.0).predict(seen)
+            np.testing.assert_array_equal(actions, (seen @ weight).argmax(1))
+    (tmp_path / "cut.onnx").write_bytes((tmp_path / "logits.onnx").read_bytes()[:100])
+    with pytest.raises(ArgumentError, match="a policy that can be read"):
+        find_family(str(tmp_path / "cut.onnx"), OPTIONS)

@@ -1,0 +1,201 @@
+"""Deciders that users bring: found by file, module and entry point, swept, and refused in one line."""
+
+import sys
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+
+from agents.evaluation.registry import find_decider, find_family, load_decider
+from baselines import OnlineTracker, SPRTDecider
+from baselines.rules import own
+from baselines.rules.decider import Decider
+from baselines.rules.rollout import evaluate
+from hybrid_env import ArgumentError, WorldOptions
+from hybrid_env.quickest_options import QuickestOptions
+
+OPTIONS = WorldOptions(scheme="random 2x20-25")
+SOURCE = '''
+import numpy as np
+from baselines.rules.sprt import SPRTDecider
+from hybrid_env.observation import Layout
+
+def likeliest(rows, error=0.05):
+    """The MSPRT with equal priors, in numbers."""
+    ratios = np.exp(Layout.of_rows(rows).read(rows, "log_ratio"))
+    posterior = ratios / ratios.sum(1, keepdims=True)
+    return np.where(1 - posterior.max(1) <= error, posterior.argmax(1) + 1, 0)
+
+likeliest.thresholds = (0.1, 0.05, 0.01)
+
+class Patient:
+    title, symbol, default = "patient rule", "ticks", 3
+    thresholds = (2, 3, 9)
+    def __init__(self, ticks):
+        self.ticks = ticks
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        waited = np.where(episode_start, 0, 0 if state is None else state) + 1
+        return np.where(waited % self.ticks == 0, 1, 0), waited
+
+class Mine(SPRTDecider):
+    name, title = "", "ATE again"
+
+class Once:
+    def __call__(self, rows):
+        return np.ones(len(rows), int)
+
+once = Once()
+states = lambda rows: np.zeros(len(rows), int)
+states.task = "unknown"
+'''
+
+
+@pytest.fixture
+def source(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(SOURCE)
+    return path
+
+
+def played(family, threshold):
+    return evaluate(family.make(threshold), episodes=3, scheme=OPTIONS.scheme)
+
+
+def test_a_function_in_a_file_is_swept_and_equals_the_same_rule_of_the_package(source):
+    family, threshold = find_decider(f"{source}:likeliest:0.01", OPTIONS)
+    assert (family.name, family.thresholds, family.default) == ("likeliest", (0.1, 0.05, 0.01), 0.05)
+    mine, msprt = played(family, threshold), played(*find_decider("msprt:0.01", OPTIONS))
+    np.testing.assert_array_equal(mine.decided_mode, msprt.decided_mode)
+    np.testing.assert_array_equal(mine.ticks, msprt.ticks)
+
+
+def test_classes_subclasses_and_objects_are_found(source):
+    patient, ticks = find_decider(f"{source}:Patient", OPTIONS)
+    assert (patient.name, patient.symbol, ticks) == ("patient rule", "ticks", 3)
+    assert (played(patient, 9).ticks == 9).any()
+    mine = find_family(f"{source}:Mine", OPTIONS)
+    assert (mine.name, mine.thresholds) == ("ATE again", SPRTDecider.thresholds)
+    np.testing.assert_array_equal(played(mine, 0.01).ticks, played(*find_decider("ate:0.01", OPTIONS)).ticks)
+    for name in ("Once", "once"):
+        family = find_family(f"{source}:{name}", OPTIONS)
+        assert (family.thresholds, family.symbol) == ((0.0,), "")
+        assert (played(family, 0.0).ticks == 1).all()
+
+
+def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
+    monkeypatch.chdir(source.parent)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    assert find_family("mine:Patient", OPTIONS).name == "patient rule"
+    point = EntryPoint("patient", "mine:Patient", own.ENTRY_POINTS)
+    monkeypatch.setattr(own, "entry_points", lambda group: [point] if group == own.ENTRY_POINTS else [])
+    assert find_decider("patient:2", OPTIONS)[1] == 2
+    with pytest.raises(ArgumentError, match="'patient'"):
+        find_family("nobody", OPTIONS)
+
+
+def test_a_changed_file_is_read_again(source):
+    assert find_family(f"{source}:Patient", OPTIONS).default == 3
+    source.write_text(SOURCE.replace('default = "patient rule", "ticks", 3', 'default = "p", "ticks", 9'))
+    assert find_family(f"{source}:Patient", OPTIONS).default == 9
+
+
+def test_an_object_gets_its_threshold_as_attribute():
+    class Rule:
+        thresholds = (1.0, 2.0)
+        threshold = 1.0
+
+        def predict(self, rows):
+            return np.full(len(rows), int(self.threshold))
+
+    rule = Rule()
+    family = find_family(rule, OPTIONS)
+    assert family.make(2.0).predict(np.zeros((3, 28)))[0].tolist() == [2, 2, 2]
+    assert rule.threshold == 1.0
+
+
+def test_the_live_tracker_takes_a_function():
+    tracker = OnlineTracker(QuickestOptions(), lambda rows: np.zeros(len(rows), int))
+    for k in range(5):
+        assert tracker.update((0.2 * k, 0.0), time=0.1 * k).mode == 0
+
+
+def fails(rows):
+    return rows[:, 999]
+
+
+def hard(rows):
+    raise ArgumentError("said by the rule")
+
+
+ANSWERS = {
+    "two columns": lambda rows: np.zeros((len(rows), 2), int),
+    "too few": lambda rows: np.zeros(1, int),
+    "NaN": lambda rows: np.full(len(rows), np.nan),
+    "no declaration": lambda rows: np.full(len(rows), 4),
+    "negative": lambda rows: np.full(len(rows), -1),
+    "ragged": lambda rows: [[1], [1, 2]],
+    "nothing": lambda rows: None,
+}
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_wrong_answers_name_the_rule_file_and_line(answer):
+    line = ANSWERS[answer].__code__.co_firstlineno
+    with pytest.raises(ArgumentError, match=rf"3 integers from 0 to 3 .*test_own.py line {line}"):
+        evaluate(ANSWERS[answer], episodes=3)
+
+
+def test_an_exception_names_the_line_that_raised_it():
+    line = fails.__code__.co_firstlineno + 1
+    with pytest.raises(ArgumentError, match=f"decider fails failed in test_own.py line {line}: IndexError"):
+        evaluate(fails, episodes=2)
+    with pytest.raises(ArgumentError, match=r"^said by the rule$"):
+        evaluate(hard, episodes=2)
+
+
+def one(rows):
+    return np.ones(len(rows), int)
+
+
+def test_a_slow_rule_is_told_once(monkeypatch):
+    monkeypatch.setattr(own, "SLOW_TOTAL", 0.0)
+    monkeypatch.setattr(own, "SLOW_CALL", 0.0)
+    with pytest.warns(UserWarning, match="one, test_own.py line .* is slow") as told:
+        evaluate(one, episodes=2)
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("mine.py:nothing", "a name that mine.py defines"),
+        ("other.py:x", "a file that exists"),
+        ("mine.py:states", "one for announced switches; this one is for unknown"),
+        ("broken.py:x", r"broken.py failed: SyntaxError: .*line 1"),
+        ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
+        ("no.such:x", "No module named 'no'"),
+        ("unequal.py:rule", "different numbers in unequal.py:rule"),
+        ("unequal.py:text", "thresholds='many' is not allowed|thresholds='m' is not allowed"),
+        ("unequal.py:Two", r"unequal.py:Two failed: TypeError"),
+        ("mine.py", "mine.py:MyRule"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(source, monkeypatch, name, message):
+    monkeypatch.chdir(source.parent)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (source.parent / "broken.py").write_text("def x(:")
+    (source.parent / "leaves.py").write_text("raise SystemExit(3)")
+    (source.parent / "unequal.py").write_text(
+        "def rule(rows): pass\nrule.thresholds = 1, 1\ndef text(rows): pass\ntext.thresholds = 'many'\n"
+        "class Two:\n    thresholds = 1, 2\n    def predict(self, rows): pass\n"
+    )
+    with pytest.raises(ArgumentError, match=message) as error:
+        load_decider(name, OPTIONS)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_no_decider_is_refused():
+    for model in (3, object(), SPRTDecider):
+        with pytest.raises(ArgumentError, match="an object with a method predict, or a function"):
+            own.as_decider(model)
+    assert isinstance(own.as_decider(SPRTDecider(0.1)), Decider)
