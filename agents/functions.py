@@ -20,11 +20,11 @@ from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import check_integer, reject
 
 
 def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
-    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip", "mine.py:MyRule"; or itself.
+    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip", "mine.py:Rule", or itself.
 
     Raises:
         ArgumentError: no decider of the environment has this name, or an option is not allowed.
@@ -77,6 +77,8 @@ def compare(
     """
     names = [None if given is None else tuple(given) for given in (deciders, agents)]
     command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
+    if out is not None and not all(isinstance(name, str) for name in (names[0] or ()) + (names[1] or ())):
+        raise reject("out", out, "None with deciders that are no names: a folder cannot tell them apart")
     folder = None if out is None else Path(out)
     return comparison.compare(command.plan(), command.workers(), Progress(disable=True), folder)
 
