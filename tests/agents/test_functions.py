@@ -46,7 +46,7 @@ def test_compare_takes_names_and_functions(tmp_path):
     result = agents.compare(["msprt", first], [], **settings)
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes
-    with pytest.raises(ArgumentError, match="^out=.* expected None with deciders that are no names"):
+    with pytest.raises(ArgumentError, match=r"^out=.* expected None with deciders that are no names"):
         agents.compare(["msprt", first], [], out=tmp_path, **settings)
-    with pytest.raises(ArgumentError, match="^episodes=0 is not allowed"):
+    with pytest.raises(ArgumentError, match=r"^episodes=0 is not allowed"):
         agents.compare(["msprt"], [], episodes=0)
