@@ -65,7 +65,7 @@ def test_each_name_is_imported_alone_in_a_fresh_process(package, name):
 
 @pytest.mark.parametrize(
     ("module", "extra"),
-    [("torch.nn", "agents"), ("yaml", "agents"), ("matplotlib.figure", "play"), ("pygame", "play"), ("unknown", None),
+    [("torch.nn", "agents"), ("yaml", "agents"), ("matplotlib.figure", "play"), ("unknown", None),
      ("pandas", "recordings"), ("optuna", "tune"), ("sb3_contrib", "recurrent"), ("numpy", None)],
 )  # fmt: skip
 def test_a_missing_module_is_explained_by_its_extra(module, extra, monkeypatch):
