@@ -63,7 +63,7 @@ def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackV
     """
     from hybrid_env.vector_env import HybridTrackVectorEnv
 
-    check_env_id(env_id)
+    _check_env_id(env_id, HybridTrackVectorEnv)
     env = make_track_vector_env(env_id, num_envs, **options)
     assert isinstance(env, HybridTrackVectorEnv)
     return env
@@ -86,13 +86,6 @@ def environment_options(env_id: str) -> "type[ModelOptions]":
 
 def _vector_class(entry_point: str) -> Any:
     return load_env_creator(entry_point)
-
-
-def check_env_id(env_id: str) -> None:
-    """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
-    from hybrid_env.vector_env import HybridTrackVectorEnv
-
-    _check_env_id(env_id, HybridTrackVectorEnv)
 
 
 def _check_env_id(env_id: str, kind: type) -> None:

@@ -10,14 +10,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agents.figures.canvas import legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import DeciderStyle, decider_styles
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNDECIDED = -1
 """In place of a mode at the ticks before a declaration."""
@@ -74,7 +72,7 @@ class TrackRecord:
     measurements: FloatArray
     true_modes: IntArray
     modes: IntArray
-    right: NDArray[np.bool_]
+    right: BoolArray
     marks: IntArray
     switches: IntArray | None
     estimates: FloatArray
@@ -98,12 +96,14 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
     edges, label = np.arange(len(first.truth) + 1), "tick of the episode"
     if first.switches is None:
-        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
+        _draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
         shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
         handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
         handles.append(wrong_patch("wrong statement"))
     else:
-        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
+        _draw_timelines(
+            timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names
+        )
         handles = [
             Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
             wrong_patch("wrong mode"),
@@ -201,7 +201,7 @@ def recording_figure(
         inside[first : end - 1] = True  # the last position ends the last bar
     rows = {one: np.where(inside, values, NO_BAR) for one, values in {"label": labels, **stated}.items()}
     edges = np.append(minutes, minutes[-1])
-    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
+    _draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
     canvas.suptitle(title)
     handles = [
         *(Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)),
@@ -229,31 +229,22 @@ def _draw_by_mode(
     axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
 
 
-def draw_timelines(
+def _draw_timelines(
     axes: Any,
     edges: ArrayLike,
     rows: Mapping[str, IntArray],
     colours: Sequence[str],
     xlabel: str,
     *,
-    wrong: Mapping[str, NDArray[np.bool_]] | None = None,
+    wrong: Mapping[str, BoolArray] | None = None,
     breaks: ArrayLike = (),
     names: Sequence[str] = (),
     edge_width: float = 1.0,
 ) -> None:
-    """Draw the modes of each row as bars.
+    """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or others above.
 
-    Args:
-        axes: to draw in.
-        edges: (T + 1,) beginning of each of T ticks, and end of the last one.
-        rows: modes (T,) by name, from top to bottom: indices of `colours`, `UNDECIDED` or `NO_BAR`.
-        colours: of the modes.
-        xlabel: of the axis of time.
-        wrong: (T,) ticks that are hatched, by the name of the row.
-        breaks: indices of ticks at which every bar begins anew.
-        names: of the modes, written into bars that are long enough, as is the length of undecided ones;
-            nothing is written without names.
-        edge_width: of the white edges of the bars [pt].
+    Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes are written
+    into bars that are long enough, as is the length of undecided ones. edge_width: of the white edges [pt].
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])

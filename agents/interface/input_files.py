@@ -40,7 +40,8 @@ def read_json(path: Path) -> Any:
     """
     text = read_text(path)
     try:
-        return json.loads(text, parse_int=_integer, parse_float=_float, parse_constant=_float)
+        integer, real = (lambda digits: _checked(int(digits))), (lambda digits: _checked(float(digits)))
+        return json.loads(text, parse_int=integer, parse_float=real, parse_constant=real)
     except RecursionError:
         raise ValueError(f"{path.name} is nested too deeply") from None
 
@@ -72,31 +73,19 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        return _check_integer(super().construct_yaml_int(node))
+        return _checked(super().construct_yaml_int(node))
 
     def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
-        return _check_float(super().construct_yaml_float(node))
+        return _checked(super().construct_yaml_float(node))
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
 
 
-def _integer(text: str) -> int:
-    return _check_integer(int(text))
-
-
-def _float(text: str) -> float:
-    return _check_float(float(text))
-
-
-def _check_integer(number: int) -> int:
-    if abs(number) > LARGEST_INTEGER:
+def _checked(number: Any) -> Any:
+    if isinstance(number, int) and abs(number) > LARGEST_INTEGER:
         raise ValueError(f"an integer is larger than {LARGEST_INTEGER}")
-    return number
-
-
-def _check_float(number: float) -> float:
     if not math.isfinite(number):
         raise ValueError("a number is not finite")
     return number

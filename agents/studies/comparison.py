@@ -16,8 +16,7 @@ from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
-from agents.studies.continuation import Continuation, weights_digest
-from agents.studies.plan import Plan
+from agents.studies.continuation import Continuation, Plan, weights_digest
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from baselines.scoring.estimates import Estimate
@@ -80,12 +79,6 @@ class Comparison:
         return max((one for one in self.entries if one.decider in names), key=lambda one: one.selected)
 
     @property
-    def best_agent(self) -> Entry | None:
-        """The agent that is best for the goal on the selection episodes."""
-        agents = [one for one in self.entries if one.decider in self.plan.agents]
-        return max(agents, key=lambda one: one.selected, default=None)
-
-    @property
     def seed_groups(self) -> dict[str, list[Entry]]:
         """Entries by name; those whose names differ only in the training seed form one group."""
         groups: dict[tuple[str, str, int], list[Entry]] = {}
@@ -118,10 +111,7 @@ class Comparison:
     @functools.cache  # noqa: B019
     def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
         """Return the paired figures of a decider and the reference, see `Task.against`."""
-        first = self.entries[0]
-        return self.plan.task.against(
-            entry.scores, entry.chosen, first.scores, first.chosen, self.plan.curves
-        )
+        return self.plan.task.against(entry, self.entries[0], self.plan.curves)
 
     def picture(self) -> Figure:
         """Return the figure of the operating curves."""
@@ -133,7 +123,9 @@ class Comparison:
         Returns:
             The entry, and the index of the episode with the largest difference of the goal to the reference.
         """
-        best, goal = self.best_agent or self.best_rule, self.plan.task.goal
+        agents = [one for one in self.entries if one.decider in self.plan.agents]
+        best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
+        goal = self.plan.task.goal
         rewards = [one.scores.of(goal, one.chosen) for one in (best, self.entries[0])]
         return best, int(np.abs(rewards[0] - rewards[1]).argmax())
 

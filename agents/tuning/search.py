@@ -53,18 +53,12 @@ class _EndedEarlyError(Exception):
     """The training is worse than half of the trials before it."""
 
 
-def train_trial(
-    env_id: str,
-    options: dict[str, Any],
-    recipe: Recipe,
-    seed: int,
-    steps: int | None,
-    medians: Sequence[float],
-) -> Outcome:
+def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> Outcome:
     """Train an agent without a folder and evaluate it.
 
     Args:
-        env_id, options, recipe, seed, steps: of the training, see `make_run`.
+        search: settings.
+        recipe: with the values of the trial.
         medians: median rewards of earlier trials at each point; the training ends at a point at which its
             best reward so far is smaller. Empty if there are too few trials.
     """
@@ -80,7 +74,7 @@ def train_trial(
                 raise _EndedEarlyError
 
     try:
-        run = make_run(env_id, options, recipe, seed, steps=steps)
+        run = make_run(search.env_id, search.options, recipe, search.seed, steps=search.steps)
         run.train(check)
     except _EndedEarlyError:
         return Outcome(tuple(rewards), None)
@@ -202,9 +196,7 @@ def run_trials(
             except ArgumentError as error:
                 failed[one] = Outcome((), None, str(error))
                 continue
-            calls[one] = functools.partial(
-                train_trial, search.env_id, search.options, recipe, search.seed, search.steps, medians
-            )
+            calls[one] = functools.partial(train_trial, search, recipe, medians)
         outcomes = failed | dict(workers.results(calls, lambda one: on_done(f"trial {one}")))
         for one, trial in asked.items():
             _tell(study, trial, outcomes[one])

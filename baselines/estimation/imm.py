@@ -17,14 +17,13 @@ Logarithms of probabilities are stored, so that none is lost in an outlier. Rows
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 
-FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300  # smaller probabilities count as this one
 
 
@@ -164,7 +163,7 @@ class IMMFilter(TrackFilter):
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
         for one in self.filters:
-            one._set(*resized(state, covariance, self.axes, one.order, None))
+            one._set(*_resized(state, covariance, self.axes, one.order, None))
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
@@ -172,7 +171,7 @@ class IMMFilter(TrackFilter):
         mixed = [
             merged(
                 [
-                    resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
+                    _resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
                     for other in self.filters
                 ],
                 weights[:, j],
@@ -209,20 +208,17 @@ class IMMFilter(TrackFilter):
 
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
-        parts = [resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
         self.state, self.covariance = merged(parts, self.probabilities)
 
 
-def resized(
+def _resized(
     state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimates and covariances with another number of values per axis.
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
 
-    Args:
-        state, covariance: (B, d m) and (B, d m, d m).
-        axes: d.
-        order: new number of values per axis. Derivatives that are left out are marginalized.
-        variances: (order - 1,) of derivatives that are new, velocity first; None sets them to 0.
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first,
+    or are 0 without variances.
     """
     tracks, size = state.shape
     m = size // axes

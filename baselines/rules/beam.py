@@ -17,9 +17,9 @@ from baselines.rules.beam_filters import (
     step_memory,
 )
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
-from baselines.rules.measurements import FloatArray, MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
-from hybrid_env.checks import check_flag, check_integer
+from hybrid_env.checks import FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import Labels
 from baselines.scoring.scores import Scores, Statistic, quotient, ratio
-
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 
 class FlightCounts(NamedTuple):
@@ -83,10 +81,10 @@ def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> FlightCoun
 
 
 def _count_piece(
-    times: NDArray[np.float64],
+    times: FloatArray,
     modes: IntArray,
-    scored: NDArray[np.bool_],
-    weights: NDArray[np.float64],
+    scored: BoolArray,
+    weights: FloatArray,
     stated: IntArray,
 ) -> FlightCounts:
     right = stated == modes
@@ -113,10 +111,10 @@ def _count_piece(
 
 
 def _count_changes(
-    changed: NDArray[np.bool_],
-    right: NDArray[np.bool_],
-    scored: NDArray[np.bool_],
-    false_turn: NDArray[np.bool_],
+    changed: BoolArray,
+    right: BoolArray,
+    scored: BoolArray,
+    false_turn: BoolArray,
 ) -> tuple[int, int, int]:
     """Return the false changes, those of them to a turn in straight motion, and all changes."""
     begins = np.flatnonzero(changed)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
@@ -16,10 +15,7 @@ from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.positions import check_positions, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
-from hybrid_env.checks import ArgumentError, check_positive, reject
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
 
 TAU_TOLERANCE = 1e-3
 """Largest relative difference between a given tick and the one of the times."""

@@ -15,9 +15,8 @@ from agents.cli import main
 from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.anchor_decider import AnchorNetworks
-from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy import make_policy, save_actor
-from agents.learned.policy_file import CARD, WEIGHTS, save_policy
+from agents.learned.policy_file import CARD, WEIGHTS, check_policy_kwargs, save_policy
 from agents.learned.statement_decider import StatementDecider
 from agents.training.recipe import load_recipe
 from baselines.rules.decider import ANNOUNCED, UNKNOWN

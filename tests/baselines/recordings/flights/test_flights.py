@@ -25,7 +25,7 @@ from baselines.recordings.flights.metrics import STATISTICS, count_flight, score
 from baselines.recordings.flights.samples import Samples, installed_samples
 from baselines.recordings.flights.simulated import draw_world, simulate_flights, twins
 from baselines.recordings.flights.tracks import FlightTracks
-from baselines.rules.flight_rules import FlightCusumDecider, FlightThresholdDecider
+from baselines.rules.change_detection import FlightCusumDecider, FlightThresholdDecider
 from hybrid_env.checks import ArgumentError
 
 METRE = 1.0 / 111_320.0  # degrees of latitude
