@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types study coverage bench pythons docs clean
+.PHONY: compare test lint types study coverage bench pythons docs dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -46,6 +46,14 @@ pythons:
 docs: $(INSTALLED)-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
+
+# wheel and source distribution, checked as the package index checks them
+dist:
+	$(PYTHON) -m venv $(VENV)-dist
+	$(VENV)-dist/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt build twine
+	rm -rf dist
+	$(VENV)-dist/bin/python -m build
+	$(VENV)-dist/bin/python -m twine check --strict dist/*
 
 $(INSTALLED)-docs: $(INSTALLED)
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[all,dev,docs]'

@@ -16,9 +16,11 @@ import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
 from agents.interface.trust import TRUST
+from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
+from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
@@ -35,6 +37,8 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "dataset": Dataset,
+    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -87,6 +91,14 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "dataset": (
+        "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
+    ),
+    "league": (
+        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
+        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""

@@ -135,7 +135,7 @@ def _real_array(value: ArrayLike) -> FloatArray | None:
         ):
             return None
         return np.array(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
-    except (TypeError, ValueError, OverflowError, MemoryError):
+    except (TypeError, ValueError, OverflowError, MemoryError, RuntimeError):  # also tensors with gradients
         return None
 
 
@@ -169,7 +169,7 @@ def dimensions(value: ArrayLike) -> int:
     """Return the number of dimensions of an array, -1 if the value is not an array."""
     try:
         return np.ndim(value)
-    except (TypeError, ValueError):  # rows of different lengths
+    except (TypeError, ValueError, RuntimeError):  # rows of different lengths
         return -1
 
 

@@ -185,7 +185,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         """
         try:
             array = np.asarray(actions)
-        except (TypeError, ValueError):  # ragged, or not convertible
+        except (TypeError, ValueError, RuntimeError):  # ragged, or a tensor with a gradient
             array = np.array(None)
         if array.shape != self._shape or array.dtype.kind not in "iu":
             raise gym.error.InvalidAction(

@@ -23,7 +23,7 @@ from agents.training.recipe import Recipe, load_recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
 from agents.tuning.ranges import Range, changes_of, values_of
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_number, reject
 
 POINTS = 20  # of the reward during a training
 FIRST_POINT = 5  # points before a training may end
@@ -136,7 +136,9 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
             study = optuna.create_study(
                 storage=storage, study_name="tune", direction="maximize", load_if_exists=True
             )
-        except (ValueError, KeyError, TypeError, OSError, RecursionError) as error:
+            for trial in ended(study):
+                sum(trial.intermediate_values.values(), check_number("value", trial.value or 0.0))
+        except Exception as error:  # Optuna reads any content without checks
             raise reject("out", str(folder), f"a folder with a readable {JOURNAL} ({error})") from None
     settings = study.user_attrs.get("search")
     if settings is None:

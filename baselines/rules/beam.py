@@ -73,7 +73,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         ArgumentError: an argument is out of range.
     """
 
-    name, title, symbol, default = "beam", "beam", "probability", 0.6
+    name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True
     colour, marker = "#c80f82", "D"
 
     def __init__(
@@ -158,7 +158,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
 class GeometricBeamDecider(BeamDecider):
     """The beam that assumes a geometric law of the same mean, for which ages have no meaning."""
 
-    name, title = "beam-geometric", "beam, geometric"
+    name, title, informed = "beam-geometric", "beam, geometric", False
     colour, marker = "#00e196", "p"
 
     @classmethod

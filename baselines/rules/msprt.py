@@ -204,6 +204,14 @@ class AnchorAwareMSPRTDecider(MSPRTDecider):
         return lambda alpha: cls(alpha, rewarded(options))
 
 
+class OracleMSPRTDecider(AnchorAwareMSPRTDecider):
+    """The MSPRT of a bank that is told the true anchor: a bound for rules that are not."""
+
+    name, title, informed = "msprt-oracle", "MSPRT, true anchor", True
+    options: ClassVar[Mapping[str, Any]] = {"bank": "oracle"}
+    colour = marker = ""
+
+
 class RobustMSPRTDecider(MSPRTDecider):
     """The MSPRT on a bank with a robust likelihood."""
 

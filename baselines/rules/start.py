@@ -113,7 +113,7 @@ DEVIATIONS = 10.0
 """Default distance from the nearest predicted position, in standard deviations, that is still accepted."""
 
 PATIENCE = 5
-"""Measurements outside of the gate in a row, after which the track begins again: the object is elsewhere."""
+"""Measurements outside of the gate, after which the track begins again: the object is elsewhere."""
 
 LARGEST_TURN = 1.0  # angle in a tick [rad] above which a turn is no explanation of a measurement
 

@@ -40,9 +40,9 @@ class OnlineEstimate(NamedTuple):
         decided: False while the first measurements are collected, and with announced switches from a switch
             to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
-        estimate: (4,) [x, vx, y, vy] [m, m/s].
+        estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
-            variances are infinite.
+            variances are infinite, as all are before the first measurement of a track that begins again.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
             then.
     """
@@ -77,10 +77,10 @@ class OnlineTracker:
     measurement at every tick.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them in a row the object is elsewhere, and the
-    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
-    bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
-    unknown. Deciders that need a measurement at every tick get every measurement.
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
+    them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
+    of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
+    mode may be wrong or unknown. Deciders that need a measurement at every tick get every measurement.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
@@ -151,7 +151,7 @@ class OnlineTracker:
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
-        self._refused = 0
+        self._refused = self._agreed = 0
         self._measured = False
         self._ticks: int | None = self._longest  # of the segment that the next measurement begins
         self._decider_state: Any = None
@@ -210,8 +210,9 @@ class OnlineTracker:
             self._measured = True
             self._begin_announced()
             agrees = self._agrees(point)
-            if agrees:
-                self._refused = 0
+            self._agreed = (self._agreed + 1) * agrees
+            if agrees:  # a single one may agree only because its prediction is so uncertain
+                self._refused *= self._agreed < 2
                 world.measure(*point)
                 if world.asks:
                     world.decide(self._ask_decider())
@@ -225,6 +226,8 @@ class OnlineTracker:
             passed, left = self._last_time, world.ticks_left
             self.begin(mode=world.mode)
             self._last_time, self._ticks = passed, left
+            assert self._collected is not None
+            self._collected.estimate = world.estimate()  # until the first of them
         return found
 
     def _skip(self) -> None:

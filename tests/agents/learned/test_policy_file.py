@@ -189,7 +189,7 @@ def decide(folder):
     return actions
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("save", KINDS)
 def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_path):
     save(tmp_path)
@@ -205,7 +205,7 @@ def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_pa
     check()
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("name", [CARD, WEIGHTS])
 @pytest.mark.parametrize("save", KINDS[:3])
 def test_a_damaged_file_is_used_or_refused(name, save, examples, tmp_path):
