@@ -10,7 +10,7 @@ compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
 
 test: lint types
-	$(BIN)/python -m pytest -n 2 $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -23,11 +23,11 @@ types: $(INSTALLED)
 # long statistical tests and attacks, then the quick tests with every index of compiled code checked
 study: $(INSTALLED)
 	$(BIN)/python -m pytest -m study $(ARGS)
-	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(VENV)/checked $(BIN)/python -m pytest -n 2 $(ARGS)
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(VENV)/checked $(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
 
 # lines of the three packages that the quick tests run; compiled functions are left out
 coverage: $(INSTALLED)
-	$(BIN)/python -m pytest -n 2 --cov --cov-report=term $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --cov --cov-report=term $(ARGS)
 
 # speed beside CartPole and filterpy: make bench ARGS="single vector"
 bench: $(INSTALLED)
@@ -56,14 +56,14 @@ dist:
 	$(VENV)-dist/bin/python -m twine check --strict dist/*
 
 $(INSTALLED)-docs: $(INSTALLED)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[all,dev,docs]'
 	@touch $@
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "$(PYTHON) is too old: Python 3.11 or newer is needed, say which with PYTHON=..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 clean:

@@ -9,7 +9,6 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 import gymnasium as gym
@@ -179,9 +178,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if list(arguments) == ["--version"]:
-        print(f"hybridtrack {version('hybrid-track')}")
-        return 0
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):

@@ -73,8 +73,25 @@ def test_another_distribution_with_a_package_of_our_name_is_said_in_one_line(mon
         packages["agents"].pop()
         with pytest.raises(ModuleNotFoundError):
             console.main()
+
+
+def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
+    monkeypatch.setattr(console.importlib, "import_module", None)  # no command is loaded
     assert console.main() == 0
+    assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"
+
+
+def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
+    def missing(name):
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    monkeypatch.setattr(console.importlib, "import_module", missing)
+    monkeypatch.setattr(console.metadata, "packages_distributions", dict)
+    monkeypatch.setattr(console.metadata, "requires", lambda name: ['torch>=2.8; extra == "agents"'])
+    assert console.main() == 2
+    advice = "torch is missing: this needs the extra [agents]: pip install 'hybrid-track[agents]'"
+    assert capsys.readouterr().err == f"hybridtrack: {advice}\n"
 
 
 @pytest.fixture(scope="module")
@@ -118,9 +135,8 @@ def test_the_wheel_beside_a_foreign_package_says_so_in_one_line(name, in_place, 
     about.mkdir(parents=True)
     (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: other-{name}\nVersion: 1.0\n")
     (about / "RECORD").write_text(f"{name}/__init__.py,,\n")
-    for arguments in (["--version"], ["evaluate", "ate", "--episodes", "2"]):
-        result = command(*arguments)
-        assert result.returncode == 2
-        (message,) = result.stderr.splitlines()
-        assert f"'{name}' of other-{name} stands in the place of that of hybrid-track" in message
-        assert message.endswith("in a virtual environment of its own")
+    result = command("evaluate", "ate", "--episodes", "2")
+    assert result.returncode == 2
+    (message,) = result.stderr.splitlines()
+    assert f"'{name}' of other-{name} stands in the place of that of hybrid-track" in message
+    assert message.endswith("in a virtual environment of its own")

@@ -10,9 +10,9 @@ import torch
 from hostile_input import accepted, counts, damaged, profile
 from hypothesis import given
 
+from agents import track_recording
 from agents.cli import main
 from agents.recordings.files import object_folders
-from agents.recordings.tracking import track_recording
 from agents.tuning.ranges import parse_range
 from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study
 from baselines.rules.rollout import evaluate

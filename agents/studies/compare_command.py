@@ -146,8 +146,12 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _plan(self) -> "Plan":
-        """Return the checked plan."""
+    def plan(self) -> "Plan":
+        """Return the checked plan.
+
+        Raises:
+            ArgumentError: an argument is not allowed.
+        """
         from agents.evaluation.tasks import task_of
         from agents.studies.continuation import Plan
 
@@ -183,7 +187,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         return plan
 
     def _compare(self) -> None:
-        plan, workers = self._plan(), self.workers()
+        plan, workers = self.plan(), self.workers()
         from rich.console import Console
 
         from agents.interface.output_files import output_folder, write_json
@@ -227,7 +231,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies.episodes import Episodes
 
         plan, task = result.plan, result.plan.task
-        save_figure(task.figure(result.seed_groups, plan.curves), folder / "compare.png")
+        save_figure(result.picture(), folder / "compare.png")
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):

@@ -181,8 +181,10 @@ class Continuation:
         return self.folder / UNFINISHED / f"{digest([plan, key])[:16]}.npz"
 
 
-def weights_digest(name: str, switches: str) -> str:
+def weights_digest(name: Any, switches: str) -> str:
     """Digest of the weights of 'shipped' or of a run folder, or of the file of a decider; else empty."""
+    if not isinstance(name, str):
+        return ""
     paths = policy_folder(name, switches) / WEIGHTS, Path(name), Path(name.rpartition(":")[0])
     found = [path.read_bytes() for path in paths if path.is_file()]
     return hashlib.sha256(found[0]).hexdigest() if found else ""
