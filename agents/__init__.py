@@ -8,7 +8,7 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
 4. `evaluation`: tasks, deciders by name, and the sweep that gives their scores.
 5. `training`: recipes, runs and run folders, the Stable-Baselines3 VecEnv.
 6. `studies`: `evaluate`, `compare`, `limits` and `play` as lists of tasks, deciders and options.
-7. one subpackage per further command: `reproduction`, `recordings`, `tuning`.
+7. one subpackage per further command: `reproduction`, `recordings`, `tuning`, `league`.
 8. `functions`: `load`, `evaluate`, `compare` and `train` for Python, loaded when they are first used; `cli`:
    the commands.
 """
