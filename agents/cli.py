@@ -24,6 +24,7 @@ from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
+from agents.studies.score_command import Score
 from agents.training.command import Train
 from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
@@ -37,6 +38,7 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "score": Score,
     "dataset": Dataset,
     "league": League,
 }
@@ -91,6 +93,10 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "score": (
+        "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
+        "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png",
     ),
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from baselines.rules.threshold import ThresholdDecider as ThresholdDecider
     from baselines.rules.tracker import OnlineEstimate as OnlineEstimate
     from baselines.rules.tracker import OnlineTracker as OnlineTracker
+    from baselines.scoring.score import TimelineScores as TimelineScores
+    from baselines.scoring.score import score as score
     from baselines.scoring.statements import Statements as Statements
     from baselines.scoring.statements import measure_statements as measure_statements
 else:
@@ -47,6 +49,7 @@ else:
             "rules.sprt": "SPRTDecider sprt_thresholds",
             "rules.threshold": "ThresholdDecider",
             "rules.tracker": "OnlineEstimate OnlineTracker",
+            "scoring.score": "TimelineScores score",
             "scoring.statements": "Statements measure_statements",
         },
     )

@@ -96,14 +96,12 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
     edges, label = np.arange(len(first.truth) + 1), "tick of the episode"
     if first.switches is None:
-        _draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, edge_width=0.3)
         shown = np.unique(first.true_modes).tolist()[:MOST_NAMES]
         handles = [Patch(color=colours[mode], label=names[mode]) for mode in shown]
         handles.append(wrong_patch("wrong statement"))
     else:
-        _draw_timelines(
-            timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names
-        )
+        draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
         handles = [
             Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
             wrong_patch("wrong mode"),
@@ -201,7 +199,7 @@ def recording_figure(
         inside[first : end - 1] = True  # the last position ends the last bar
     rows = {one: np.where(inside, values, NO_BAR) for one, values in {"label": labels, **stated}.items()}
     edges = np.append(minutes, minutes[-1])
-    _draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
+    draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
     canvas.suptitle(title)
     handles = [
         *(Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)),
@@ -229,7 +227,7 @@ def _draw_by_mode(
     axes.add_collection(LineCollection(lines, colors=shades, capstyle="butt", **style))
 
 
-def _draw_timelines(
+def draw_timelines(
     axes: Any,
     edges: ArrayLike,
     rows: Mapping[str, IntArray],

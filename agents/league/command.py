@@ -17,7 +17,7 @@ class League(TrustArguments, ParallelArguments):
     """Play deciders in twelve worlds by a fixed protocol, beside those that come with the package.
 
     Worlds, seeds and the selection of thresholds are fixed, so that files of different people compare. A rule
-    of your own takes about 15 minutes on two cores. With --table, files are shown and nothing is played.
+    of your own takes one to ten minutes. With --table, files are shown and nothing is played.
     """
 
     deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
@@ -53,7 +53,7 @@ class League(TrustArguments, ParallelArguments):
             world_table,
         )
 
-        entries = [*shipped_entries(), *map(read_entry, self.table)]
+        entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
         for name in self.deciders:
             is_brought(name)  # one that cannot be imported is refused before any work
         folder, console = output_folder("out", self.out), Console(emoji=False)
@@ -67,17 +67,14 @@ class League(TrustArguments, ParallelArguments):
                 played.append(entry)
                 progress.console.print(f"{folder / file}.json", markup=False, highlight=False)
             progress.update(bar, note="")
-        titles = {entry["title"] for entry in played}
-        entries = [entry for entry in entries if entry["title"] not in titles] + played
-        if not entries:
-            raise reject("table", self.table, "files, or deciders to play")
+        entries |= {entry["title"]: entry for entry in played}
         for entry in played:
             reasons = {one["refused"] for one in entry["worlds"].values() if "refused" in one}
             for reason in sorted(reasons):
                 console.print(f"Not played: {reason}", markup=False, highlight=False, soft_wrap=True)
-            console.print(world_table(entry, entries))
-        console.print(league_table(entries))
+            console.print(world_table(entry, [*entries.values()]))
+        console.print(league_table([*entries.values()]))
         with atomic_file(folder / "league.md") as part:
-            part.write_text(league_markdown(entries), encoding="utf-8")
-        save_figure(league_figure(entries), folder / "league.png")
+            part.write_text(league_markdown([*entries.values()]), encoding="utf-8")
+        save_figure(league_figure([*entries.values()]), folder / "league.png")
         console.print(f"Files in {folder}: league.md, league.png", markup=False, highlight=False)

@@ -17,6 +17,7 @@ from hybrid_env.checks import reject
 
 PROTOCOL = 1
 """Number of the protocol; it rises when worlds, episodes or metrics change."""
+LARGEST = 2**20  # bytes of a file
 REWARD = "<f4"  # little-endian float32
 
 
@@ -36,7 +37,7 @@ def read_entry(path: Path) -> dict[str, Any]:
         ArgumentError: it cannot be read, was changed, or is of another protocol or version.
     """
     try:
-        entry = read_json(path)
+        entry = read_json(path, LARGEST)
         digest, protocol = entry["digest"], entry["protocol"]
         package, mine = entry["versions"]["hybrid-track"], version("hybrid-track")
     except (OSError, ValueError, KeyError, TypeError) as error:

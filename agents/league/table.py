@@ -56,7 +56,8 @@ def league_table(entries: Sequence[dict[str, Any]]) -> Table:
     for head in ("decider", "kind"):
         table.add_column(head)
     for env_id, worlds in GROUPS.items():
-        table.add_column(f"{env_id.removesuffix('-v0')}\n{len(worlds)} worlds", justify="right")
+        name = env_id.removesuffix("-v0").replace("Track", "Track\n", 1)
+        table.add_column(f"{name}\n{len(worlds)} worlds", justify="right")
     for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
         cells = []
         for worlds in GROUPS.values():

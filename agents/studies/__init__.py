@@ -5,6 +5,7 @@
   `comparison` trains, selects thresholds and scores; `flights_study`, `flights_report` for recorded flights.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`.
 - `play_command`: `hybridtrack play`; `episodes`.
+- `score_command`: `hybridtrack score`, statements of any origin; `score_report`.
 - `dataset_command`: `hybridtrack dataset`, for offline learning.
 - `tables`: of scores, the same for every task.
 
