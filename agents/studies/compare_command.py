@@ -88,7 +88,7 @@ if TYPE_CHECKING:
 class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for about half a minute and take about four minutes in total. With
+    The defaults train PPO for half a minute and take about two minutes on two cores. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
     three minutes. The same command continues an interrupted comparison.
     """
