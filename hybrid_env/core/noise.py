@@ -121,7 +121,7 @@ def draw_noise_ahead(
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
         if further:
-            _draw_further(state, lane, noise, tick, setting)
+            _draw_further(state, np.uint64(lane), noise, np.uint64(tick), setting)
     _to_noise(noise, np.uint64(0), np.uint64(ticks), setting)
 
 
