@@ -138,7 +138,7 @@ def _draw_further(
         noise[LOST, column] = uniform(state, lane)
 
 
-@internal
+@inlined
 def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
     _to_normals(noise, 0, first, last)
