@@ -18,6 +18,8 @@ from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
+THRESHOLD = 0.8  # of the default decider: fewer changes than at its own default
+
 
 class ModeDetector(BaseChangeDetector):
     """Changes between straight motion, left and right turns in the positions of one object.
@@ -26,7 +28,7 @@ class ModeDetector(BaseChangeDetector):
     each from the positions up to it, and returns where it changes.
 
     Args:
-        decider: a decider for unknown switch moments; None is `ThresholdDecider()`.
+        decider: a decider for unknown switch moments; None is `ThresholdDecider(0.8)`.
         radii: turn radii in the unit of the positions; None finds one to three.
         columns: of x and y among those of the data.
 
@@ -69,9 +71,11 @@ class ModeDetector(BaseChangeDetector):
             **options, durations=GeometricDurations(model.duration), start="random",
             ticks=min(grid.total, MAX_LENGTH),
         )  # fmt: skip
-        tracker = OnlineTracker(world, ThresholdDecider() if self.decider is None else self.decider)
+        tracker = OnlineTracker(world, ThresholdDecider(THRESHOLD) if self.decider is None else self.decider)
         return np.concatenate([found.modes for found in decide_recording(grid, model, tracker)])
 
     def _grid(self, X: ArrayLike, reset: bool) -> TickGrid:
-        rows = validate_data(self, X, reset=reset, dtype=np.float64, ensure_min_samples=5, ensure_min_features=2)
+        rows = validate_data(
+            self, X, reset=reset, dtype=np.float64, ensure_min_samples=5, ensure_min_features=1 + reset
+        )
         return tick_grid(make_recording(None, rows[:, list(self.columns)]))
