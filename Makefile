@@ -4,13 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types study coverage bench pythons docs clean
+.PHONY: compare test lint types study coverage bench pythons docs dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
 
 test: lint types
-	$(BIN)/python -m pytest -n 2 $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -23,11 +23,11 @@ types: $(INSTALLED)
 # long statistical tests and attacks, then the quick tests with every index of compiled code checked
 study: $(INSTALLED)
 	$(BIN)/python -m pytest -m study $(ARGS)
-	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(VENV)/checked $(BIN)/python -m pytest -n 2 $(ARGS)
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(VENV)/checked $(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
 
 # lines of the three packages that the quick tests run; compiled functions are left out
 coverage: $(INSTALLED)
-	$(BIN)/python -m pytest -n 2 --cov --cov-report=term $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --cov --cov-report=term $(ARGS)
 
 # speed beside CartPole and filterpy: make bench ARGS="single vector"
 bench: $(INSTALLED)
@@ -47,15 +47,23 @@ docs: $(INSTALLED)-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
 
+# wheel and source distribution, checked as the package index checks them
+dist:
+	$(PYTHON) -m venv $(VENV)-dist
+	$(VENV)-dist/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt build twine
+	rm -rf dist
+	$(VENV)-dist/bin/python -m build
+	$(VENV)-dist/bin/python -m twine check --strict dist/*
+
 $(INSTALLED)-docs: $(INSTALLED)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[all,dev,docs]'
 	@touch $@
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "$(PYTHON) is too old: Python 3.11 or newer is needed, say which with PYTHON=..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 clean:

@@ -8,6 +8,22 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
 4. `evaluation`: tasks, deciders by name, and the sweep that gives their scores.
 5. `training`: recipes, runs and run folders, the Stable-Baselines3 VecEnv.
 6. `studies`: `evaluate`, `compare`, `limits` and `play` as lists of tasks, deciders and options.
-7. one subpackage per further command: `reproduction`, `recordings`, `tuning`.
-8. `cli`: the console script, which knows every command.
+7. one subpackage per further command: `reproduction`, `recordings`, `tuning`, `league`.
+8. `functions`: `load`, `evaluate`, `compare` and `train` for Python, loaded when they are first used; `cli`:
+   the commands.
 """
+
+from typing import TYPE_CHECKING
+
+from hybrid_env.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from agents.functions import compare as compare
+    from agents.functions import evaluate as evaluate
+    from agents.functions import load as load
+    from agents.functions import train as train
+    from agents.recordings.tracking import track_recording as track_recording
+else:
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__, {"functions": "compare evaluate load train", "recordings.tracking": "track_recording"}
+    )

@@ -9,7 +9,6 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 import gymnasium as gym
@@ -17,12 +16,15 @@ import tyro
 
 from agents.interface.help_texts import as_command, as_subcommand
 from agents.interface.trust import TRUST
+from agents.league.command import League
 from agents.recordings.command import Track
 from agents.reproduction.command import Reproduce
 from agents.studies.compare_command import Compare
+from agents.studies.dataset_command import Dataset
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
+from agents.studies.score_command import Score
 from agents.training.command import Train
 from agents.tuning.command import Tune
 from hybrid_env.checks import ArgumentError
@@ -36,6 +38,9 @@ COMMANDS = {
     "track": Track,
     "reproduce": Reproduce,
     "limits": Limits,
+    "score": Score,
+    "dataset": Dataset,
+    "league": League,
 }
 EXAMPLES = {
     "": (
@@ -88,6 +93,18 @@ EXAMPLES = {
         "hybridtrack limits --episodes 100                  # a first look",
         "hybridtrack limits --jobs 2                        # the same results in less time",
         "hybridtrack limits --env HybridTrackQuickest-v0",
+    ),
+    "score": (
+        "hybridtrack score truth.csv imm.csv mine.csv --out score.json",
+        "hybridtrack score truth.csv mine.csv --columns time=1 mode=4 --per min --picture score.png",
+    ),
+    "dataset": (
+        "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
+    ),
+    "league": (
+        "hybridtrack league mine.py:MyRule --jobs 2         # play and compare with the rest",
+        "hybridtrack league --table results/*.json          # table and picture only",
     ),
 }
 """Lines below the help of each command; a test parses them."""
@@ -161,9 +178,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
-    if list(arguments) == ["--version"]:
-        print(f"hybridtrack {version('hybrid-track')}")
-        return 0
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):

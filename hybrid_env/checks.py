@@ -1,4 +1,4 @@
-"""Argument checks. Every error is one line with the argument, its value and the allowed values."""
+"""Argument checks, and types of arrays. An error is one line: the argument, its value, the allowed values."""
 
 import math
 import reprlib
@@ -8,6 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 LONGEST_VALUE = 120  # characters of a value in a message
 LONGEST_MESSAGE = 300  # characters
@@ -120,7 +124,7 @@ def check_flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def _real_array(value: ArrayLike) -> NDArray[np.float64] | None:
+def _real_array(value: ArrayLike) -> FloatArray | None:
     """Return a copy as a float64 array, None if not every element is a real number."""
     if np.ma.is_masked(value):  # the mask would be lost
         return None
@@ -131,11 +135,11 @@ def _real_array(value: ArrayLike) -> NDArray[np.float64] | None:
         ):
             return None
         return np.array(array, dtype=np.float64) if array.dtype.kind in "fiuO" else None
-    except (TypeError, ValueError, OverflowError, MemoryError):
+    except (TypeError, ValueError, OverflowError, MemoryError, RuntimeError):  # also tensors with gradients
         return None
 
 
-def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length >= 1."""
     expected = (
         "("
@@ -165,16 +169,16 @@ def dimensions(value: ArrayLike) -> int:
     """Return the number of dimensions of an array, -1 if the value is not an array."""
     try:
         return np.ndim(value)
-    except (TypeError, ValueError):  # rows of different lengths
+    except (TypeError, ValueError, RuntimeError):  # rows of different lengths
         return -1
 
 
-def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def frozen(array: FloatArray) -> FloatArray:
     """Return the array, which can no longer be changed in place."""
     array.setflags(write=False)
     return array
 
 
-def axis_variances(measurement_variance: float | tuple[float, float]) -> NDArray[np.float64]:
+def axis_variances(measurement_variance: float | tuple[float, float]) -> FloatArray:
     """Return checked measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
     return np.atleast_1d(np.array(measurement_variance, np.float64))

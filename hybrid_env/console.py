@@ -4,29 +4,49 @@ import importlib
 import sys
 from importlib import metadata
 
+from hybrid_env.extras import DISTRIBUTION, MissingExtraError, explained
+
 PACKAGES = ("agents", "baselines")
-DISTRIBUTION = "hybrid-track"
 
 
 def main() -> int:
-    """Run `agents.cli.main`, or say which distribution stands in its place. Returns the exit status."""
+    """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its place.
+
+    Returns:
+        The exit status.
+    """
+    if sys.argv[1:] == ["--version"]:  # the commands load slowly
+        print(f"hybridtrack {metadata.version(DISTRIBUTION)}")
+        return 0
     try:
-        command = importlib.import_module("agents.cli").main
-    except Exception as error:
-        found = metadata.packages_distributions()
-        others = {name: set(found.get(name, ())) - {DISTRIBUTION} for name in PACKAGES}
-        shown = [f"'{name}' of {', '.join(sorted(kinds))}" for name, kinds in others.items() if kinds]
-        if not shown:
-            raise
-        reason = " ".join(str(error).split())[:100]
-        print(
-            f"hybridtrack: the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION} "
-            f"({reason}): install {DISTRIBUTION} in a virtual environment of its own",
-            file=sys.stderr,
-        )
+        with explained():
+            try:
+                command = importlib.import_module("agents.cli").main
+            except Exception as error:
+                foreign = _foreign(error)
+                if foreign is None:
+                    raise
+                print(f"hybridtrack: {foreign}", file=sys.stderr)
+                return 2
+            status: int = command()
+            return status
+    except MissingExtraError as error:
+        print(f"hybridtrack: {error}", file=sys.stderr)
         return 2
-    status: int = command()
-    return status
+
+
+def _foreign(error: Exception) -> str | None:
+    """Return which packages of another distribution stand in the place of ours; None if none do."""
+    found = metadata.packages_distributions()
+    others = {name: set(found.get(name, ())) - {DISTRIBUTION} for name in PACKAGES}
+    shown = [f"'{name}' of {', '.join(sorted(kinds))}" for name, kinds in others.items() if kinds]
+    if not shown:
+        return None
+    reason = " ".join(str(error).split())[:100]
+    return (
+        f"the package {' and '.join(shown)} stands in the place of that of {DISTRIBUTION} ({reason}): "
+        f"install {DISTRIBUTION} in a virtual environment of its own"
+    )
 
 
 if __name__ == "__main__":

@@ -9,14 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import FloatArray, reject
 from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
-
-FloatArray = NDArray[np.float64]
 
 TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
@@ -24,7 +22,9 @@ SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 
 
 class OnlineTrack(World):
-    """One track that is stepped with measurements from outside, with announced or unknown switches.
+    """One track that is stepped with measurements from outside, with unknown switches.
+
+    A decider states a mode at every tick.
 
     Attributes:
         announced: whether switches are announced by `begin_segment`.
@@ -32,8 +32,8 @@ class OnlineTrack(World):
     """
 
     kernels = LIVE_KERNELS
-    announced: ClassVar[bool]
-    environment: ClassVar[str]
+    announced: ClassVar[bool] = False
+    environment: ClassVar[str] = "HybridTrackQuickest-v0"
 
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
@@ -59,6 +59,13 @@ class OnlineTrack(World):
         """
         self._estimate[:] = estimate
         self._triangle[:] = covariance[TRIANGLE]
+        self._begin(mode)
+
+    def _begin(self, mode: int) -> None:
+        """Begin a track with its estimate."""
+        self.actions[0] = mode
+        self._run(BEGIN)
+        self.actions[0] = max(mode, 0)
 
     def begin_segment(self, ticks: int) -> None:
         """Begin a segment of a number of ticks, before its first measurement."""
@@ -77,21 +84,21 @@ class OnlineTrack(World):
     @property
     def decided(self) -> bool:
         """Whether `mode` has been decided, not assumed: since the switch, if switches are announced."""
-        raise NotImplementedError
+        return bool(self.blocks["time"].item(0, 0) > 0)
 
     @property
     def asks(self) -> bool:
         """Whether the present observation is for a decider."""
-        raise NotImplementedError
+        return True
 
     @property
     def mode(self) -> int:
         """The last decided mode."""
-        raise NotImplementedError
+        return self.actions.item(0)
 
     def decide(self, action: int) -> None:
         """Apply an action of the action space, after a measurement."""
-        raise NotImplementedError
+        self.actions[0] = action
 
     @property
     def uncertain_ticks(self) -> int:
@@ -105,7 +112,7 @@ class OnlineTrack(World):
 
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes, (M,)."""
-        raise NotImplementedError
+        return np.asarray(np.exp(self._values))
 
     def estimate(self) -> FloatArray:
         """Return the estimate [x, vx, y, vy], (4,) [m, m/s]."""
@@ -116,7 +123,7 @@ class OnlineTrack(World):
         return self._triangle[SQUARE]
 
 
-class OnlineWorld(OnlineTrack):
+class AnnouncedTrack(OnlineTrack):
     """A track with known switch moments.
 
     The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
@@ -136,9 +143,8 @@ class OnlineWorld(OnlineTrack):
             raise reject("bank", options.bank, "'published' or 'anchor_aware': the true state is unknown")
         super().__init__(options, tracks, trace_rows, threads)
 
-    def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
-        """See `OnlineTrack.begin_track`; the first segment still has to begin."""
-        super().begin_track(estimate, covariance, mode)
+    def _begin(self, mode: int) -> None:
+        """See `OnlineTrack._begin`; the first segment still has to begin."""
         self.blocks["segment"][0, 0] = -1
         self.blocks["active_mode"][0, 0] = max(mode, 0)  # straight: Golubkov 2018, algorithm 1, line 2
         self.decision_flags[HAS_DECISION, 0] = False
@@ -152,17 +158,17 @@ class OnlineWorld(OnlineTrack):
 
     @property
     def decided(self) -> bool:
-        """Whether the segment has a decision."""
+        """See `OnlineTrack.decided`."""
         return bool(self.decision_flags.item(HAS_DECISION, 0))
 
     @property
     def asks(self) -> bool:
-        """Whether the segment has no decision yet."""
+        """See `OnlineTrack.asks`: only as long as the segment has no decision."""
         return not self.decided
 
     @property
     def mode(self) -> int:
-        """The last decided mode."""
+        """See `OnlineTrack.mode`."""
         return int(self.blocks["active_mode"].item(0, 0))
 
     def decide(self, action: int) -> None:
@@ -190,40 +196,6 @@ class OnlineWorld(OnlineTrack):
         return weights
 
 
-class OnlineQuickestWorld(OnlineTrack):
-    """A track with unknown switch moments. A decider states a mode at every tick."""
-
-    asks = True
-
-    announced = False
-    environment = "HybridTrackQuickest-v0"
-
-    def begin_track(self, estimate: FloatArray, covariance: FloatArray, mode: int) -> None:
-        """See `OnlineTrack.begin_track`."""
-        super().begin_track(estimate, covariance, mode)
-        self.actions[0] = mode
-        self._run(BEGIN)
-        self.actions[0] = max(mode, 0)
-
-    @property
-    def decided(self) -> bool:
-        """Whether there has been a statement."""
-        return bool(self.blocks["time"].item(0, 0) > 0)
-
-    @property
-    def mode(self) -> int:
-        """The last statement."""
-        return self.actions.item(0)
-
-    def decide(self, action: int) -> None:
-        """State the mode of an action."""
-        self.actions[0] = action
-
-    def probabilities(self) -> FloatArray:
-        """Return the probabilities of the modes in the present tick, (M,)."""
-        return np.asarray(np.exp(self._values))
-
-
 def live_track(options: Any) -> OnlineTrack:
     """Return the track of a live sensor for the options of an environment.
 
@@ -231,7 +203,7 @@ def live_track(options: Any) -> OnlineTrack:
         ArgumentError: they are not the options of an environment.
     """
     if isinstance(options, WorldOptions):
-        return OnlineWorld(options)
+        return AnnouncedTrack(options)
     if isinstance(options, QuickestOptions):
-        return OnlineQuickestWorld(options)
+        return OnlineTrack(options)
     raise reject("options", options, "WorldOptions or QuickestOptions")

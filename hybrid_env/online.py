@@ -5,13 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import (
-    ReadOnlyAttributes,
-    axis_variances,
-    check_array,
-    frozen,
-)
-from hybrid_env.core.banks.bank import FilterModel, FloatArray, bank_arrays
+from hybrid_env.checks import FloatArray, ReadOnlyAttributes, axis_variances, check_array, frozen
+from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.published import PublishedBank, begin_published, step_published
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.records import LANES

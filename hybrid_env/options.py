@@ -15,13 +15,7 @@ from hybrid_env.checks import axis_variances, check_choice, check_flag, check_po
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
-from hybrid_env.limits import (
-    check_initial_error,
-    check_ratios,
-    check_variances,
-    check_within,
-    distinct_radii,
-)
+from hybrid_env.limits import check_initial_error, check_ratios, check_variances, check_within, distinct_radii
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
@@ -47,7 +41,8 @@ class ModelOptions:
     deviations of a measurement (`hybrid_env.limits`).
 
     Attributes:
-        radii: n turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses.
+        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses
+            of n radii.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
             uniformly.
@@ -128,10 +123,9 @@ class ModelOptions:
         for name in options:
             if name not in names:
                 close = difflib.get_close_matches(name[:40], names, 1)
-                hint = f"did you mean {close[0]!r}? " if close else ""
-                expected = f"expected one of {', '.join(names)}"
+                hint = f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}"
                 # libraries that try keywords, such as TorchRL, read these words of Python
-                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}{expected}")
+                raise TypeError(f"got an unexpected keyword argument {repr(name)[:40]}: {hint}")
         return cls(**options)
 
     @property

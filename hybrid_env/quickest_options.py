@@ -11,12 +11,7 @@ from hybrid_env.checks import check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
-from hybrid_env.durations import (
-    Durations,
-    duration_probabilities,
-    parse_durations,
-    remaining_probabilities,
-)
+from hybrid_env.durations import Durations, duration_probabilities, parse_durations, remaining_probabilities
 from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
@@ -110,11 +105,6 @@ class QuickestOptions(ModelOptions):
         return segment_table(RandomScheme(), self.radii)
 
     @property
-    def cumulative_durations(self) -> NDArray[np.float64]:
-        """Probabilities of at most 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
-        return np.cumsum(self.duration_laws, axis=1)
-
-    @property
     def duration_laws(self) -> NDArray[np.float64]:
         """Probabilities of 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
         first = remaining_probabilities if self.start == "random" else duration_probabilities
@@ -122,7 +112,7 @@ class QuickestOptions(ModelOptions):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
-        return super().arrays() | {"durations": self.cumulative_durations}
+        return super().arrays() | {"durations": np.cumsum(self.duration_laws, axis=1)}
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `ModelOptions.bounds`."""

@@ -1,13 +1,15 @@
-"""Registration of the environments with Gymnasium."""
+"""Registration of the environments with Gymnasium. Their files are imported when one is made."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator, register, registry
 
 from hybrid_env.checks import reject
-from hybrid_env.options import ModelOptions
-from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
+
+if TYPE_CHECKING:
+    from hybrid_env.options import ModelOptions
+    from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},
@@ -39,36 +41,42 @@ def register_environments() -> None:
             register(id=env_id, entry_point=single, vector_entry_point=vector, kwargs=options)
 
 
-def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> TrackVectorEnv:
+def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":
     """Create the vector environment of a registered id; `options` override the options of the id.
 
     Raises:
         ArgumentError: the id is not one of this package, or an option is not allowed.
     """
+    from hybrid_env.vector_env import TrackVectorEnv
+
     _check_env_id(env_id, TrackVectorEnv)
     env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
     assert isinstance(env, TrackVectorEnv)
     return env
 
 
-def make_vector_env(env_id: str, num_envs: int, **options: Any) -> HybridTrackVectorEnv:
+def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackVectorEnv":
     """Create the vector environment of an id of `HybridTrackEnv`, as `make_track_vector_env`.
 
     Raises:
         ArgumentError: the id has another environment, or an option is not allowed.
     """
-    check_env_id(env_id)
+    from hybrid_env.vector_env import HybridTrackVectorEnv
+
+    _check_env_id(env_id, HybridTrackVectorEnv)
     env = make_track_vector_env(env_id, num_envs, **options)
     assert isinstance(env, HybridTrackVectorEnv)
     return env
 
 
-def environment_options(env_id: str) -> type[ModelOptions]:
+def environment_options(env_id: str) -> "type[ModelOptions]":
     """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`.
 
     Raises:
         ArgumentError: the id is not one of this package.
     """
+    from hybrid_env.vector_env import TrackVectorEnv
+
     _check_env_id(env_id, TrackVectorEnv)
     entry_point = gym.spec(env_id.removeprefix("hybrid_env:")).vector_entry_point
     assert isinstance(entry_point, str)
@@ -78,11 +86,6 @@ def environment_options(env_id: str) -> type[ModelOptions]:
 
 def _vector_class(entry_point: str) -> Any:
     return load_env_creator(entry_point)
-
-
-def check_env_id(env_id: str) -> None:
-    """Raise `ArgumentError` for an id that does not belong to `HybridTrackEnv`."""
-    _check_env_id(env_id, HybridTrackVectorEnv)
 
 
 def _check_env_id(env_id: str, kind: type) -> None:

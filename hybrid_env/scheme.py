@@ -6,7 +6,7 @@ a radius of 3 m, a right turn of 75 ticks with a radius of 5 m, and a straight l
 
 import re
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,11 +20,6 @@ GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-10
 _INTEGER = "[0-9]{1,20}"
 _SEGMENT = re.compile(rf"([SLR])({_INTEGER})(?:r((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?))?")
 _RANDOM = re.compile(rf"random(?:\s+({_INTEGER})x({_INTEGER})(?:-({_INTEGER}))?)?")
-
-
-def _set(scheme: object, name: str, value: Any) -> None:
-    """Set an attribute of a frozen dataclass, in `__post_init__`."""
-    object.__setattr__(scheme, name, value)
 
 
 @dataclass(frozen=True)
@@ -45,12 +40,12 @@ class Segment:
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        _set(self, "mode", str(check_choice("mode", self.mode, ("S", "L", "R"))))
-        _set(self, "length", check_ticks("length", self.length))
+        object.__setattr__(self, "mode", str(check_choice("mode", self.mode, ("S", "L", "R"))))
+        object.__setattr__(self, "length", check_ticks("length", self.length))
         if (self.mode == "S") != (self.radius is None):
             raise reject("radius", self.radius, "None for a straight segment, a number > 0 for a turn")
         if self.radius is not None:
-            _set(self, "radius", check_within("radius", self.radius, "radii"))
+            object.__setattr__(self, "radius", check_within("radius", self.radius, "radii"))
 
     @property
     def signed_radius(self) -> float:
@@ -83,7 +78,7 @@ class FixedScheme:
             or not all(isinstance(piece, Segment) for piece in pieces)
         ):
             raise reject("pieces", pieces, f"a tuple of 1 to {MAX_PIECES} objects hybrid_env.Segment")
-        _set(self, "pieces", tuple(pieces))
+        object.__setattr__(self, "pieces", tuple(pieces))
 
     def __str__(self) -> str:
         return " ".join(map(str, self.pieces))
@@ -107,15 +102,15 @@ class RandomScheme:
     radii: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        _set(self, "segments", check_ticks("segments", self.segments))
+        object.__setattr__(self, "segments", check_ticks("segments", self.segments))
         allowed = "(shortest, longest)"
         values = two_values("lengths", self.lengths, allowed)
         shortest, longest = (check_ticks("lengths", length) for length in values)
         if shortest > longest:
             raise reject("lengths", self.lengths, allowed)
-        _set(self, "lengths", (shortest, longest))
+        object.__setattr__(self, "lengths", (shortest, longest))
         if self.radii is not None:
-            _set(self, "radii", distinct_radii("radii", self.radii))
+            object.__setattr__(self, "radii", distinct_radii("radii", self.radii))
 
     def __str__(self) -> str:
         return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"

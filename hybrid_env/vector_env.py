@@ -79,19 +79,7 @@ for _name in _DICT_METHODS:
 class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
     """A vector environment of N tracks; each environment has a subclass that names its options.
 
-    Args:
-        num_envs: N, number of tracks.
-        autoreset_mode: NEXT_STEP resets a terminated track in the next step, whose action is ignored and
-            whose reward is 0; SAME_STEP resets it in the same step and returns `final_obs` and `final_info`;
-            DISABLED requires a call of `reset(options={"reset_mask": ...})`.
-        tick_info: False omits the description of the current tick from the info of `step`, which is faster
-            for training. Other entries, `final_obs` and `final_info` are always present.
-        trace_rows: number of ticks per step stored for recording, 0 to store none.
-        threads: number of threads that step the tracks in parallel. Results do not depend on it.
-        options: of the model.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
+    Its arguments are those of `HybridTrackVectorEnv`.
     """
 
     options_class: ClassVar[Any]
@@ -197,7 +185,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         """
         try:
             array = np.asarray(actions)
-        except (TypeError, ValueError):  # ragged, or not convertible
+        except (TypeError, ValueError, RuntimeError):  # ragged, or a tensor with a gradient
             array = np.array(None)
         if array.shape != self._shape or array.dtype.kind not in "iu":
             raise gym.error.InvalidAction(
@@ -311,11 +299,7 @@ class HybridTrackQuickestVectorEnv(TrackVectorEnv):
     `_key` marks the tracks for which an info key is valid.
 
     Args:
-        num_envs: N, number of tracks.
-        autoreset_mode: as in `HybridTrackVectorEnv`.
-        tick_info: False omits the description of the current tick from the info of `step`, which is faster
-            for training.
-        threads: number of threads that step the tracks in parallel. Results do not depend on it.
+        num_envs, autoreset_mode, tick_info, threads: as in `HybridTrackVectorEnv`.
         options: see `QuickestOptions`.
 
     Raises:

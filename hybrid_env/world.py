@@ -135,7 +135,7 @@ class World(ReadOnlyAttributes):
         self._run: Callable[[int], int]
         self.take_rows: Callable[
             [], NDArray[np.float32]
-        ]  # after a step or reset, once: (N, width), a new array
+        ]  # once after a step or reset: a new array (N, width)
         if self.threads == 1:
             self._run = functools.partial(self._advance, addresses[0])
             self.take_rows = self.observations.copy

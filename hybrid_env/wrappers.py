@@ -5,6 +5,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from hybrid_env.env import HybridTrackEnv
+
 NO_DECISION: dict[str, Any] = {
     "decided_mode": np.int64(-1), "decided_true_mode": np.int64(-1), "correct": np.array(False),
     "type_correct": np.array(False), "ticks": np.int64(0), "forced": np.array(False),
@@ -17,14 +19,19 @@ class CompleteInfo(gym.Wrapper[Any, Any, Any, Any]):
     """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision.
 
     Recorders such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
+    The `info` of other environments is complete, and stays as it is.
     """
+
+    def __init__(self, env: gym.Env[Any, Any]):
+        super().__init__(env)
+        self._added = NO_DECISION if isinstance(env.unwrapped, HybridTrackEnv) else {}
 
     def reset(self, **keywords: Any) -> tuple[Any, dict[str, Any]]:
         """See `gymnasium.Env.reset`."""
         observation, info = self.env.reset(**keywords)
-        return observation, NO_DECISION | info
+        return observation, self._added | info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """See `gymnasium.Env.step`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        return observation, reward, terminated, truncated, NO_DECISION | info
+        return observation, reward, terminated, truncated, self._added | info

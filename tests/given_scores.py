@@ -7,7 +7,7 @@ import numpy as np
 from agents.evaluation.announced import AnnouncedTask
 from agents.evaluation.unknown import UnknownTask
 from agents.studies.comparison import Comparison, Entry
-from agents.studies.plan import Plan
+from agents.studies.continuation import Plan
 from baselines.rules.decider import rules
 from baselines.scoring import decisions, statements
 from baselines.scoring.scores import Scores

@@ -68,12 +68,12 @@ def mutated(draw, document):
 
 @st.composite
 def damaged(draw, content):
-    """The bytes, some replaced, inserted, removed or cut off; more often near the start than near the end."""
+    """The bytes, some replaced, inserted, removed, cut off or flipped; more often near the start."""
     content = bytearray(content)
     last = draw(st.sampled_from([16, 200, len(content)]))
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(0, min(last, len(content)) - 1)))
-        change = draw(st.sampled_from(["replace", "insert", "remove", "cut", "repeat"]))
+        change = draw(st.sampled_from(["replace", "insert", "remove", "cut", "repeat", "flip"]))
         some = draw(st.binary(min_size=1, max_size=8) | st.sampled_from([b"\0", b"\n", b'"', b"[" * 3000]))
         if change == "replace":
             content[at : at + len(some)] = some
@@ -83,6 +83,8 @@ def damaged(draw, content):
             del content[at : at + draw(st.integers(1, 64))]
         elif change == "cut":
             del content[at:]
+        elif change == "flip" and content:
+            content[at] ^= 1 << draw(st.integers(0, 7))
         else:
             content[at:at] = content[at : at + 64] * draw(st.integers(1, 50))
     return bytes(content)
@@ -115,3 +117,8 @@ def refused(function, *arguments, **keywords):
     assert message.isprintable()  # also no line break
     assert "expected" in message
     return message
+
+
+def counts(quick, study=100_000):
+    """Numbers of cases of an attack, to parametrize its test: few, and many in `make study`."""
+    return [quick, pytest.param(study, marks=pytest.mark.study)]

@@ -4,66 +4,27 @@ import errno
 import json
 import warnings
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from hostile_input import accepted, counts, damaged, profile
+from hypothesis import given
 
+from agents import track_recording
 from agents.cli import main
 from agents.recordings.files import object_folders
-from agents.recordings.tracking import track_recording
-from agents.tuning.search import JOURNAL
+from agents.tuning.ranges import parse_range
+from agents.tuning.search import JOURNAL, Search, best_rows, ended, median_rewards, open_study
 from baselines.rules.rollout import evaluate
-from hybrid_env import (
-    ArgumentError,
-    HybridTrackEasyEnv,
-    HybridTrackEasyVectorEnv,
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-    Layout,
-)
+from hybrid_env import ArgumentError, HybridTrackEasyEnv, HybridTrackEnv, Layout
 from hybrid_env.wrappers import CompleteInfo
 
 
-class Index:
-    """An integer to Python, and nothing to Gymnasium."""
-
-    def __init__(self, value):
-        self.value = value
-
-    def __index__(self):
-        return self.value
-
-    def __repr__(self):
-        return "first line\nsecond line"
-
-
-@pytest.mark.parametrize("action", [torch.tensor(1), Index(1), np.int8(1), True])
+@pytest.mark.parametrize("action", [torch.tensor(1), np.int8(1), True])
 def test_an_easy_declaration_of_any_integer_type_waits_at_the_first_tick(action):
     env = HybridTrackEasyEnv()
     env.reset(seed=0)
     assert env.step(action)[1] == pytest.approx(-0.02)
-
-
-@pytest.mark.parametrize("kind", [HybridTrackEnv, HybridTrackEasyEnv])
-@pytest.mark.parametrize(
-    "action", [Index(9), Index(-1), np.timedelta64(1, "s"), "a\nb", [[1, 2], [3]], None, 1.0, 10**30]
-)
-def test_other_actions_are_refused_in_one_line(kind, action):
-    env = kind()
-    env.reset(seed=0)
-    with pytest.raises(gym.error.InvalidAction, match="action=") as found:
-        env.step(action)
-    assert "\n" not in str(found.value)
-
-
-@pytest.mark.parametrize("kind", [HybridTrackVectorEnv, HybridTrackEasyVectorEnv])
-@pytest.mark.parametrize("actions", [[[1, 2], [3]], np.ones(3, "m8[s]"), [Index(1)] * 3, "abc", None])
-def test_other_actions_of_several_tracks_are_refused(kind, actions):
-    env = kind(3)
-    env.reset(seed=0)
-    with pytest.raises(gym.error.InvalidAction, match="expected integers of shape"):
-        env.step(actions)
 
 
 @pytest.mark.parametrize(
@@ -130,6 +91,25 @@ def test_a_journal_with_a_cut_last_line_goes_on_and_a_hostile_one_is_refused(tmp
     journal.write_bytes(whole + b"[" * 100_000 + b"\n")
     assert main(line) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("examples", counts(40, 10_000))
+def test_a_damaged_journal_goes_on_or_is_refused(examples, tmp_path):
+    ranges = (parse_range("n_epochs=1..3"),)
+    search = Search("hybrid_env:HybridTrack-v0", {}, "ppo", (), ranges, 0, None)
+    study = open_study(search, tmp_path)
+    study.tell(study.ask(), 0.5)
+    content = (tmp_path / JOURNAL).read_bytes()
+
+    @profile(examples)
+    @given(damaged(content))
+    def check(changed):
+        (tmp_path / JOURNAL).write_bytes(changed)
+        study = accepted(lambda: open_study(search, tmp_path))
+        if study is not None:
+            ended(study), median_rewards(study), best_rows(study, 3)
+
+    check()
 
 
 def test_a_model_that_is_evaluated_elsewhere_than_it_was_trained_is_said():

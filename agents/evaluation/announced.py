@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.calibration import calibration_rows, calibration_table
 from agents.evaluation.cells import new_table
-from agents.evaluation.curves import Groups, chosen, curves, means
+from agents.evaluation.curves import Groups, Selected, chosen, curves, means
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
 from agents.figures.curves import Axis, Panel
@@ -19,12 +18,54 @@ from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import UNDECIDED, TrackRecord
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED
+from baselines.rules.posterior_paths import MIN_COUNT, calibration, simulate_posterior_paths
 from baselines.rules.rollout import batch_size, check_episodes, evaluate_batch
 from baselines.scoring.decisions import COLUMNS, ERROR_AFTER, RMSE
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import NOT_REACHED, Scores, Statistic, at_level, interpolated, mean
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
+
+CALIBRATION_TICKS = (2, 5, 10, 20, 40)
+
+
+def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the calibration of the bank's posterior after numbers of ticks without a decision.
+
+    The keys of a row are "ticks", "right" (accuracy of the most probable hypothesis or type), "stated" (its
+    mean posterior) and "worst" (the largest calibration error: posterior minus accuracy in a bin; None
+    without a bin of enough segments).
+
+    Args:
+        episodes: number of simulated episodes.
+        seed: of the first episode.
+        options: of the environment.
+    """
+    paths = simulate_posterior_paths(episodes, seed, max(CALIBRATION_TICKS), **options)
+    ticks = [tick for tick in CALIBRATION_TICKS if (paths.length >= tick).any()]
+    found = {tick: calibration(paths, tick) for tick in ticks}
+    return [
+        {
+            "ticks": tick, "right": one.mean_accuracy, "stated": one.mean_stated,
+            "worst": one.worst if np.isfinite(one.worst) else None,
+        }
+        for tick, one in found.items()
+    ]  # fmt: skip
+
+
+def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:
+    """Return a table of `calibration_rows` of a bank."""
+    table = new_table(
+        f"Calibration of the {bank.replace('_', '-')} bank (no decisions)",
+        f"Calibration error: mean posterior minus accuracy,\nin bins of at least {MIN_COUNT:,} segments.",
+    )
+    for head in ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"):
+        table.add_column(head, justify="right")
+    for row in rows:
+        worst = "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}"
+        table.add_row(f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}", worst)
+    return table
+
 
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 ACCURACY_LEVELS = (0.95, 0.98)
@@ -41,10 +82,10 @@ class AnnouncedTask(Task):
     metrics: ClassVar = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
         Metric("type_accuracy", "type\naccuracy, %", mean("type_accuracy", share=True), 1, 100.0),
-        Metric("ticks", "mean\nticks", mean("ticks"), 1, larger_is_better=False),
+        Metric("ticks", "mean\nticks", mean("ticks"), 1),
         Metric("reward", "mean\nreward", mean("reward"), 3),
-        Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0, larger_is_better=False),
-        Metric("rmse", "RMSE\nm", RMSE, 3, larger_is_better=False),
+        Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0),
+        Metric("rmse", "RMSE\nm", RMSE, 3),
     )
     further: ClassVar = {f"error_after_{name}": statistic for name, statistic in ERROR_AFTER.items()}
     paired: ClassVar = "diff."
@@ -113,14 +154,13 @@ class AnnouncedTask(Task):
             found[keys] = Metric(keys[0], f"ticks at\n{level:.0%}", time, 1)
         return found
 
-    def against(
-        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
-    ) -> dict[str, dict[str, Estimate]]:
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return the differences of the reward and of the decision time at 98 % accuracy."""
-        found = {"reward": mine.difference(reference, mean("reward"), chosen, of_reference)}
+        own, other = mine.scores, reference.scores
+        found = {"reward": own.difference(other, mean("reward"), mine.chosen, reference.chosen)}
         time = at_level("accuracy", 0.98, mean("ticks"))
-        if curves and all(one.curve(time) < NOT_REACHED / 2 for one in (mine, reference)):
-            found["ticks_at_98"] = mine.difference(reference, time)
+        if curves and all(one.curve(time) < NOT_REACHED / 2 for one in (own, other)):
+            found["ticks_at_98"] = own.difference(other, time)
         return {"against_reference": found}
 
     def remarks(self, episodes: int, seed: int) -> dict[str, Any]:
@@ -128,12 +168,11 @@ class AnnouncedTask(Task):
         rows = calibration_rows(episodes, seed, vars(self.options))
         return {"segments": episodes * self.options.segments, "bank": rows}
 
-    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
-        """See `Task.remark_tables`."""
-        return [calibration_table(remarks["bank"], self.options.bank)]
+    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
+        """Return error rates by previous decision, as after a wrong one the next anchor is inaccurate.
 
-    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
-        """Return error rates by previous decision: after a wrong one the next anchor is inaccurate."""
+        A second table has the calibration of the bank.
+        """
         table = new_table("Error rate by previous decision")
         table.add_column("decider")
         for head in ("after a correct\ndecision, %", "after a wrong\ndecision, %"):
@@ -142,7 +181,7 @@ class AnnouncedTask(Task):
             shares = [float(one.curve(statistic)[0]) for statistic in ERROR_AFTER.values()]
             cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
             table.add_row(escape(one.name), *cells)
-        return [table]
+        return [table, calibration_table(remarks["bank"], self.options.bank)]
 
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.

@@ -17,7 +17,7 @@ def new_table(title: str, caption: str = "") -> Table:
 
 
 def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:
-    """Return the value of an estimate, and below it the half width of its confidence interval.
+    """Return the value of an estimate, and below it the half width of its confidence interval if it has one.
 
     Args:
         estimate: of a figure.
@@ -29,6 +29,8 @@ def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str 
     if not np.isfinite(estimate.value):
         return undefined
     value = f"{scale * estimate.value:{sign}.{digits}f}"
+    if np.isnan(estimate.high):
+        return value
     if not np.isfinite(estimate.high):
         return f"{value}\n[bright_black]> {scale * estimate.low:.{digits}f}[/]"
     return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"

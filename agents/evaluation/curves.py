@@ -8,13 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.figures.curves import Curve
 from agents.figures.decider_colours import DeciderStyle, decider_styles
 from baselines.scoring.scores import Scores, Statistic
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +76,7 @@ def _curve(
     )
 
 
-def _band(group: Sequence[Selected], statistic: Statistic, shown: NDArray[np.int64]) -> FloatArray:
+def _band(group: Sequence[Selected], statistic: Statistic, shown: IntArray) -> FloatArray:
     """Return (2, K) bounds of a statistic: over training seeds, or over episodes for a single decider."""
     if len(group) > 1:
         values = np.array([one.scores.curve(statistic) for one in group])[:, shown]

@@ -1,12 +1,11 @@
 """Recorded flights: a mode is stated at every position, and compared with labels by hindsight."""
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.evaluation.registry import SHIPPED, find_decider, learned_family, policy_folder, split_threshold
 from agents.evaluation.task import Metric
@@ -19,9 +18,8 @@ from baselines.recordings.flights.samples import Samples
 from baselines.recordings.flights.semi_real import WORLD, semi_real_flights, state_semi_real
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, UNKNOWN, Decider, rules
-from hybrid_env.checks import reject
+from hybrid_env.checks import IntArray, reject
 
-IntArray = NDArray[np.int64]
 NATIVE, SEMI_REAL = "native", "semi-real"
 AGENT = "agent"
 COMPARED = {NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT), SEMI_REAL: None}
@@ -29,15 +27,13 @@ COMPARED = {NATIVE: ("imm", "imm:0.8", "cusum", "beam", "agent:8", AGENT), SEMI_
 
 METRICS = (
     Metric("agreement", "agreement", STATISTICS["agreement"], 3),
-    Metric("delay", "delay\ns", STATISTICS["delay"], 1, larger_is_better=False),
-    Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0, larger_is_better=False),
-    Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1, larger_is_better=False),
+    Metric("delay", "delay\ns", STATISTICS["delay"], 1),
+    Metric("misses", "misses\n%", STATISTICS["misses"], 1, 100.0),
+    Metric("false_per_hour", "false/h\n(turns)", STATISTICS["false_per_hour"], 1),
     Metric(
-        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1,
-        larger_is_better=False,
-    ),
+        "false_turns_per_hour", "false turns\nper hour", STATISTICS["false_turns_per_hour"], 1),
     Metric(
-        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2, larger_is_better=False
+        "changes_per_label", "changes\nper label", STATISTICS["changes_per_label"], 2
     ),
 )  # fmt: skip
 
@@ -140,32 +136,13 @@ class FlightTask:
         """Return a function from the name of a decider to its statements on each flight, (n,)."""
         if self.form == SEMI_REAL:
             return lambda name: state_semi_real(self.decider(name), flights)
-        filters = _Filters(flights)
+        batch = stack_flights(flights)
+        imm = functools.cache(lambda: FlightTracks(batch, run_turn_imm(batch)))
+        beam = functools.cache(lambda: FlightTracks(batch, imm().estimates, run_turn_beam(batch)))
 
         def state(name: str) -> list[IntArray]:
             decider = self.decider(name)
-            tracks = filters.beam if rules(FLIGHTS).get("beam") is type(decider) else filters.imm
+            tracks = beam() if rules(FLIGHTS).get("beam") is type(decider) else imm()
             return tracks.statements(decider, [len(flight.times) for flight in flights])
 
         return state
-
-
-class _Filters:
-    """Flights with the output of the filters, each computed once.
-
-    Args:
-        flights: the flights.
-    """
-
-    def __init__(self, flights: Sequence[Flight]):
-        self.batch = stack_flights(flights)
-
-    @cached_property
-    def imm(self) -> FlightTracks:
-        """Tracks whose rows have the probabilities of the IMM."""
-        return FlightTracks(self.batch, run_turn_imm(self.batch))
-
-    @cached_property
-    def beam(self) -> FlightTracks:
-        """Tracks whose rows have the probabilities of the beam."""
-        return FlightTracks(self.batch, self.imm.estimates, run_turn_beam(self.batch))

@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.table import Table
 
-from agents.evaluation.curves import Groups
+from agents.evaluation.curves import Groups, Selected
 from agents.figures.curves import Panel, curve_figure
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.own import as_decider
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic
+from hybrid_env.checks import FloatArray
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.history import History
 
-FloatArray = NDArray[np.float64]
 FIGURE_SIZE = (11.5, 5.2)  # of the figure of a comparison [in]
 Levels = dict[tuple[str, ...], "Metric"]
 """Figures of whole operating curves, by their keys in JSON from the outermost on."""
@@ -38,7 +38,6 @@ class Metric:
         statistic: the figure.
         digits: after the decimal point.
         scale: factor on the figure in tables.
-        larger_is_better: direction.
     """
 
     name: str
@@ -46,7 +45,6 @@ class Metric:
     statistic: Statistic
     digits: int
     scale: float = 1.0
-    larger_is_better: bool = True
 
 
 @dataclass(frozen=True)
@@ -210,15 +208,10 @@ class Task(ABC):
         """
 
     @abstractmethod
-    def against(
-        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
-    ) -> dict[str, dict[str, Estimate]]:
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return paired figures of a decider and the reference on the same episodes, by their keys in JSON.
 
-        Args:
-            mine, reference: scores.
-            chosen, of_reference: indices of their selected thresholds.
-            curves: whether both have whole operating curves.
+        curves: whether both have whole operating curves.
         """
 
     @abstractmethod
@@ -261,12 +254,8 @@ class Task(ABC):
         """Return what else a comparison tells of the episodes, as plain values by their keys in JSON."""
         return {}
 
-    def remark_tables(self, remarks: Mapping[str, Any]) -> list[Table]:
-        """Return tables of `remarks`."""
-        return []
-
-    def after_tables(self, scores: Sequence[Scores]) -> list[Table]:
-        """Return further tables of deciders at one threshold each."""
+    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
+        """Return further tables, of deciders at one threshold each and of `remarks`."""
         return []
 
     def statistic(self, name: str) -> Statistic:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from agents.evaluation.curves import Groups, chosen, curves
+from agents.evaluation.curves import Groups, Selected, chosen, curves
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.figures.curves import Axis, Panel
 from agents.figures.tracks import TrackRecord
@@ -53,11 +53,11 @@ class UnknownTask(Task):
     metrics: ClassVar = (
         Metric("reward", "reward", STATISTICS["reward"], 4),
         Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
-        Metric("delay", "delay\nmean", STATISTICS["delay"], 1, larger_is_better=False),
-        Metric("missed", "missed\n%", STATISTICS["missed"], 1, 100.0, larger_is_better=False),
-        Metric("full_delay", "delay,\nall", STATISTICS["full_delay"], 1, larger_is_better=False),
-        Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2, larger_is_better=False),
-        Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2, larger_is_better=False),
+        Metric("delay", "delay\nmean", STATISTICS["delay"], 1),
+        Metric("missed", "missed\n%", STATISTICS["missed"], 1, 100.0),
+        Metric("full_delay", "delay,\nall", STATISTICS["full_delay"], 1),
+        Metric("wrong_changes", "wrong\n/1000", STATISTICS["wrong_changes"], 2),
+        Metric("change_ratio", "changes", STATISTICS["change_ratio"], 2),
     )
     notes: ClassVar = NOTES
     paired: ClassVar = "ratio"
@@ -123,14 +123,13 @@ class UnknownTask(Task):
             found["at_equal_wrong_changes", name] = Metric(name, head, EQUAL[name], 1, scale)
         return found
 
-    def against(
-        self, mine: Scores, chosen: int, reference: Scores, of_reference: int, curves: bool
-    ) -> dict[str, dict[str, Estimate]]:
+    def against(self, mine: Selected, reference: Selected, curves: bool) -> dict[str, dict[str, Estimate]]:
         """Return the ratios of both mean delays at an equal rate of wrong changes."""
         if not curves:
             return {}
         names = ("full_delay", "delay")
-        return {"ratio_to_reference": {name: mine.ratio(reference, EQUAL[name]) for name in names}}
+        ratios = {name: mine.scores.ratio(reference.scores, EQUAL[name]) for name in names}
+        return {"ratio_to_reference": ratios}
 
     @property
     def figure_title(self) -> str:

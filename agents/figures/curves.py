@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agents.figures.canvas import new_canvas, plain_axes
 from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import DeciderStyle
+from hybrid_env.checks import FloatArray
 
-FloatArray = NDArray[np.float64]
 LEVEL_STYLE: dict[str, Any] = {"color": "0.75", "linewidth": 0.8, "linestyle": "--", "zorder": 0}
 MARKER_SPACING = 10.0  # between the markers of points without a value [pt]
 
@@ -125,10 +125,7 @@ def curve_figure(
 
 
 def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, str]]:
-    """Draw a panel. Returns the lines to label, with their labels.
-
-    outer_only: whether only the outermost panels have labels at their axes.
-    """
+    """Draw a panel, with `outer_only` without labels at inner axes; return its lines with their labels."""
     lines = []
     missing: dict[float, int] = {}
     for curve in panel.curves:
@@ -184,13 +181,9 @@ def _draw_curve(axes: Any, curve: Curve) -> Any:
 
 
 def _draw_missing(axes: Any, curve: Curve, height: float, missing: dict[float, int]) -> list[Any]:
-    """Draw a hollow marker for every point without a finite y, beside those of earlier curves.
+    """Draw a hollow marker at a height for every point without a finite y, beside those of earlier curves.
 
-    Args:
-        axes: to draw in.
-        curve: of the points.
-        height: y of the markers.
-        missing: number of markers by x, which is increased.
+    missing: number of markers by x, which is increased.
     """
     values = np.asarray(curve.x, float)
     marks = []

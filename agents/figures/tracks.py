@@ -10,14 +10,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from agents.figures.canvas import legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import DeciderStyle, decider_styles
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour, mode_name, shade
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNDECIDED = -1
 """In place of a mode at the ticks before a declaration."""
@@ -74,7 +72,7 @@ class TrackRecord:
     measurements: FloatArray
     true_modes: IntArray
     modes: IntArray
-    right: NDArray[np.bool_]
+    right: BoolArray
     marks: IntArray
     switches: IntArray | None
     estimates: FloatArray
@@ -236,24 +234,15 @@ def draw_timelines(
     colours: Sequence[str],
     xlabel: str,
     *,
-    wrong: Mapping[str, NDArray[np.bool_]] | None = None,
+    wrong: Mapping[str, BoolArray] | None = None,
     breaks: ArrayLike = (),
     names: Sequence[str] = (),
     edge_width: float = 1.0,
 ) -> None:
-    """Draw the modes of each row as bars.
+    """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or others above.
 
-    Args:
-        axes: to draw in.
-        edges: (T + 1,) beginning of each of T ticks, and end of the last one.
-        rows: modes (T,) by name, from top to bottom: indices of `colours`, `UNDECIDED` or `NO_BAR`.
-        colours: of the modes.
-        xlabel: of the axis of time.
-        wrong: (T,) ticks that are hatched, by the name of the row.
-        breaks: indices of ticks at which every bar begins anew.
-        names: of the modes, written into bars that are long enough, as is the length of undecided ones;
-            nothing is written without names.
-        edge_width: of the white edges of the bars [pt].
+    Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,). `names` of the modes are written
+    into bars that are long enough, as is the length of undecided ones. edge_width: of the white edges [pt].
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])

@@ -14,14 +14,15 @@ NO_DEFAULT = (None, ())
 """Defaults of flags that are not given; the help text then says what happens without the flag."""
 
 
-def shown_default(text: str, *aliases: str) -> Any:
+def shown_default(text: str, *aliases: str, help: str | None = None) -> Any:
     """Annotation of a flag whose value is None or empty by default: the text stands for it in the help.
 
     Args:
         text: the default in words.
         aliases: further names of the flag.
+        help: description of a flag without a docstring.
     """
-    return tyro.conf.arg(help_behavior_hint=f"(default: {text})", aliases=aliases or None)
+    return tyro.conf.arg(help=help, help_behavior_hint=f"(default: {text})", aliases=aliases or None)
 
 
 def as_subcommand(name: str, kind: type) -> Any:

@@ -12,8 +12,12 @@ MOST_BRACKETS = 500  # in YAML, whose parser needs seconds for a thousand nested
 LARGEST_INTEGER = 2**53  # exact as float64
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     """Read a small file in UTF-8.
+
+    Args:
+        path: of the file.
+        largest: size that is read [bytes].
 
     Raises:
         OSError: the file cannot be read.
@@ -22,25 +26,30 @@ def read_text(path: Path) -> str:
     if not path.is_file():  # a named pipe would wait for its writer
         raise ValueError(f"{path.name} is missing or not a file")
     with path.open("rb") as file:
-        content = file.read(LARGEST_FILE + 1)
-    if len(content) > LARGEST_FILE:
-        raise ValueError(f"{path.name} is larger than {LARGEST_FILE:,} bytes")
+        content = file.read(largest + 1)
+    if len(content) > largest:
+        raise ValueError(f"{path.name} is larger than {largest:,} bytes")
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:
         raise ValueError(f"{path.name} is not in UTF-8") from None
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
     """Read a JSON file; NaN, infinities and integers that float64 does not hold exactly are refused.
+
+    Args:
+        path: of the file.
+        largest: size that is read [bytes].
 
     Raises:
         OSError: the file cannot be read.
         ValueError: its content is invalid.
     """
-    text = read_text(path)
+    text = read_text(path, largest)
     try:
-        return json.loads(text, parse_int=_integer, parse_float=_float, parse_constant=_float)
+        integer, real = (lambda digits: _checked(int(digits))), (lambda digits: _checked(float(digits)))
+        return json.loads(text, parse_int=integer, parse_float=real, parse_constant=real)
     except RecursionError:
         raise ValueError(f"{path.name} is nested too deeply") from None
 
@@ -72,31 +81,19 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        return _check_integer(super().construct_yaml_int(node))
+        return _checked(super().construct_yaml_int(node))
 
     def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
-        return _check_float(super().construct_yaml_float(node))
+        return _checked(super().construct_yaml_float(node))
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
 
 
-def _integer(text: str) -> int:
-    return _check_integer(int(text))
-
-
-def _float(text: str) -> float:
-    return _check_float(float(text))
-
-
-def _check_integer(number: int) -> int:
-    if abs(number) > LARGEST_INTEGER:
+def _checked(number: Any) -> Any:
+    if isinstance(number, int) and abs(number) > LARGEST_INTEGER:
         raise ValueError(f"an integer is larger than {LARGEST_INTEGER}")
-    return number
-
-
-def _check_float(number: float) -> float:
     if not math.isfinite(number):
         raise ValueError("a number is not finite")
     return number

@@ -9,11 +9,12 @@ import gc
 import os
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from agents.interface.help_texts import shown_default
 from hybrid_env.checks import ArgumentError, check_choice, check_integer, reject
 
 Call = Callable[[], Any]
@@ -172,26 +173,20 @@ def _import_ray() -> Any:
     return ray
 
 
-if TYPE_CHECKING:
-    from agents.interface.parallel import Workers
-
-
 @dataclass(kw_only=True)
 class ParallelArguments:
     """Flags for parallel work. The results do not depend on them."""
 
-    jobs: int = 1
-    """Number of processes, or of tasks at a time with --engine ray; one for each core is a good choice."""
+    jobs: Annotated[int | None, shown_default("one for each core")] = None
+    """Number of processes, or of tasks at a time with --engine ray."""
     engine: Literal["local", "ray"] = "local"
     """'local' for processes of this machine; 'ray' for the Ray cluster at RAY_ADDRESS, which 'ray start'
     starts, or one on this machine."""
 
-    def workers(self) -> "Workers":
+    def workers(self) -> Workers:
         """Return where calls run.
 
         Raises:
             ArgumentError: a flag is out of range, or Ray is not installed.
         """
-        from agents.interface.parallel import Workers
-
-        return Workers(self.jobs, self.engine)
+        return Workers(joblib.cpu_count() if self.jobs is None else self.jobs, self.engine)

@@ -9,8 +9,7 @@
 - `statement_net`: a recurrent network that states the present mode, and its inputs.
 - `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights.
 - `features`: selects the quantities that an actor observes.
-- `network_settings`: the limits on the sizes of networks.
-- `policy_file`: reads and writes weights and their card.
+- `policy_file`: reads and writes weights and their card; the limits on the sizes of networks.
 - `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
 
 All of them map observation rows to actions through the interface of `baselines.rules.decider`.

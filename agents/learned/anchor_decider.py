@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from agents.learned.anchor_net import AnchorNet, RegretNet, regret_inputs
@@ -24,12 +23,11 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
-from hybrid_env.checks import reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
-FloatArray = NDArray[np.float64]
 REGRET_SHARE = 0.5  # a wrong declaration loses 2, from 1 to -1
 
 
@@ -52,9 +50,9 @@ def errors_and_best(
     rows: Observations,
     scales: Scales,
     posterior: FloatArray,
-    by_type: NDArray[np.bool_],
+    by_type: BoolArray,
     alpha: FloatArray,
-) -> tuple[FloatArray, NDArray[np.int64]]:
+) -> tuple[FloatArray, IntArray]:
     """Return the expected loss of a declaration in units of a wrong one, and the hypothesis to declare.
 
     If the hypothesis is rewarded, the loss is the posterior error probability of the most likely one. If only
@@ -110,7 +108,7 @@ class AnchorState:
     """
 
     filters: TrackFilters
-    starting: NDArray[np.bool_]
+    starting: BoolArray
 
 
 class AnchorDecider(Decider):
@@ -144,7 +142,7 @@ class AnchorDecider(Decider):
         )
 
     def posterior(
-        self, observation: Observations, state: Any, episode_start: NDArray[np.bool_] | None
+        self, observation: Observations, state: Any, episode_start: BoolArray | None
     ) -> tuple[FloatArray, AnchorState]:
         """Return the posterior (N, M) after one tick, and the state."""
         rows = np.asarray(observation)
@@ -156,14 +154,10 @@ class AnchorDecider(Decider):
         state.starting = starting & ~first
         return state.filters.advance(self.net.anchor, rows, first), state
 
-    def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, AnchorState]:
-        """See `Decider.predict`. The state is an `AnchorState`."""
+        """See `Decider.decide`. The state is an `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)
         return np.where(error <= self.alpha, best + 1, 0), state
@@ -173,7 +167,7 @@ class AnchorDecider(Decider):
         return posterior_panel("learned anchors", self.by_type, np.array([self.alpha]))
 
     def evidence(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
+        self, observation: Observations, state: Any = None, episode_start: BoolArray | None = None
     ) -> FloatArray:
         """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
         # a copy, because `posterior` changes the state in place
@@ -187,7 +181,7 @@ class AnchorDecider(Decider):
 
     def errors(
         self, observation: Observations, posterior: FloatArray, state: AnchorState
-    ) -> tuple[FloatArray, NDArray[np.int64]]:
+    ) -> tuple[FloatArray, IntArray]:
         """Return the expected loss of a declaration and the hypothesis to declare, see `errors_and_best`."""
         tracks = len(posterior)
         return errors_and_best(
@@ -195,6 +189,6 @@ class AnchorDecider(Decider):
             np.full(tracks, self.by_type), np.full(tracks, self.alpha),
         )  # fmt: skip
 
-    def select_tracks(self, state: AnchorState, tracks: NDArray[np.bool_]) -> AnchorState:
+    def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return AnchorState(state.filters.select_tracks(tracks), state.starting[tracks])

@@ -21,9 +21,9 @@ from agents.learned.dimensionless import ANCHOR_INPUTS
 from baselines.rules.anchor_prior import MIRROR
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
+from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 
-FloatArray = NDArray[np.float64]
 CONTEXT = 7
 """Inputs that do not depend on the declaration."""
 

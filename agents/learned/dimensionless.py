@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
+from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-FloatArray = NDArray[np.float64]
 LIMIT = 5.0  # inputs are clipped to +-5
 SMALLEST = 1e-12
 
@@ -102,7 +102,7 @@ class LastRow:
     ticks_left: FloatArray
     speed: FloatArray
 
-    def select(self, tracks: NDArray[np.bool_]) -> "LastRow":
+    def select(self, tracks: BoolArray) -> "LastRow":
         """Return the rows of the tracks selected by a mask (N,)."""
         return LastRow(*(part[tracks] for part in vars(self).values()))
 

@@ -99,10 +99,8 @@ class FlightAgent(UtilityDecider):
             found[rows, :, :3], found[rows, :, 3] = outputs.utility.double(), outputs.stay.double()
         return found
 
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[Actions, Actions]:
-        """See `Decider.predict`; the state is the last statement, straight motion at first."""
+    def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Actions]:
+        """See `Decider.decide`; the state is the last statement, straight motion at first."""
         stated = np.full(len(observation), STRAIGHT) if state is None else state
         started = np.ones(len(observation), np.bool_)
         actions = self.largest(observation[:, :3].copy(), observation[:, 3], stated, started)

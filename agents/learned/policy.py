@@ -12,8 +12,14 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor
 
 from agents.learned.features import policy_kwargs_with_features
-from agents.learned.network_settings import check_policy_kwargs
-from agents.learned.policy_file import LAYOUTS, card_task, load_weights, save_policy, unreadable_policy
+from agents.learned.policy_file import (
+    LAYOUTS,
+    card_task,
+    check_policy_kwargs,
+    load_weights,
+    save_policy,
+    unreadable_policy,
+)
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_integer, reject

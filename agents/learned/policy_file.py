@@ -14,9 +14,8 @@ from torch import Tensor
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
-from agents.learned.network_settings import LARGEST_HIDDEN
 from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import check_flag, check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
@@ -77,7 +76,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
             raise reject("algo", algo, ", ".join(ALGORITHMS))
         rows = [LAYOUTS[task] for task in ALGORITHMS[algo] if task in LAYOUTS]
         is_known = not rows or card["observation_scales"] in [_scales(layout) for layout in rows]
-        weights, _ = read_tensors(folder / WEIGHTS)
+        weights = _read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
     if not is_known:
@@ -89,13 +88,8 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return weights, card
 
 
-def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """Read the tensors and the metadata of a safetensors file.
-
-    Raises:
-        OSError, SafetensorError: the file cannot be read or is damaged.
-        ValueError: it is too large, or a tensor is not of finite float32 numbers.
-    """
+def _read_tensors(path: Path) -> dict[str, Tensor]:
+    """Read tensors of finite float32 numbers; others raise `OSError`, `SafetensorError` or `ValueError`."""
     check_tensor_file(path, LARGEST_FILE)
     tensors = {}
     with safe_open(path, framework="pt") as file:
@@ -107,7 +101,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
                 raise ValueError(
                     f"{name} in {path.name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}"
                 )
-        return tensors, file.metadata() or {}
+    return tensors
 
 
 def check_tensor_file(path: Path, largest: int) -> None:
@@ -175,3 +169,30 @@ def unreadable_policy(folder: Path, error: Exception) -> ValueError:
 def first_line(error: Exception) -> str:
     """Return the first line of an error message."""
     return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+LARGEST_HIDDEN = 512  # units of a hidden layer of the anchor agent
+LARGEST_LAYER = 1024
+MOST_LAYERS = 8
+ACTOR_CRITIC_SETTINGS = ("net_arch", "ortho_init")
+LSTM_SETTINGS = ("lstm_hidden_size", "n_lstm_layers", "enable_critic_lstm")
+
+
+def check_policy_kwargs(policy_kwargs: Any, recurrent: bool) -> None:
+    """Check the keyword arguments of an actor-critic policy of Stable-Baselines3 or sb3-contrib.
+
+    Raises:
+        ArgumentError: an unknown name, a wrong type, or a network that is too large.
+    """
+    known = ACTOR_CRITIC_SETTINGS + (LSTM_SETTINGS if recurrent else ())
+    if not isinstance(policy_kwargs, Mapping) or any(name not in known for name in policy_kwargs):
+        raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
+    layers = policy_kwargs.get("net_arch", [1])
+    if not isinstance(layers, list) or not 1 <= len(layers) <= MOST_LAYERS:
+        raise reject("net_arch", layers, f"a list of one to {MOST_LAYERS} layers")
+    for units in layers:
+        check_integer("net_arch", units, maximum=LARGEST_LAYER)
+    for name, largest in (("lstm_hidden_size", LARGEST_LAYER), ("n_lstm_layers", 2)):
+        check_integer(name, policy_kwargs.get(name, 1), maximum=largest)
+    for name in ("ortho_init", "enable_critic_lstm"):
+        check_flag(name, policy_kwargs.get(name, True))

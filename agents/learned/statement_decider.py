@@ -108,21 +108,10 @@ class StatementDecider(UtilityDecider):
         self.layout = QuickestLayout(world.hypotheses)
 
     @torch.no_grad()
-    def predict(
-        self,
-        observation: Observations,
-        state: StatementState | None = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+    def decide(
+        self, observation: Observations, state: StatementState | None, episode_start: Any
     ) -> tuple[Actions, StatementState]:
-        """See `Decider.predict`; action i states mode i.
-
-        Args:
-            observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
-            state: returned by the previous call; None begins anew.
-            episode_start: (N,) True where an episode begins.
-            deterministic: not used.
-        """
+        """See `Decider.decide`; action i states mode i, from rows of `hybrid_env.HybridTrackQuickestEnv`."""
         rows = np.asarray(observation, np.float32)
         if rows.ndim != 2 or rows.shape[1] != self.layout.width:
             raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")

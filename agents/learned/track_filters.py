@@ -16,10 +16,10 @@ from baselines.rules.component_filters import (
     stated_covariance,
 )
 from baselines.rules.decider import Observations
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300
 
 
@@ -51,9 +51,9 @@ class TrackFilters:
             np.full((total, M), 1 / M), np.full((total, COMPONENTS), 1 / COMPONENTS),
             np.zeros((total, M, 2)), *zeros,
         )  # fmt: skip
-        self.anchor_samples: tuple[NDArray[np.float32], FloatArray, NDArray[np.int64]] | None = None
+        self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
 
-    def advance(self, net: AnchorNet, rows: Observations, first: NDArray[np.bool_]) -> FloatArray:
+    def advance(self, net: AnchorNet, rows: Observations, first: BoolArray) -> FloatArray:
         """Process one row of every track; return the posterior of the hypotheses, (N, M).
 
         Args:
@@ -85,7 +85,7 @@ class TrackFilters:
         )  # fmt: skip
         return posterior
 
-    def select_tracks(self, tracks: NDArray[np.bool_]) -> "TrackFilters":
+    def select_tracks(self, tracks: BoolArray) -> "TrackFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         parts = np.split(tracks, self.splits)
         selected = TrackFilters(
@@ -106,9 +106,7 @@ class TrackFilters:
             arrays |= {f"filters.{k}.{name}": array for name, array in filters.state_arrays().items()}
         return arrays
 
-    def _anchors(
-        self, net: AnchorNet, rows: Observations, begins: NDArray[np.bool_], first: NDArray[np.bool_]
-    ) -> FloatArray:
+    def _anchors(self, net: AnchorNet, rows: Observations, begins: BoolArray, first: BoolArray) -> FloatArray:
         """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their weights."""
         layout, scales, last = self.layout, self.scales.select(begins), self.last.select(begins)
         log_weights = np.full((len(rows), COMPONENTS), -1e3)

@@ -9,15 +9,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
-from numpy.typing import NDArray
 
 from agents.figures.canvas import GREY, PAPER_DPI, new_canvas
 from agents.interface.output_files import atomic_file
 from agents.recordings.tracked import TrackedRecording
-from hybrid_env.checks import ArgumentError
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray
 from hybrid_env.rendering.evidence import mode_colour
-
-FloatArray = NDArray[np.float64]
 
 MAX_POINTS, MAX_MAP_POINTS = 20_000, 100_000
 """Points of the ground track that are drawn in the figure, and in the map, without delay in a browser."""
@@ -68,7 +65,7 @@ def mode_colours(tracked: TrackedRecording) -> list[str]:
     return [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
 
 
-def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, NDArray[np.int64]]]:
+def mode_lines(tracked: TrackedRecording, most: int) -> list[tuple[int, IntArray]]:
     """Return mode and rows of the line of each piece, joined to the piece before; of `most` rows in all.
 
     Every piece keeps its first and last row, so that short pieces stay visible.
@@ -115,9 +112,7 @@ def _time_edges(times: FloatArray) -> FloatArray:
     return np.linspace(times[0] - 0.5 * step, times[-1] + 0.5 * step, min(len(times), BINS) + 1)
 
 
-def _draw_probabilities(
-    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
-) -> None:
+def _draw_probabilities(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:
     """Draw the mean probabilities in each interval as stacked bars, and above them the decided modes."""
     bins = np.clip(np.searchsorted(edges, tracked.recording.times[known], "right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
@@ -139,9 +134,7 @@ def _draw_probabilities(
     axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
 
 
-def _draw_residuals(
-    axes: Any, tracked: TrackedRecording, known: NDArray[np.int64], edges: FloatArray
-) -> None:
+def _draw_residuals(axes: Any, tracked: TrackedRecording, known: IntArray, edges: FloatArray) -> None:
     """Draw the lengths of the normalised innovations: all of them, or quantiles in each interval."""
     lengths = np.hypot(*tracked.residuals[known].T)
     times = tracked.recording.times[known]

@@ -189,7 +189,9 @@ def work_on_files(
     with progress_display(console, transient=True) as progress:
         task = progress.add_task("Tracking", total=len(paths), note="")
         calls = {file: functools.partial(_attempt, work, *file) for file in zip(paths, folders, strict=True)}
-        for _, result in Workers(_jobs(jobs, len(paths))).results(calls):
+        many = len(paths) >= PARALLEL_FILES
+        used = min(jobs or (joblib.cpu_count() if many else 1), len(paths))
+        for _, result in Workers(used).results(calls):
             if isinstance(result, Report):
                 for line in result.lines:
                     progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -221,12 +223,6 @@ def check_free(folder: Path, overwrite: bool) -> None:
         writable = False
     if not writable:
         raise reject("out", str(folder), "a writable folder")
-
-
-def _jobs(jobs: int | None, files: int) -> int:
-    if jobs is None:
-        jobs = joblib.cpu_count() if files >= PARALLEL_FILES else 1
-    return min(jobs, files)
 
 
 def _attempt(work: Work, path: Path, folder: Path) -> Report | str:

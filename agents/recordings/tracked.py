@@ -12,8 +12,8 @@ from baselines.recordings.decisions import TickDecisions
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.recording import Recording
 from baselines.recordings.ticks import TickGrid
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
 STATE = ("x", "vx", "y", "vy")
 NO_ROW = -1
 
@@ -46,13 +46,13 @@ class TrackedRecording:
     recording: Recording
     model: TrackModel
     decider: str
-    modes: NDArray[np.int64]
-    decided: NDArray[np.bool_]
+    modes: IntArray
+    decided: BoolArray
     probabilities: FloatArray
     estimates: FloatArray
     covariances: FloatArray
     residuals: FloatArray
-    pieces: NDArray[np.int64]
+    pieces: IntArray
     consistency: Consistency
     tau: float
     shared: int
@@ -70,7 +70,7 @@ class TrackedRecording:
         shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
         return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
 
-    def of_modes(self, modes: NDArray[np.int64]) -> tuple[NDArray[Any], FloatArray]:
+    def of_modes(self, modes: IntArray) -> tuple[NDArray[Any], FloatArray]:
         """Return the letters S, L and R and the radii of modes, empty and NaN where there is none."""
         radii = self.model.radii
         letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])

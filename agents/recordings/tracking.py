@@ -18,14 +18,7 @@ from baselines.recordings.scatter import without_jumps, without_outliers
 from baselines.recordings.ticks import TickGrid, tick_grid
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.tracker import OnlineTracker
-from hybrid_env.checks import (
-    ArgumentError,
-    check_array,
-    check_choice,
-    check_integer,
-    check_positive,
-    reject,
-)
+from hybrid_env.checks import ArgumentError, check_array, check_choice, check_integer, check_positive, reject
 from hybrid_env.durations import GeometricDurations, parse_durations
 from hybrid_env.limits import MAX_LENGTH, distinct_radii
 from hybrid_env.options import WorldOptions

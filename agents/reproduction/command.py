@@ -21,13 +21,13 @@ RADAR_STUDY = "novospaskyi"
 MOST_PROCESSES = 8  # of the radar study
 
 
-def _year(paper: str) -> str:
-    """The year in the name of a paper; those without one come last."""
-    return "".join(filter(str.isdigit, paper)) or "9999"
-
-
-PAPERS = tuple(sorted((module.name for module in pkgutil.iter_modules(figures.__path__)), key=_year))
-"""Papers in the order of their years: all with figures here."""
+PAPERS = tuple(
+    sorted(
+        (module.name for module in pkgutil.iter_modules(figures.__path__)),
+        key=lambda name: "".join(filter(str.isdigit, name)) or "9999",
+    )
+)
+"""Papers in the order of the years in their names, those without one last: all with figures here."""
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -1,4 +1,4 @@
-"""Tables of a reproduction for the terminal, as Markdown and as JSON, and the files beside them."""
+"""Tables of a reproduction as Markdown, for the terminal too, and as JSON, and the files beside them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,17 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from rich.markdown import Markdown
 
 from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, write_json
 from baselines.papers.reproduction import Cell, Reproduction
 
 HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
-INSIDE = {"inside": ("yes", "green"), "outside": ("no", "red"), "not published": ("-", "bright_black")}
+INSIDE = {"inside": "yes", "outside": "no", "not published": "-"}
 FINDINGS_TITLE = "additional results"
 FINDINGS_HEADER = ("quantity", "result", "claim of the paper")
 SUMMARY_HEADER = ("paper", "table", "inside the 95 % interval", "outside the 95 % interval")
@@ -26,8 +24,7 @@ def _row(cell: Cell) -> tuple[str, ...]:
     """Texts of a cell, in the order of `HEADER`."""
     published = "-" if math.isnan(cell.published) else f"{cell.published:.{cell.digits}f}"
     interval = f"{cell.low:.{cell.digits}f} to {cell.high:.{cell.digits}f}"
-    inside, _ = INSIDE[cell.verdict]
-    return cell.row, cell.column, published, f"{cell.ours:.{cell.digits}f}", interval, inside
+    return cell.row, cell.column, published, f"{cell.ours:.{cell.digits}f}", interval, INSIDE[cell.verdict]
 
 
 def _title(result: Reproduction, table: str) -> str:
@@ -45,31 +42,6 @@ def describe_runs(result: Reproduction) -> str:
 
 def _notes(cells: Sequence[Cell]) -> str:
     return " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
-
-
-def tables(result: Reproduction) -> list[Table]:
-    """One table for each table of the paper, and one with the additional results."""
-    made = []
-    for name, cells in result.tables.items():
-        table = Table(title=_title(result, name), caption=_notes(cells), box=box.SIMPLE_HEAD)
-        for head in HEADER:
-            table.add_column(head, justify="left" if head in ("setting", "quantity", "inside") else "right")
-        setting = ""
-        for cell in cells:
-            if setting and cell.row != setting:
-                table.add_section()
-            texts = list(_row(cell))
-            texts[0] = "" if cell.row == setting else texts[0]
-            setting = cell.row
-            inside, style = INSIDE[cell.verdict]
-            table.add_row(*texts[:-1], f"[{style}]{inside}[/]")
-        made.append(table)
-    table = Table(title=f"{result.paper}: {FINDINGS_TITLE}", box=box.SIMPLE_HEAD, show_lines=False)
-    for head in FINDINGS_HEADER:
-        table.add_column(head)
-    for finding in result.findings:
-        table.add_row(*(escape(text) for text in (finding.name, finding.value, finding.claim)))
-    return [*made, table]
 
 
 def _markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -132,11 +104,11 @@ def print_report(
         folder: existing output folder.
         console: where the tables are printed.
     """
-    for table in tables(result):
-        console.print(table)
+    text = to_markdown(result)
+    console.print(Markdown(text))
     write_json(folder / f"{paper}.json", to_json(result))
     with atomic_file(folder / f"{paper}.md") as part:
-        part.write_text(to_markdown(result), encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
     for name, figure in figures.items():
         save_figure(figure, folder / name)
     files = ", ".join([f"{paper}.md", f"{paper}.json", *figures])

@@ -2,26 +2,93 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
-from agents.studies.flight_arguments import FlightArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
 
+
+@dataclass(kw_only=True)
+class FlightArguments:
+    """Flags of recorded flights."""
+
+    flights: tuple[str, ...] | None = None
+    """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on
+    these ids file:icao24:k."""
+    source: Path | None = None
+    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed."""
+    tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")
+    """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
+    form: Literal["native", "semi-real"] = "native"
+    """With --flights: as reported, or the smoothed flight with white noise in the setting of
+    HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
+
+    def compare_flights(self, deciders: tuple[str, ...], out: Path) -> None:
+        """Compare, print the tables and write flights.json and a picture of each flight.
+
+        Args:
+            deciders: names with optional thresholds; without any the default ones.
+            out: output folder.
+
+        Raises:
+            ArgumentError: a name is unknown, there are no samples, or the output folder cannot be written.
+        """
+        from rich.console import Console
+
+        from agents.evaluation.flights import FlightTask
+        from agents.figures.canvas import save_figure
+        from agents.interface.output_files import output_folder, write_json
+        from agents.interface.progress import progress_display
+        from agents.studies.flights_report import flight_figure, flight_tables, flights_json
+        from agents.studies.flights_study import compare_on_flights, steps
+        from baselines.recordings.flights.metrics import STATISTICS
+
+        task = FlightTask(self.source, self.flights or (), self.tier, self.form)
+        task.check()
+        if len(set(deciders)) < len(deciders):
+            raise reject("deciders", deciders, "different names")
+        names = {name: task.label(name) for name in deciders or task.compared}
+        console = Console(emoji=False)
+        with progress_display(console) as progress:
+            bar = progress.add_task("Flights", total=steps(task, len(names)) + 1, note="")
+
+            def note(text: str) -> None:
+                progress.update(bar, note=text, advance=1)
+
+            result = compare_on_flights(task, names, note)
+            folder = output_folder("out", out)
+            note("pictures")
+            agreements = list(result.scores.values())[-1].some
+            for k, flight in enumerate(result.flights):
+                stated = {label: result.stated[name][k] for name, label in reversed(names.items())}
+                agreement = float(agreements([k]).curve(STATISTICS["agreement"])[0])
+                title = (
+                    f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
+                )
+                path = folder / f"{flight.identity.replace(':', '-')}.png"
+                save_figure(flight_figure(flight, result.labels[k], stated, title), path)
+        write_json(folder / "flights.json", flights_json(result))
+        for table in flight_tables(result):
+            console.print(table)
+        console.print(
+            f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False
+        )
+
+
 if TYPE_CHECKING:
     from agents.studies.comparison import Comparison
-    from agents.studies.plan import Plan
+    from agents.studies.continuation import Plan
 
 
 @dataclass(kw_only=True)
 class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments):
     """Compare learned agents with classical decision rules on the same episodes.
 
-    The defaults train PPO for about half a minute and take about four minutes in total. With
+    The defaults train PPO for half a minute and take about two minutes on two cores. With
     --env HybridTrackQuickest-v0, rules and agents that state the mode at every tick are compared, in about
     three minutes. The same command continues an interrupted comparison.
     """
@@ -79,10 +146,14 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
 
-    def _plan(self) -> "Plan":
-        """Return the checked plan."""
+    def plan(self) -> "Plan":
+        """Return the checked plan.
+
+        Raises:
+            ArgumentError: an argument is not allowed.
+        """
         from agents.evaluation.tasks import task_of
-        from agents.studies.plan import Plan
+        from agents.studies.continuation import Plan
 
         task = task_of(self.env_id, self.world_options())
         plan = Plan(
@@ -116,7 +187,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         return plan
 
     def _compare(self) -> None:
-        plan, workers = self._plan(), self.workers()
+        plan, workers = self.plan(), self.workers()
         from rich.console import Console
 
         from agents.interface.output_files import output_folder, write_json
@@ -143,7 +214,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         for line in (*spread_lines(result), *unreached_lines(result)):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
         chosen = [entry.scores.at(entry.chosen) for entry in result.entries]
-        for table in (*task.after_tables(chosen), *task.remark_tables(remarks)):
+        for table in task.further_tables(chosen, remarks):
             console.print(table)
         write(result, complete=True, **remarks)
         self._draw(result, folder)
@@ -160,7 +231,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         from agents.studies.episodes import Episodes
 
         plan, task = result.plan, result.plan.task
-        save_figure(task.figure(result.seed_groups, plan.curves), folder / "compare.png")
+        save_figure(result.picture(), folder / "compare.png")
         best, episode = result.largest_difference()
         seed, records = plan.seed + episode, []
         for entry in dict.fromkeys((result.entries[0], best)):

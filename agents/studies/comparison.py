@@ -1,13 +1,14 @@
 """Comparison of deciders: training where requested, selection of thresholds, scores on common episodes."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.progress import Progress
 
 from agents.evaluation.curves import Selected
@@ -15,8 +16,7 @@ from agents.evaluation.registry import find_family
 from agents.evaluation.task import Levels, Task, sweep
 from agents.figures.decider_colours import name_without_seed
 from agents.interface.parallel import Call, Workers
-from agents.studies.continuation import Continuation, weights_digest
-from agents.studies.plan import Plan
+from agents.studies.continuation import Continuation, Plan, weights_digest
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from baselines.scoring.estimates import Estimate
@@ -58,11 +58,11 @@ class Comparison:
 
     Attributes:
         plan: settings.
-        entries: results of the deciders; the first is the reference.
+        entries: results of the deciders so far; the first is the reference.
     """
 
     plan: Plan
-    entries: tuple[Entry, ...]
+    entries: Sequence[Entry]
 
     @cached_property
     def levels(self) -> Levels:
@@ -77,12 +77,6 @@ class Comparison:
         """The classical rule that is best for the goal on the selection episodes."""
         names = self.plan.deciders
         return max((one for one in self.entries if one.decider in names), key=lambda one: one.selected)
-
-    @property
-    def best_agent(self) -> Entry | None:
-        """The agent that is best for the goal on the selection episodes."""
-        agents = [one for one in self.entries if one.decider in self.plan.agents]
-        return max(agents, key=lambda one: one.selected, default=None)
 
     @property
     def seed_groups(self) -> dict[str, list[Entry]]:
@@ -104,22 +98,24 @@ class Comparison:
         """Return a figure of a whole operating curve, by its keys in `levels`."""
         return entry.scores.estimate(self.levels[keys].statistic)
 
-    @functools.cache  # noqa: B019
     def to_best_rule(self, entry: Entry) -> Estimate | None:
         """Return the paired difference of the goal to that of the best rule; None for this rule."""
         best = self.best_rule
-        if entry is best:
-            return None
+        return None if entry is best else self._difference(entry, best)
+
+    @functools.cache  # noqa: B019
+    def _difference(self, entry: Entry, best: Entry) -> Estimate:
         statistic = self.plan.task.statistic(self.plan.task.goal)
         return entry.scores.difference(best.scores, statistic, entry.chosen, best.chosen)
 
     @functools.cache  # noqa: B019
     def against(self, entry: Entry) -> dict[str, dict[str, Estimate]]:
         """Return the paired figures of a decider and the reference, see `Task.against`."""
-        first = self.entries[0]
-        return self.plan.task.against(
-            entry.scores, entry.chosen, first.scores, first.chosen, self.plan.curves
-        )
+        return self.plan.task.against(entry, self.entries[0], self.plan.curves)
+
+    def picture(self) -> Figure:
+        """Return the figure of the operating curves."""
+        return self.plan.task.figure(self.seed_groups, self.plan.curves)
 
     def largest_difference(self) -> tuple[Entry, int]:
         """The best agent, or without agents the best rule, and the episode on which it differs most.
@@ -127,7 +123,9 @@ class Comparison:
         Returns:
             The entry, and the index of the episode with the largest difference of the goal to the reference.
         """
-        best, goal = self.best_agent or self.best_rule, self.plan.task.goal
+        agents = [one for one in self.entries if one.decider in self.plan.agents]
+        best = max(agents, key=lambda one: one.selected) if agents else self.best_rule
+        goal = self.plan.task.goal
         rewards = [one.scores.of(goal, one.chosen) for one in (best, self.entries[0])]
         return best, int(np.abs(rewards[0] - rewards[1]).argmax())
 
@@ -196,6 +194,7 @@ def compare(
         calls[name, number] = functools.partial(score, plan, folder, name, number, position == 0, shown)
     task = progress.add_task("Comparing", total=len(calls), note="")
     entries: list[Entry] = []
+    result = Comparison(plan, entries)
 
     def count(call: tuple[str, int]) -> None:
         progress.update(task, advance=1, note=call[0])
@@ -203,10 +202,10 @@ def compare(
     for _, entry in workers.results(calls, count):
         entries.append(entry)
         if on_entry is not None:
-            on_entry(Comparison(plan, tuple(entries)))
+            on_entry(result)
     progress.update(task, note="")
     Continuation(plan.settings, folder).finish()
-    return Comparison(plan, tuple(entries))
+    return result
 
 
 def score(

@@ -11,7 +11,7 @@ from rich.table import Table
 from agents.evaluation.cells import bounds_cell, new_table
 from agents.evaluation.flights import METRICS
 from agents.evaluation.task import Metric
-from agents.figures.tracks import IntArray, recording_figure
+from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
 from agents.studies.flights_study import POSITIONS_LATE, FlightComparison
 from baselines.recordings.flights.flight import Flight
@@ -19,6 +19,7 @@ from baselines.recordings.flights.labels import MODE_NAMES, Labels
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
+from hybrid_env.checks import IntArray
 
 SECOND_LINES = "Second lines: 95 % interval, flights drawn with replacement."
 AGREEMENT = STATISTICS["agreement"]

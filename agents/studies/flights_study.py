@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.evaluation.flights import NATIVE, FlightTask
 from baselines.recordings.flights.flight import TIERS, TOGETHER, Flight, stack_flights
@@ -20,8 +19,7 @@ from baselines.recordings.flights.labels import (
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import twins
 from baselines.scoring.scores import Scores
-
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import IntArray
 
 VARIANTS: dict[str, LabelRules] = {
     "as used": LabelRules(),
@@ -136,7 +134,7 @@ def compare_on_flights(
     if task.form == NATIVE:
         note("labels with other settings")
         rows, reference = without_stress(flights), next(iter(stated.values()))
-        sensitivity = label_sensitivity(
+        sensitivity = _label_sensitivity(
             *([values[k] for k in rows] for values in (flights, labels, reference))  # type: ignore[arg-type]
         )
         of_truth = score_flights("truth", flights, copied, [one.modes for one in truth])
@@ -179,16 +177,10 @@ def late_modes(flight: Flight, labels: Labels, count: int) -> IntArray:
     return labels.modes[rows]
 
 
-def label_sensitivity(
+def _label_sensitivity(
     flights: Sequence[Flight], used: Sequence[Labels], stated: Sequence[IntArray]
 ) -> list[Sensitivity]:
-    """Return the effect of each setting of `VARIANTS`.
-
-    Args:
-        flights: the flights.
-        used: their labels.
-        stated: statements of one decider.
-    """
+    """Return the effect of each setting of `VARIANTS` on the labels of flights and one decider."""
     smoothed = smoothed_rates(stack_flights(flights), LabelRules().jerk)
     results = []
     for name, rules in VARIANTS.items():

@@ -4,12 +4,12 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from agents.evaluation.announced import AnnouncedTask
-from agents.evaluation.calibration import calibration_rows
+from agents.evaluation.announced import AnnouncedTask, calibration_rows
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, gather, sweep
 from agents.evaluation.tasks import task_of
@@ -107,8 +107,7 @@ def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) ->
     if env_id == QUICKEST_ENV:
         steps: dict[str, Call] = {
             f"{law}, R = {noise:g}": functools.partial(unknown_steps, law, noise, episodes, seed)
-            for law in LAWS
-            for noise in NOISE_LEVELS
+            for law, noise in product(LAWS, NOISE_LEVELS)
         }
         return {"steps": steps}
     size = episodes, seed
@@ -117,30 +116,24 @@ def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) ->
             f"{env.rpartition(':')[2]}, {step}, R = {noise:g}": functools.partial(
                 announced_step, env, noise, step, *size
             )
-            for env in RULES
-            for noise in NOISE_LEVELS
-            for step in STEPS
+            for env, noise, step in product(RULES, NOISE_LEVELS, STEPS)
         },
         "rules": {
             f"{env.rpartition(':')[2]}, {bank}, {rule}, R = {noise:g}": functools.partial(
                 rule_on_bank, env, noise, bank, rule, *size
             )
-            for env in RULES
-            for noise in NOISE_LEVELS
-            for bank in BANKS
+            for env, noise, bank in product(RULES, NOISE_LEVELS, BANKS)
             for rule in (*RULES[env], *further)
         },
         "calibration": {
             f"calibration, {bank}, R = {noise:g}": functools.partial(bank_calibration, bank, noise, seed)
-            for bank in CALIBRATION_BANKS
-            for noise in NOISE_LEVELS
+            for bank, noise in product(CALIBRATION_BANKS, NOISE_LEVELS)
         },
         "golubkov2018": {
             f"scheme of 2018, {bank}, R = {noise:g}": functools.partial(
                 type_accuracy_golubkov2018, bank, noise, *size
             )
-            for bank in BANKS[:2]
-            for noise in NOISE_LEVELS
+            for bank, noise in product(BANKS[:2], NOISE_LEVELS)
         },
     }
 

@@ -48,8 +48,7 @@ class Limits(TrustArguments, ParallelArguments):
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
         from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, RULES, calls, limits_json
-        from agents.studies.limits_figure import limits_figure
-        from agents.studies.limits_report import limits_markdown
+        from agents.studies.limits_report import limits_figure, limits_markdown
 
         quickest = QUICKEST_ENV.rpartition(":")[2]
         if self.env not in (None, quickest, QUICKEST_ENV):

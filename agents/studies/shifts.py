@@ -99,7 +99,7 @@ def evaluate_shifts(
         workers: where the evaluations run.
         on_progress: called with the name of the decider and environment that were evaluated.
     """
-    alone = functools.partial(_evaluate_shift, nominal=nominal, episodes=episodes, seed=seed)
+    alone = functools.partial(evaluate_world, nominal=nominal, episodes=episodes, seed=seed)
     calls = {
         f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, worlds.get(NOMINAL, {}), None)
         for name in names
@@ -117,7 +117,7 @@ def evaluate_shifts(
     return [found[f"{name}: {world}"] for name in names for world in worlds]
 
 
-def _evaluate_shift(
+def evaluate_world(
     name: str,
     world: str,
     changes: dict[str, Any],
@@ -126,7 +126,10 @@ def _evaluate_shift(
     episodes: int,
     seed: int,
 ) -> Shift:
-    """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal."""
+    """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
+
+    Arguments as in `evaluate_shifts`.
+    """
     task = task_of(nominal.env_id, {**nominal.given, **changes})
     family = find_family(name, task.options)
     thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds

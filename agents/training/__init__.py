@@ -3,9 +3,9 @@
 - `command`: `hybridtrack train`.
 - `recipe`: reads `recipes/*.yml`; `settings`: the hyper-parameters of every algorithm, and their limits.
 - `runs`: creates or resumes a run; `run`: base classes of all runs.
-- `ppo`, `ppo_log`: agents of Stable-Baselines3; `vec_env`: the environment as its VecEnv.
+- `ppo`: agents of Stable-Baselines3; `vec_env`: the environment as its VecEnv.
 - `anchor`, `anchor_stream`: the anchor agent, and the tracks that it decides on.
-- `statements`: agents that are trained on the expected reward of their statements, on `simulated_tracks` or
+- `statements`: agents that are trained on the expected reward of their statements, on simulated tracks or
   on `simulated_flights`.
 - `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk.
 - `learning_curve`: evaluation during training, and its plot.

@@ -22,13 +22,13 @@ from agents.evaluation.worlds import draw_world
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks
 from agents.learned.anchor_net import regret_inputs
 from agents.learned.policy_file import save_policy
-from agents.training.anchor_stream import DECLARATION, AnchorStream, Rollout, SampleBuffer
+from agents.training.anchor_stream import DECLARATION, AnchorStream, SampleBuffer
 from agents.training.checkpoint import check_tracks, restore_generator
 from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import AnchorSettings, TrainingWorld
+from agents.training.settings import AnchorSettings
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, DeciderFamily
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -55,7 +55,10 @@ class AnchorRun(OwnNetworkRun):
         self.net = AnchorNetworks(self.settings.hidden)
         self.start(self.net, self.settings.learning_rate)
         self.world = make_vector_env(self.env_id, 1, **self.options).options
-        self._fixed = [self._options_of(world) for world in self.settings.worlds]
+        self._fixed = []
+        for one in self.settings.worlds:
+            options = self.options | dict(one.options)
+            self._fixed.append((make_vector_env(one.env or self.env_id, 1, **options).options, one.n_envs))
         for world in (self.world, *(world for world, _ in self._fixed)):
             if world.actions != "all":
                 raise reject("actions", world.actions, "'all' for an agent that declares hypotheses")
@@ -94,10 +97,6 @@ class AnchorRun(OwnNetworkRun):
             groups.setdefault(world.hypotheses, []).append(env)
         return [AnchorStream(group, first + k * 10**4) for k, group in enumerate(groups.values())]
 
-    def _options_of(self, world: TrainingWorld) -> tuple[WorldOptions, int]:
-        options = self.options | dict(world.options)
-        return make_vector_env(world.env or self.env_id, 1, **options).options, world.n_envs
-
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
         tensors = {
@@ -121,7 +120,7 @@ class AnchorRun(OwnNetworkRun):
         for generator, state in zip(self._generators(), values["generators"], strict=True):
             restore_generator(generator, state)
         for buffer, count in zip((self._anchors, self._declarations), values["counts"], strict=True):
-            buffer.restore_count(count)
+            buffer.count = check_integer("count", count, minimum=0)
         for stream in self._streams:
             for env in stream.envs:
                 check_tracks(env)
@@ -133,21 +132,18 @@ class AnchorRun(OwnNetworkRun):
         """See `OwnNetworkRun.train_round`."""
         # one thread per stream; the samples do not depend on the order of completion
         with ThreadPoolExecutor(len(self._streams)) as pool:
-            for rollout in pool.map(self._rollout, self._streams):
+            for rollout in pool.map(lambda one: one.rollout(self.net, self.settings), self._streams):
                 self._anchors.add(rollout.anchors)
                 self._declarations.add(rollout.declarations)
                 self._recent = (self._recent + rollout.decisions)[-RECENT_STEPS:]
         self.set_learning_rate()
         losses = dict(zip(("anchor_loss", "regret_loss"), self._update(), strict=True))
         reward, ticks = np.mean(self._recent, axis=0) if self._recent else (math.nan, math.nan)
-        return Round(self._round_steps, float(reward), float(ticks), losses)
+        return self._round_steps, float(reward), float(ticks), losses
 
     def is_logged(self) -> bool:
         """See `OwnNetworkRun.is_logged`."""
         return self._updates % LOG_EVERY == 0
-
-    def _rollout(self, stream: AnchorStream) -> Rollout:
-        return stream.rollout(self.net, self.settings)
 
     def _update(self) -> tuple[float, float]:
         """Train on random samples; return the mean losses of anchors and declarations."""

@@ -1,8 +1,7 @@
 """Parallel tracks on which the anchor agent decides, the samples that they give, and their buffer."""
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -15,10 +14,9 @@ from agents.learned.track_filters import TrackFilters
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 TYPICAL_ALPHAS = 0.003, 0.1  # thresholds of segments whose losses are learned
 DECLARATION = 7
 """Numbers that describe a declaration, the arguments of `anchor_net.regret_inputs`."""
@@ -40,9 +38,9 @@ class SampleBuffer:
         self.rows = np.zeros((size, width), np.float32)
         self.count = 0
 
-    def add(self, samples: NDArray[np.floating]) -> None:
-        """Add samples (n, width) in place of the oldest ones."""
-        samples = samples[-len(self.rows) :]
+    def add(self, parts: list[NDArray[np.floating]]) -> None:
+        """Add samples (n, width) of several parts in place of the oldest ones."""
+        samples = np.concatenate([np.zeros((0, self.rows.shape[1])), *parts])[-len(self.rows) :]
         self.rows[(self.count + np.arange(len(samples))) % len(self.rows)] = samples
         self.count += len(samples)
 
@@ -51,34 +49,19 @@ class SampleBuffer:
         filled = min(self.count, len(self.rows))
         return self.rows[generator.integers(filled, size=size)]
 
-    def restore_count(self, count: object) -> None:
-        """Set the number of samples added so far."""
-        self.count = check_integer("count", count, minimum=0)
 
-
-@dataclass
-class Rollout:
+class Rollout(NamedTuple):
     """What the tracks of a stream met.
 
     Attributes:
-        anchor_parts: (n, 22 + C + 4) inputs of the anchor network and whitened errors, one item per tick.
-        declaration_parts: (n, 8) declarations and the loss of the segment after each.
+        anchors: (n, 22 + C + 4) inputs of the anchor network and whitened errors, of each tick.
+        declarations: (n, 8) declarations and the loss of the segment after each.
         decisions: mean reward and decision time, one item per tick and environment with decisions.
     """
 
-    anchor_parts: list[NDArray[np.floating]] = field(default_factory=list)
-    declaration_parts: list[FloatArray] = field(default_factory=list)
-    decisions: list[tuple[float, float]] = field(default_factory=list)
-
-    @property
-    def anchors(self) -> NDArray[np.floating]:
-        """All anchors, (n, 22 + C + 4)."""
-        return np.concatenate(self.anchor_parts) if self.anchor_parts else np.zeros((0, 1))
-
-    @property
-    def declarations(self) -> FloatArray:
-        """All declarations, (n, 8)."""
-        return np.concatenate(self.declaration_parts) if self.declaration_parts else np.zeros((0, 1))
+    anchors: list[NDArray[np.floating]]
+    declarations: list[NDArray[np.floating]]
+    decisions: list[tuple[float, float]]
 
 
 class AnchorStream:
@@ -120,7 +103,7 @@ class AnchorStream:
 
     def rollout(self, net: AnchorNetworks, settings: AnchorSettings) -> Rollout:
         """Step all tracks `n_steps` times with the current networks."""
-        rollout = Rollout()
+        rollout = Rollout([], [], [])
         for _ in range(settings.n_steps):
             self._draw_thresholds(settings)
             observation = np.concatenate(self.rows)
@@ -128,7 +111,7 @@ class AnchorStream:
             if self.filters.anchor_samples is not None:
                 inputs, factor, tracks = self.filters.anchor_samples
                 white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]
-                rollout.anchor_parts.append(np.concatenate([inputs, white], axis=1))
+                rollout.anchors.append(np.concatenate([inputs, white], axis=1))
             error, best = errors_and_best(
                 net, observation, self.filters.scales, posterior, self.by_type, self.alpha
             )
@@ -141,9 +124,7 @@ class AnchorStream:
                 self._step(k, actions, observation, rollout)
         return rollout
 
-    def _step(
-        self, k: int, actions: NDArray[np.int64], observation: NDArray[np.float32], rollout: Rollout
-    ) -> None:
+    def _step(self, k: int, actions: IntArray, observation: NDArray[np.float32], rollout: Rollout) -> None:
         """Step the tracks of environment k, and record the decisions."""
         env, start, stop = self.envs[k], self.starts[k], self.starts[k + 1]
         truth = env.world.field("truth")
@@ -161,7 +142,7 @@ class AnchorStream:
         known = typical & self.has_declaration[tracks]
         if known.any():
             pairs = np.concatenate([self.declaration[tracks], loss[:, None]], axis=1)
-            rollout.declaration_parts.append(pairs[known])
+            rollout.declarations.append(pairs[known])
         self.declaration[tracks] = self._describe(tracks, observation[tracks], info, decided)
         self.has_declaration[tracks] = ~terminated[decided]
         switched = decided[~terminated[decided]]
@@ -169,10 +150,10 @@ class AnchorStream:
 
     def _describe(
         self,
-        tracks: NDArray[np.int64],
+        tracks: IntArray,
         rows: NDArray[np.float32],
         info: dict[str, Any],
-        decided: NDArray[np.int64],
+        decided: IntArray,
     ) -> FloatArray:
         """Return the declarations of tracks, (n, 7)."""
         scales = self.filters.scales.select(tracks)

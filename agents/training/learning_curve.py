@@ -5,15 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Canvas
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from agents.evaluation.task import Wording, sweep
 from agents.evaluation.tasks import task_of
+from agents.figures.canvas import new_canvas, plain_axes, save_figure
 from agents.figures.curve_labels import label_curves
 from agents.figures.decider_colours import decider_style
-from agents.interface.output_files import atomic_file
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily, rules
@@ -140,8 +138,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         path: of the figure.
         curve: of the run. A dashed line is its classical rule at the best threshold.
     """
-    canvas = Canvas(figsize=(10, 4), layout=ConstrainedLayoutEngine(wspace=0.05), dpi=120)
-    FigureCanvasAgg(canvas)
+    canvas = new_canvas((10, 4), layout=ConstrainedLayoutEngine(wspace=0.05))
     points = learning_points(read_metrics(folder))
     rewards = [row[REWARD_KEY] for row in points]
     agent, reference = decider_style(folder.name), decider_style(curve.wording.rule)
@@ -159,13 +156,10 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
             lines.append(axes.axhline(level, color=reference.colour, linestyle="--"))
             names.append(f"{curve.wording.rule} at its best threshold")
         curves.append(list(zip(lines, names, strict=True)))
-        axes.set_xlabel(label)
+        plain_axes(axes, label)
         axes.set_xlim(left=0)
-        axes.grid(alpha=0.25)
-        axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel(f"mean reward per {curve.wording.unit}")
     if points:
         for axes, named in zip(panels, curves, strict=True):
             label_curves(axes, named)
-    with atomic_file(path) as part:
-        canvas.savefig(part)
+    save_figure(canvas, path)

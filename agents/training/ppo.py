@@ -4,8 +4,10 @@ The agent declares the mode of a segment, or states one at every tick where nobo
 """
 
 import math
+import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +15,15 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from torch import Tensor
+from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
 from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ACTORS, ActorDecider, save_actor
 from agents.learned.policy_file import first_line
+from agents.training import run_folder
 from agents.training.checkpoint import (
     check_random_state,
     check_scalars,
@@ -27,13 +31,78 @@ from agents.training.checkpoint import (
     random_state,
     set_random_state,
 )
-from agents.training.ppo_log import Events, MetricsWriter, plain_values, without_tracebacks_of_threads
 from agents.training.run import Run, TrainingProgress
 from agents.training.settings import PPOSettings, learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import DeciderFamily
 from hybrid_env.checks import ArgumentError, check_integer, reject
+
+
+def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers and texts among logged values, as plain values."""
+    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in logged.items()}
+    return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
+
+
+class MetricsWriter(KVWriter):
+    """Logger output that appends to the metrics file of the run folder."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        """Append the values of an update."""
+        values = plain_values(key_values)
+        values.pop("time/iterations", None)  # counted from the last start
+        run_folder.append_metrics(self.folder, step, values)
+
+    def close(self) -> None:
+        """Do nothing; the file is closed after every line."""
+
+
+class Events(TensorBoardOutputFormat):
+    """TensorBoard events; those that a killed run wrote after its last checkpoint are hidden."""
+
+    def __init__(self, folder: Path, steps: int):
+        self.folder = folder
+        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
+        self._is_closed = False
+
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        """Write the values of an update.
+
+        Raises:
+            ArgumentError: the file cannot be written.
+        """
+        try:
+            super().write(key_values, key_excluded, step)
+        except OSError as error:
+            allowed = f"a folder that can be written ({error.strerror})"
+            raise reject("run", str(self.folder), allowed) from None
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):  # every `write` flushes, so nothing is lost here
+            super().close()
+
+
+@contextmanager
+def without_tracebacks_of_threads() -> Iterator[None]:
+    """Context manager without the traceback that TensorBoard's thread prints if a file cannot be written.
+
+    The error is raised again by the next `write`.
+    """
+    hook = threading.excepthook
+    threading.excepthook = lambda error: None if issubclass(error.exc_type, OSError) else hook(error)
+    try:
+        yield
+    finally:
+        threading.excepthook = hook
 
 
 class _RunCallback(BaseCallback):

@@ -116,13 +116,13 @@ class Run(ABC):
         """Set the number of environment steps so far, also to that of a checkpoint."""
         self.num_timesteps = steps
 
-    @abstractmethod
     def track_tensors(self) -> dict[str, Tensor]:
         """Return the state of tracks and policy between two rollouts; writing into it changes the run."""
+        return {}
 
-    @abstractmethod
     def values(self) -> dict[str, Any]:
         """Return the counters and random generators of the algorithm as plain values."""
+        return {}
 
     @abstractmethod
     def restore_values(self, values: dict[str, Any]) -> None:
@@ -253,20 +253,8 @@ class Run(ABC):
         self._opened = True
 
 
-@dataclass(frozen=True)
-class Round:
-    """What `OwnNetworkRun.train_round` reports.
-
-    Attributes:
-        steps: environment steps of the round.
-        reward, ticks: see `TrainingProgress`.
-        metrics: for the metrics of the run folder.
-    """
-
-    steps: int
-    reward: float
-    ticks: float
-    metrics: dict[str, float]
+Round = tuple[int, float, float, dict[str, float]]
+"""Environment steps of a round, reward and ticks as in `TrainingProgress`, and metrics of the run folder."""
 
 
 class OwnNetworkRun(Run):
@@ -295,12 +283,12 @@ class OwnNetworkRun(Run):
         """Train for the remaining steps; see `Run.learn`."""
         while self.num_timesteps < self.steps:
             self.between_updates()
-            now = self.train_round()
-            self.set_steps(self.num_timesteps + now.steps)
+            steps, reward, ticks, metrics = self.train_round()
+            self.set_steps(self.num_timesteps + steps)
             if on_progress is not None:
-                on_progress(TrainingProgress(self.num_timesteps, self.steps, now.reward, now.ticks))
+                on_progress(TrainingProgress(self.num_timesteps, self.steps, reward, ticks))
             if self.folder is not None and self.is_logged():
-                metrics = now.metrics | {"seconds": self.seconds}
+                metrics["seconds"] = self.seconds
                 run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
 
     def set_learning_rate(self) -> None:

@@ -10,7 +10,7 @@ from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
-from agents.training.simulated_tracks import TrackRun
+from agents.training.statements import TrackRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {

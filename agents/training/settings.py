@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from agents.learned.network_settings import LARGEST_HIDDEN, check_policy_kwargs
+from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, two_values

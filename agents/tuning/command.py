@@ -58,15 +58,7 @@ class Tune(WorldArguments, ParallelArguments):
         from agents.training.run_folder import lock
         from agents.training.runs import make_run, run_name
         from agents.tuning.ranges import parse_ranges
-        from agents.tuning.search import (
-            JOURNAL,
-            Search,
-            best_rows,
-            ended,
-            open_study,
-            run_trials,
-            write_best,
-        )
+        from agents.tuning.search import JOURNAL, Search, best_rows, ended, open_study, run_trials, write_best
 
         recipe = load_recipe(self.recipe, self.env_id, self.set)
         ranges = parse_ranges(self.search, recipe)

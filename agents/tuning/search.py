@@ -23,7 +23,7 @@ from agents.training.recipe import Recipe, load_recipe
 from agents.training.run import TrainingProgress
 from agents.training.runs import make_run
 from agents.tuning.ranges import Range, changes_of, values_of
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, check_number, reject
 
 POINTS = 20  # of the reward during a training
 FIRST_POINT = 5  # points before a training may end
@@ -53,18 +53,12 @@ class _EndedEarlyError(Exception):
     """The training is worse than half of the trials before it."""
 
 
-def train_trial(
-    env_id: str,
-    options: dict[str, Any],
-    recipe: Recipe,
-    seed: int,
-    steps: int | None,
-    medians: Sequence[float],
-) -> Outcome:
+def train_trial(search: "Search", recipe: Recipe, medians: Sequence[float]) -> Outcome:
     """Train an agent without a folder and evaluate it.
 
     Args:
-        env_id, options, recipe, seed, steps: of the training, see `make_run`.
+        search: settings.
+        recipe: with the values of the trial.
         medians: median rewards of earlier trials at each point; the training ends at a point at which its
             best reward so far is smaller. Empty if there are too few trials.
     """
@@ -80,7 +74,7 @@ def train_trial(
                 raise _EndedEarlyError
 
     try:
-        run = make_run(env_id, options, recipe, seed, steps=steps)
+        run = make_run(search.env_id, search.options, recipe, search.seed, steps=search.steps)
         run.train(check)
     except _EndedEarlyError:
         return Outcome(tuple(rewards), None)
@@ -142,7 +136,9 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
             study = optuna.create_study(
                 storage=storage, study_name="tune", direction="maximize", load_if_exists=True
             )
-        except (ValueError, KeyError, TypeError, OSError, RecursionError) as error:
+            for trial in ended(study):
+                sum(trial.intermediate_values.values(), check_number("value", trial.value or 0.0))
+        except Exception as error:  # Optuna reads any content without checks
             raise reject("out", str(folder), f"a folder with a readable {JOURNAL} ({error})") from None
     settings = study.user_attrs.get("search")
     if settings is None:
@@ -202,9 +198,7 @@ def run_trials(
             except ArgumentError as error:
                 failed[one] = Outcome((), None, str(error))
                 continue
-            calls[one] = functools.partial(
-                train_trial, search.env_id, search.options, recipe, search.seed, search.steps, medians
-            )
+            calls[one] = functools.partial(train_trial, search, recipe, medians)
         outcomes = failed | dict(workers.results(calls, lambda one: on_done(f"trial {one}")))
         for one, trial in asked.items():
             _tell(study, trial, outcomes[one])

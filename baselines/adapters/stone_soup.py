@@ -14,7 +14,6 @@ import datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from stonesoup.base import Property
 from stonesoup.models.measurement.linear import LinearGaussian
 from stonesoup.predictor import Predictor
@@ -29,9 +28,7 @@ from stonesoup.updater import Updater
 
 from baselines.estimation.imm import IMMFilter, mixture
 from baselines.rules.tracker import OnlineEstimate, OnlineTracker
-from hybrid_env.checks import reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, reject
 
 
 class IMMPrediction(Prediction, GaussianMixture):

@@ -8,11 +8,9 @@ they can be processed one by one as scalars, without an inverse. Bar-Shalom, Li 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.robust import Robust, WholeStudentT, gaussian_factors
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray
 
 
 class PrincipalNoise(NamedTuple):
@@ -26,7 +24,7 @@ class PrincipalNoise(NamedTuple):
     variances: FloatArray
     axes: FloatArray | None
 
-    def of(self, tracks: NDArray[np.bool_]) -> "PrincipalNoise":
+    def of(self, tracks: BoolArray) -> "PrincipalNoise":
         """The covariances of some tracks; (B,) True for these."""
         variances, axes = self
         variances = variances[tracks] if variances.ndim == 2 else variances
@@ -78,10 +76,10 @@ def correct(
     lead, d = state.shape[:-1], measurement.shape[-1]
     m = state.shape[-1] // d
     variances = np.broadcast_to(noise.variances, (*lead, d))
-    whole = None
+    whole = isinstance(robust, WholeStudentT)
     if isinstance(robust, WholeStudentT):
-        whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
-        variances, robust = variances / whole.weight[..., None], None
+        weight, of_whole, nis_of_whole = robust.weigh(*_innovation(state, covariance, measurement, noise, m))
+        variances, robust = variances / weight[..., None], None
     log_likelihood, nis = np.zeros(lead), np.zeros(lead)
     for i in range(d):
         variance = variances[..., i]
@@ -106,8 +104,8 @@ def correct(
             covariance[..., m * i, :] = after
         log_likelihood += factors.log_likelihood
         nis += innovation**2 / (predicted + variance)
-    if whole is not None:
-        log_likelihood, nis = whole.log_likelihood, whole.nis
+    if whole:
+        log_likelihood, nis = of_whole, nis_of_whole
     return Corrected(state, covariance, log_likelihood, nis)
 
 

@@ -17,14 +17,13 @@ Logarithms of probabilities are stored, so that none is lost in an outlier. Rows
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter, check_covariance
-from hybrid_env.checks import check_array, reject
+from hybrid_env.checks import FloatArray, check_array, reject
 
-FloatArray = NDArray[np.float64]
 SMALLEST = 1e-300  # smaller probabilities count as this one
 
 
@@ -151,7 +150,7 @@ class IMMFilter(TrackFilter):
     @property
     def estimates(self) -> tuple[FloatArray, FloatArray]:
         """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
-        parts = [resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
         state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
         return state, covariance
 
@@ -179,7 +178,7 @@ class IMMFilter(TrackFilter):
         self._begin(len(weights))
         self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
         for j, one in enumerate(self.filters):
-            one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
+            one._set(*_resized(means[:, j], matrices[:, j], self.axes, one.order, None))
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
@@ -198,7 +197,7 @@ class IMMFilter(TrackFilter):
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
         for one in self.filters:
-            one._set(*resized(state, covariance, self.axes, one.order, None))
+            one._set(*_resized(state, covariance, self.axes, one.order, None))
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
@@ -206,7 +205,7 @@ class IMMFilter(TrackFilter):
         mixed = [
             merged(
                 [
-                    resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
+                    _resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
                     for other in self.filters
                 ],
                 weights[:, j],
@@ -247,16 +246,13 @@ class IMMFilter(TrackFilter):
         self.state, self.covariance = state[:, 0], covariance[:, 0]
 
 
-def resized(
+def _resized(
     state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimates and covariances with another number of values per axis.
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
 
-    Args:
-        state, covariance: (B, d m) and (B, d m, d m).
-        axes: d.
-        order: new number of values per axis. Derivatives that are left out are marginalized.
-        variances: (order - 1,) of derivatives that are new, velocity first; None sets them to 0.
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first,
+    or are 0 without variances.
     """
     tracks, size = state.shape
     m = size // axes

@@ -1,15 +1,13 @@
 """Kalman filters of the models CV, CA and CJ, plain or with a robust update. Kalman 1960."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.correction import correct, principal_noise
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Robust
 from baselines.estimation.track_filter import TrackFilter, measurement_covariance
-from hybrid_env.checks import check_array, reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 
 
 class KalmanFilter(TrackFilter):
@@ -93,7 +91,7 @@ class KalmanFilter(TrackFilter):
             self.state, self.covariance, transition, noise, np.asarray(self.model.noise)
         )
 
-    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
+    def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
         """Begin some tracks with their first measurements."""
         if self.start_variances is None:
             raise reject("start_deviations", None, "numbers, or a start of all tracks by begin_from()")

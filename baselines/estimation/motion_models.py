@@ -12,10 +12,11 @@ from math import factorial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hybrid_env.checks import (
     LARGEST_NUMBER,
+    FloatArray,
     check_array,
     check_choice,
     check_integer,
@@ -24,7 +25,6 @@ from hybrid_env.checks import (
     reject,
 )
 
-FloatArray = NDArray[np.float64]
 ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
 """Number of values per axis, m, of each model."""
 

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import check_between, check_positive
+from hybrid_env.checks import FloatArray, check_between, check_positive
 
-FloatArray = NDArray[np.float64]
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
@@ -147,20 +145,6 @@ class StudentT(Robust):
         return Factors(mean, mean - squares * spread, largest + np.log(norm))
 
 
-class Weighed(NamedTuple):
-    """Weights of whole measurements, (...) each.
-
-    Attributes:
-        weight: of the measurement: its variances are divided by it.
-        log_likelihood: of the innovation.
-        nis: squared innovation in units of its covariance.
-    """
-
-    weight: FloatArray
-    log_likelihood: FloatArray
-    nis: FloatArray
-
-
 @dataclass(frozen=True)
 class WholeStudentT:
     """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
@@ -174,8 +158,15 @@ class WholeStudentT:
 
     freedom: float
 
-    def weigh(self, innovation: FloatArray, spread: FloatArray) -> Weighed:
-        """Return the weights for innovations (..., 2) [m] and their scale matrices (..., 2, 2) [m^2]."""
+    def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights, log-likelihoods and squared innovations in units of their covariance, (...) each.
+
+        The variances of a measurement are divided by its weight.
+
+        Args:
+            innovation: (..., 2) [m].
+            spread: (..., 2, 2) scale matrices of the innovations [m^2].
+        """
         a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         x, y = innovation[..., 0], innovation[..., 1]
         determinant = a * c - b * b
@@ -183,4 +174,4 @@ class WholeStudentT:
         shape = np.log1p(nis / self.freedom) * (0.5 * self.freedom + 1.0)
         log_likelihood = -LOG_TWO_PI - 0.5 * np.log(determinant) - shape
         weight = np.minimum((self.freedom + 2.0) / (self.freedom + nis), 1.0)
-        return Weighed(weight, log_likelihood, nis)
+        return weight, log_likelihood, nis

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_scalar
 from baselines.estimation.track_filter import TrackFilter, check_measurements, measurement_covariance
-from hybrid_env.checks import ArgumentError, check_array, check_flag, dimensions, reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_flag, dimensions, reject
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,12 @@ systems".
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import propagate, times_transition
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import Estimates, Filtered, check_times
-from hybrid_env.checks import reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray, reject
 
 
 def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimates:
@@ -53,7 +51,7 @@ def _step_back(
     states: FloatArray,
     covariances: FloatArray,
     k: int,
-    chosen: NDArray[np.bool_],
+    chosen: BoolArray,
 ) -> None:
     """Smooth the estimates of tick k of some tracks, in place, by those of tick k + 1."""
     state, covariance = states[k, chosen], covariances[k, chosen]

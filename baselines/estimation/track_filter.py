@@ -4,19 +4,18 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item, check_scalar
 from hybrid_env.checks import (
     ArgumentError,
+    FloatArray,
     check_array,
     check_integer,
     check_positive,
     dimensions,
     reject,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 class TrackFilter(ABC):

@@ -9,13 +9,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.imm import mixture
 from baselines.estimation.turns import STRAIGHT, Batch, TurnModel, start_turns, step_turns
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,8 +18,7 @@ from baselines.estimation.imm import ModelChain, log_sum, mix_models, mixture, w
 from baselines.estimation.kalman import propagate
 from baselines.estimation.motion_models import turn_noise, turn_transition
 from baselines.estimation.robust import WholeStudentT
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
 START_SPEED = 100.0  # standard deviation of each component of the velocity at the start [m/s]
@@ -44,7 +43,7 @@ class Batch(NamedTuple):
     timing: FloatArray
 
     @property
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> BoolArray:
         """(T, B) False after the end of a piece."""
         return ~np.isnan(self.positions[..., 0])
 
@@ -95,7 +94,7 @@ class TurnModel:
     freedom: float = 5.0
 
     @property
-    def modes(self) -> NDArray[np.int64]:
+    def modes(self) -> IntArray:
         """(M,) straight, left or right, of each model."""
         rates = np.array(self.rates)
         return np.where(rates > 0.0, LEFT, np.where(rates < 0.0, RIGHT, STRAIGHT))

@@ -1,6 +1,9 @@
-"""The adaptive filter of Zimchuk & Kankin 2006, as published and corrected.
+"""Filters with gains: the g-h filter, and the adaptive one of Zimchuk & Kankin 2006.
 
-The filter has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
+The g-h (alpha-beta) filter has constant gains (Sklansky 1957; Benedict & Bordner 1962). The adaptive filter
+is here as published and corrected.
+
+It has the constant-velocity prediction of a Kalman filter, but no model of its noises: the gain
 K = P_e C' (C P_e C' + R)^-1, eq. (5), is identified from the innovations nu and the N-th backward differences
 D^N of the predictions x_e. With N = 3 and H_i = M[nu_(n-i) nu_n'], where M is a mean over time (the paper
 prints nu_n nu_(n-i)', which is the same for one axis):
@@ -24,27 +27,113 @@ relation of Benedict & Bordner 1962, h = g^2 / (2 - g).
 """
 
 from abc import abstractmethod
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.papers.g_h import GainFilter
-from hybrid_env.checks import check_between, check_flag, check_integer, check_positive, reject
+from baselines.estimation.track_filter import TrackFilter
+from hybrid_env.checks import (
+    FloatArray,
+    check_between,
+    check_flag,
+    check_integer,
+    check_number,
+    check_positive,
+    reject,
+)
 
-FloatArray = NDArray[np.float64]
+
+class GainFilter(TrackFilter):
+    """A filter of [x, v] per axis with gains: no covariance and no likelihood.
+
+    Two-point start: a track has the position of its first measurement and no velocity; the second gives the
+    position z_2 and the velocity (z_2 - z_1) / t.
+
+    Attributes:
+        gains: (2, B, d) or (2, B, 1) of positions [-] and velocities [1/s] at the last measurement.
+        longest_gap: time between two measurements [s] after which a track starts anew.
+    """
+
+    has_covariance = False
+    covariance = None
+    order = 2
+    longest_gap = np.inf
+
+    def _begin(self, tracks: int) -> None:
+        self.state = np.full((tracks, 2 * self.axes), np.nan)
+        self.log_likelihood = self.nis = np.full(tracks, np.nan)
+        self.gains = np.full((2, tracks, self.axes), np.nan)
+        self._count = np.zeros(tracks, np.int64)  # measurements at different moments so far
+        self._elapsed = np.zeros(tracks)  # since the last one [s]
+
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        self.state = state
+        self._count[:] = 2
+
+    def _predict(self, dt: float | FloatArray) -> None:
+        step = np.broadcast_to(dt, self.tracks)
+        self.state[:, ::2] += self.state[:, 1::2] * step[:, None]
+        self._elapsed += step
+
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+        measured = ~np.isnan(measurement[:, 0])
+        begun = ~np.isnan(self.state[:, 0]) & (self._elapsed <= self.longest_gap)
+        first, later = measured & ~begun, measured & begun
+        passed = later & (self._elapsed > 0.0)  # measurements of one moment tell nothing about the velocity
+        self._count = np.where(first, 1, self._count + passed)
+        self.gains = self._find_gains(measurement)
+        second = passed & (self._count == 2)
+        self.gains[0, second], self.gains[1, second] = 1.0, 1.0 / self._elapsed[second, None]
+        innovation = (measurement - self.state[:, ::2])[later]
+        self.state[later, ::2] += self.gains[0, later] * innovation
+        self.state[later, 1::2] += self.gains[1, later] * innovation
+        self.state[first, ::2], self.state[first, 1::2] = measurement[first], 0.0
+        self._elapsed[measured] = 0.0
+
+    @abstractmethod
+    def _find_gains(self, measurement: FloatArray) -> FloatArray:
+        """Gains (2, B, d) or (2, B, 1) for the measurements (B, d) of a tick, NaN where there is none."""
+
+
+class GHFilter(GainFilter):
+    """The g-h filter of positions in d dimensions.
+
+    With x, v the prediction at a measurement z and t the time since the last one:
+    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`. After a longer gap without
+    measurements a track starts anew.
+
+    Args:
+        axes: number of dimensions d.
+        g, h: gains, with 0 < g and 0 <= h, and h < 4 - 2 g, so that the filter is stable.
+        longest_gap: time between two measurements [s] after which a track starts anew; None never.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed.
+
+    >>> gh = GHFilter(axes=1, g=0.5, h=0.2)
+    >>> gh.begin(tracks=1)
+    >>> for k in range(4):
+    ...     gh.predict(2.0)
+    ...     gh.update([[6.0 * k]])
+    >>> gh.state
+    array([[18.,  3.]])
+    """
+
+    def __init__(self, axes: int, g: float, h: float, longest_gap: float | None = None):
+        self.axes = check_integer("axes", axes)
+        self.g, self.h = check_positive("g", g), check_number("h", h)
+        if not 0.0 <= self.h < 4.0 - 2.0 * self.g:
+            raise reject("h", h, f"a number from 0, below 4 - 2 g = {4.0 - 2.0 * self.g:g}")
+        self.longest_gap = np.inf if longest_gap is None else check_positive("longest_gap", longest_gap)
+
+    def _find_gains(self, measurement: FloatArray) -> FloatArray:
+        rate = self.h / np.where(self._elapsed > 0.0, self._elapsed, np.inf)
+        return np.stack([np.full(self.tracks, self.g), rate])[..., None]
+
+
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
 """Coefficients of the third backward difference D^3, newest value first."""
 
 LAGS = 5  # of H_0 to H_4
-
-
-class Gain(NamedTuple):
-    """Gains of positions [-] and velocities [1/s], and the variance of a measurement [m^2], each (...)."""
-
-    position: FloatArray
-    velocity: FloatArray
-    noise: FloatArray
 
 
 def third_difference(values: FloatArray) -> FloatArray:
@@ -65,19 +154,17 @@ def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray)
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
 
 
-def published_gain(means: FloatArray, tau: float) -> Gain:
-    """Gain without limits, for one axis. Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3.
+def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArray]:
+    """Gains of positions [-] and velocities [1/s] without limits, for one axis, each (...).
 
-    Args:
-        means: (8, ...) of `products`.
-        tau: length of a tick [s].
+    Zimchuk & Kankin 2006, eq. (5), (17) and (19) for N = 3. means: (8, ...) of `products`; tau: tick [s].
     """
     _, h1, h2, h3, h4, position, velocity, innovation = means
     position_spread = -position + 3.0 * h1 - 3.0 * h2 + h3
     velocity_spread = -velocity + (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / tau
     noise = innovation + position
     total = position_spread + noise
-    return Gain(position_spread / total, velocity_spread / total, noise)
+    return position_spread / total, velocity_spread / total
 
 
 def noise_bias(gain: float) -> float:
@@ -125,17 +212,15 @@ class ConstantStepFilter(GainFilter):
 
     def _find_gains(self, measurement: FloatArray) -> FloatArray:
         position, velocity = self.state[:, ::2].copy(), self.state[:, 1::2].copy()
-        self._remember(measurement, position, velocity, measurement - position)
+        self._remember(measurement, position, velocity)
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
         adapted = self._adapted()
         return np.where(np.isnan(adapted), line, adapted)
 
     @abstractmethod
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
-        """Take the values of a tick, (B, d) each, NaN where there is none."""
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        """Take measurement and prediction of a tick, (B, d) each, NaN where there is none."""
 
     @abstractmethod
     def _adapted(self) -> FloatArray:
@@ -169,10 +254,8 @@ class AdaptiveFilter(ConstantStepFilter):
         self._means = np.zeros((8, tracks, self.axes))
         self._products = np.zeros((tracks, self.axes))
 
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
-        values = (position, velocity, innovation)
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        values = (position, velocity, measurement - position)
         self._history = np.stack([_shifted(*pair) for pair in zip(self._history, values, strict=True)])
         new = products(*self._history)
         known = np.logical_not(np.isnan(new).any(axis=0))
@@ -185,8 +268,7 @@ class AdaptiveFilter(ConstantStepFilter):
         means = self._means[:, ready]
         gains = np.full((2, *ready.shape), np.nan)
         means = np.where(np.equal(means[0], 0.0), np.nan, means)  # innovations of exactly 0 identify nothing
-        position, velocity, _ = published_gain(means, self.tau)
-        gains[:, ready] = position, velocity
+        gains[:, ready] = published_gain(means, self.tau)
         if self.limited:
             gains[0] = np.clip(gains[0], 0.0, 1.0)
             gains[1] = np.clip(gains[1], 0.0, gains[0] ** 2 / ((2.0 - gains[0]) * self.tau))
@@ -225,9 +307,8 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
         self._squares = np.full((self.window, tracks), np.nan)  # of innovations, mean over the axes
         self._noise, self._differences = np.zeros(tracks), np.zeros(tracks)
 
-    def _remember(
-        self, measurement: FloatArray, position: FloatArray, velocity: FloatArray, innovation: FloatArray
-    ) -> None:
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        innovation = measurement - position
         self._measurements = _shifted(self._measurements, measurement)
         new = (third_difference(self._measurements) ** 2).mean(-1) / (DIFFERENCE**2).sum()
         known = ~np.isnan(new)

@@ -16,27 +16,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from baselines.papers.reproduction import (
-    Cell,
-    Finding,
-    Reproduction,
-    rmse_row,
-    study_interval,
-    table_row,
-)
+from baselines.papers.reproduction import Cell, Finding, Reproduction, rmse_row, study_interval, table_row
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled
-from hybrid_env.checks import check_array, check_flag, check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_array, check_flag, check_integer, reject
 from hybrid_env.core.banks.published import begin_published, follow_published
 from hybrid_env.core.compilation import compiled
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within
 from hybrid_env.simulation import Simulation, simulate
-
-FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2018"
 SCHEME = "golubkov2018"
@@ -83,16 +74,9 @@ class Estimates(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What the filter knows of every run.
+    """What the filter knows of every run; see `filter_known_modes`."""
 
-    Attributes:
-        lengths: (K,) of the segments [ticks].
-        signed_radii: (K,) [m].
-        covariance: (3,) at the start.
-        carry: whether the covariance is carried over at switches.
-    """
-
-    lengths: NDArray[np.int64]
+    lengths: IntArray
     signed_radii: FloatArray
     covariance: FloatArray
     carry: bool
@@ -129,7 +113,7 @@ def _filter_run(
 
 def filter_known_modes(
     measurements: ArrayLike,
-    lengths: Sequence[int] | NDArray[np.int64],
+    lengths: Sequence[int] | IntArray,
     signed_radii: ArrayLike,
     start: ArrayLike | None = None,
     *,
@@ -145,14 +129,8 @@ def filter_known_modes(
     P := I at every switch the published table is not reproduced.
 
     Args:
-        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
-        lengths: (K,) segment lengths [ticks], with sum T.
+        measurements, lengths, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
-            uses `first_estimate`.
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
         start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
         carry_covariance: False resets the covariance to `start_covariance` at every switch.
 
@@ -194,14 +172,14 @@ def run_ate(recording: Simulation, variance: float, refine_radius: bool = False)
     )  # fmt: skip
 
 
-def correct_types(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+def correct_types(tracks: Tracks, recording: Simulation) -> BoolArray:
     """(n, K) True where the decided type (straight, left or right) is correct."""
     n = len(RADII)
     sides = np.where(tracks.decided == 0, 0, np.where(tracks.decided <= n, 1, -1))
     return sides == np.sign(recording.signed_radii)
 
 
-def correct_hypotheses(tracks: Tracks, recording: Simulation) -> NDArray[np.bool_]:
+def correct_hypotheses(tracks: Tracks, recording: Simulation) -> BoolArray:
     """(n, K) True where the decided hypothesis is correct, including its radius."""
     signed_radii = np.array([0.0, *RADII, *(-radius for radius in RADII)])
     return signed_radii[tracks.decided] == recording.signed_radii

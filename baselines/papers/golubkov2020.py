@@ -28,19 +28,20 @@ from scipy.special import logsumexp
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
 from baselines.recordings.arrays import check_recording, make_filters
 from baselines.rules.measurements import run_compiled
-from baselines.rules.restarted_filters import (
-    RestartModel,
-    begin_restarted,
-    restart_arrays,
-    step_restarted,
-)
+from baselines.rules.restarted_filters import RestartModel, begin_restarted, restart_arrays, step_restarted
 from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.checks import check_flag, check_integer, check_positive, dimensions, reject
+from hybrid_env.checks import (
+    FloatArray,
+    IntArray,
+    check_flag,
+    check_integer,
+    check_positive,
+    dimensions,
+    reject,
+)
 from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.limits import check_within, distinct_radii
 from hybrid_env.simulation import Simulation, simulate
-
-FloatArray = NDArray[np.float64]
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
@@ -83,12 +84,12 @@ class Detection(NamedTuple):
             no change; 0 if this does not occur. It does not stop the detection.
     """
 
-    ticks: NDArray[np.int64]
-    modes: NDArray[np.int64]
+    ticks: IntArray
+    modes: IntArray
     log_ratios: FloatArray
     upper: float
     lower: float
-    accepted: NDArray[np.int64]
+    accepted: IntArray
 
 
 def detect_switch(
@@ -108,14 +109,9 @@ def detect_switch(
     """Detect the switch from straight motion to a turn in recorded positions.
 
     Args:
-        measurements: (T, 2) measured positions [m], or (n, T, 2) for n runs.
-        start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m, m/s]; None
-            uses `first_estimate`.
+        measurements, start, tau, process_variance, measurement_variance: see `baselines.track_ate`.
         radii: n turn radii [m]; hypotheses 1 .. n are left turns, n + 1 .. 2 n are right turns.
         tested: hypotheses that may be declared; None tests all turns.
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
         alpha, beta: determine the thresholds A = (1 - beta) / alpha and B = beta / (1 - alpha); None for beta
             uses alpha.
         margin: minimum difference between the largest ln lambda and that of every other tested hypothesis at
@@ -205,7 +201,7 @@ def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detecti
     return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
 
 
-def delay_statistics(ticks: NDArray[np.int64]) -> dict[str, float]:
+def delay_statistics(ticks: IntArray) -> dict[str, float]:
     """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks].
 
     Args:
@@ -267,7 +263,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
 
 
-def _bootstrap_interval(ticks: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+def _bootstrap_interval(ticks: IntArray, seed: int) -> FloatArray:
     """Bounds of the 95 % bootstrap confidence intervals of the `delay_statistics`, (2, S)."""
     generator = np.random.default_rng(seed)
     values = [list(delay_statistics(generator.choice(ticks, ticks.size)).values()) for _ in range(200)]

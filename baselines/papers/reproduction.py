@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray
+
 RESAMPLES = 2000
 PAPER_RUNS = 100
 """Number of runs of the studies in Golubkov 2018 and Tsyganov 2019."""
@@ -136,7 +136,7 @@ def study_interval(
 
 
 @functools.lru_cache(maxsize=2)
-def _draws(seed: int, study_runs: int, runs: int) -> NDArray[np.int64]:
+def _draws(seed: int, study_runs: int, runs: int) -> IntArray:
     """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
     return np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from baselines.papers.reproduction import Cell, Finding, Reproduction, rmse_row
-from baselines.recordings.ate import Tracks, track_ate
+from baselines.recordings.ate import track_ate
 from hybrid_env.checks import check_integer
-from hybrid_env.simulation import Simulation, simulate
+from hybrid_env.simulation import simulate
 
 PAPER = "Tsyganov 2019"
 SCHEME = "tsyganov2019"
@@ -46,20 +46,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
-    """Run ATE with three hypotheses.
-
-    Args:
-        recording: simulated runs.
-        variance: R [m^2].
-        options: further options of `baselines.track_ate`, such as `recalculation`.
-    """
-    return track_ate(
-        recording.measurements, recording.lengths, START, radii=[RADIUS], process_variance=0.0,
-        measurement_variance=variance, alpha=ALPHA, **options,
-    )  # fmt: skip
-
-
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Reproduce the published table, and compare the variants of the recalculation.
 
@@ -79,7 +65,10 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             SCHEME, runs, seed + index, start=START, process_variance=0.0, measurement_variance=variance
         )
         for variant, options in VARIANTS.items():
-            tracks = run_ate(recording, variance, **options)
+            tracks = track_ate(
+                recording.measurements, recording.lengths, START, radii=[RADIUS], process_variance=0.0,
+                measurement_variance=variance, alpha=ALPHA, **options,
+            )  # fmt: skip
             row = rmse_row("Table, RMSE", name, TABLE[name], tracks.estimates, recording.truth, seed)
             if variant == AS_PUBLISHED:
                 cells += row

@@ -14,16 +14,14 @@ times better than a slow Kalman filter. A faster Kalman filter is better than bo
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
 from baselines.papers.reproduction import Cell, Finding, Reproduction, study_interval, table_row
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import FloatArray, check_integer
 
-FloatArray = NDArray[np.float64]
 PAPER = "Zimchuk & Kankin"
 TAU = 0.1
 """Length of a tick [s]."""

@@ -4,15 +4,21 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import axis_variances, check_array, check_integer, dimensions, reject
+from hybrid_env.checks import (
+    FloatArray,
+    IntArray,
+    axis_variances,
+    check_array,
+    check_integer,
+    dimensions,
+    reject,
+)
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays, estimate_of
 from hybrid_env.core.banks.published import PublishedBank, covariance_published
 from hybrid_env.core.compilation import internal
 from hybrid_env.limits import check_variances, check_within
-
-FloatArray = NDArray[np.float64]
 
 
 class Filters(NamedTuple):
@@ -82,8 +88,8 @@ def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> Floa
 
 
 def check_recording(
-    measurements: ArrayLike, lengths: Sequence[int] | NDArray[np.int64], start: ArrayLike | None, tau: float
-) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None, tau: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4).
 
     Raises:

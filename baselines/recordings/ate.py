@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
+from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
-from hybrid_env.checks import check_choice, check_flag
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
 from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, mode_type, set_estimate
 from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
-from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
-
-FloatArray = NDArray[np.float64]
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND = 0, 1, 2
 RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND}
@@ -43,10 +42,10 @@ class Tracks(NamedTuple):
 
     estimates: FloatArray
     covariances: FloatArray
-    modes: NDArray[np.int64]
-    decided: NDArray[np.int64]
-    ticks: NDArray[np.int64]
-    undecided: NDArray[np.bool_]
+    modes: IntArray
+    decided: IntArray
+    ticks: IntArray
+    undecided: BoolArray
     ratios: FloatArray
 
 
@@ -109,7 +108,7 @@ def _recalculate(
 @compiled
 def _track_run(
     measurements: FloatArray,
-    lengths: NDArray[np.int64],
+    lengths: IntArray,
     start: FloatArray,
     filters: Filters,
     rule: _Rule,
@@ -166,7 +165,7 @@ def _track_run(
 
 def track_ate(
     measurements: ArrayLike,
-    lengths: Sequence[int] | NDArray[np.int64],
+    lengths: Sequence[int] | IntArray,
     start: ArrayLike | None = None,
     *,
     radii: ArrayLike = (5.0,),
@@ -233,8 +232,5 @@ def track_ate(
     )
     for run in range(runs):
         of_run = Tracks(*(array[run] for array in found))
-        arguments = values[run], segment_lengths, starts[run], filters, rule, of_run
-        if run == 0:
-            prepare(_track_run, *arguments)
-        _track_run(*arguments)
+        run_compiled(_track_run, values[run], segment_lengths, starts[run], filters, rule, of_run)
     return Tracks(*(array[0] for array in found)) if np.ndim(measurements) == 2 else found

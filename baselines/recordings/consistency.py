@@ -9,15 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import SHORTEST_CHUNK, chunks_at, cut, recorded_pass
 from baselines.recordings.model_fit import NEVER, TrackModel, imm_model
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import TickGrid
+from hybrid_env.checks import FloatArray
 from hybrid_env.core.records import LANES
-
-FloatArray = NDArray[np.float64]
 
 LONGEST_CHUNK = 2048
 """Ticks; the filters start anew at the beginning of each chunk."""

@@ -11,20 +11,16 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.imm_pass import make_chunks, recorded_pass
 from baselines.recordings.model_fit import TrackModel
 from baselines.recordings.ticks import Piece, TickGrid
 from baselines.rules.tracker import OnlineTracker
-from hybrid_env.checks import reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 VARIANCE, TICK = 0.1, 0.1
 """Measurement variance and tick in the units of the filters."""
@@ -84,7 +80,7 @@ class TickDecisions:
     """
 
     modes: IntArray
-    decided: NDArray[np.bool_]
+    decided: BoolArray
     probabilities: FloatArray
     estimates: FloatArray
     covariances: FloatArray
@@ -181,7 +177,8 @@ def _begin_from_first(tracker: OnlineTracker, points: FloatArray, lengths: Seque
     if state is None:
         tracker.begin()
     else:
-        tracker.begin(state.estimate, state.covariance, None if lengths else state.mode)
+        estimate, covariance, mode = state
+        tracker.begin(estimate, covariance, None if lengths else mode)
 
 
 def _decide_pieces(found: TickDecisions, options: Any) -> None:
@@ -209,23 +206,9 @@ def _with_runs(found: TickDecisions) -> TickDecisions:
     return replace(found, pieces=np.stack([first, end, found.modes[first], when], axis=1))
 
 
-class FirstState(NamedTuple):
-    """What is known one tick before the first measurement.
-
-    Attributes:
-        estimate: (4,) [x, vx, y, vy] [m, m/s].
-        covariance: (4, 4).
-        mode: None if no mode is probable enough.
-    """
-
-    estimate: FloatArray
-    covariance: FloatArray
-    mode: int | None
-
-
 def first_state(
     measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float
-) -> FirstState | None:
+) -> tuple[FloatArray, FloatArray, int | None] | None:
     """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
 
     A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an
@@ -239,6 +222,9 @@ def first_state(
         measurements: (T, 2) [m], the first one measured, NaN without a measurement. At most 50 are used.
         options: of the model.
         hazard: probability of a switch in a tick, 0 if there is none in these ticks.
+
+    Returns:
+        Estimate (4,) [x, vx, y, vy] [m, m/s], covariance (4, 4), and mode, None if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:
@@ -259,6 +245,5 @@ def first_state(
     seen = output.probabilities[0, -2, :, 0]
     probabilities = np.concatenate([seen[:1], seen[1 + n :], seen[1 : 1 + n]])
     best = int(probabilities.argmax())
-    return FirstState(
-        chunks.block["estimate"][0, :, 0] * reverse, covariance, best if probabilities[best] > SURE else None
-    )
+    mode = best if probabilities[best] > SURE else None
+    return chunks.block["estimate"][0, :, 0] * reverse, covariance, mode

@@ -6,7 +6,6 @@ recording between gaps are cut into chunks of about equal length, which run side
 block, as the tracks of an environment do.
 """
 
-import functools
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.recordings.ticks import TickGrid
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, predict_imm, step_imm
-from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES, lanes_of
-
-FloatArray = NDArray[np.float64]
 
 PASS_BLOCK = lanes_of(
     ("measurement", np.float64, (2,)), ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,))
@@ -55,8 +54,8 @@ class Chunks(NamedTuple):
     """
 
     measurements: FloatArray
-    switches: NDArray[np.bool_]
-    lanes: NDArray[np.int64]
+    switches: BoolArray
+    lanes: IntArray
     block: NDArray[Any]
 
 
@@ -78,7 +77,7 @@ def no_output() -> PassOutput:
     return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
-def make_chunks(parts: list[FloatArray], switches: list[NDArray[np.bool_]] | None = None) -> Chunks:
+def make_chunks(parts: list[FloatArray], switches: list[BoolArray] | None = None) -> Chunks:
     """Put parts of a recording into lanes. Parts of equal length waste no time.
 
     Args:
@@ -216,15 +215,6 @@ def imm_pass(
     return total, count
 
 
-@functools.cache
-def prepare_pass() -> None:
-    """Compile `imm_pass` or load it, once in a process: the types of its arguments are always the same."""
-    model = FilterModel(1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    prepare(
-        imm_pass, make_chunks([np.zeros((1, 2))]), bank_arrays(ImmBank, 1), np.ones(1), model, no_output()
-    )
-
-
 def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = ()) -> Chunks:
     """Return chunks of a recording, evenly spread, in units of `scale`, each near its first measurement."""
     length = max(-(-min(grid.total, FIT_TICKS) // LANES), SHORTEST_CHUNK)
@@ -268,8 +258,7 @@ def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> Pass
     """
     shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
     output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
-    prepare_pass()
-    imm_pass(chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
+    run_compiled(imm_pass, chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     return output
 
 

@@ -11,23 +11,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.recordings.imm_pass import (
-    Chunks,
-    fit_chunks,
-    imm_pass,
-    no_output,
-    prepare_pass,
-    recorded_pass,
-)
+from baselines.recordings.imm_pass import Chunks, fit_chunks, imm_pass, no_output, recorded_pass
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
-from hybrid_env.checks import ArgumentError
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST_NOISE = 1e-4
 """Smallest standard deviation of a measurement, over the median motion of a tick."""
@@ -107,16 +98,12 @@ class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
     def __init__(self, chunks: Chunks):
-        self.chunks, self.output, self.bank = (
-            chunks,
-            no_output(),
-            functools.cache(functools.partial(bank_arrays, ImmBank)),
-        )
-        prepare_pass()
+        self.chunks, self.output = chunks, no_output()
+        self.bank = functools.cache(functools.partial(bank_arrays, ImmBank))
 
     def __call__(self, at: _Parameters) -> float:
         bank, radii = self.bank(len(at.radii)), np.array(at.radii, float)
-        total: float = imm_pass(self.chunks, bank, radii, at.model, self.output)[0]
+        total: float = run_compiled(imm_pass, self.chunks, bank, radii, at.model, self.output)[0]
         return total if math.isfinite(total) else -math.inf
 
 
@@ -227,15 +214,11 @@ def _more_radii(
             break
         candidate = _refine(likelihood, candidate, free)
         found = likelihood(candidate)
-        if found < value + penalty + CLEARLY or _closest(candidate.radii) < DISTINCT:
+        closest = np.diff(np.sort(np.log(candidate.radii))).min()
+        if found < value + penalty + CLEARLY or closest < DISTINCT:
             break
         best, value = candidate, found
     return best
-
-
-def _closest(radii: Sequence[float]) -> float:
-    """Return the smallest difference of the logarithms of radii."""
-    return float(np.diff(np.sort(np.log(radii))).min())
 
 
 def _straight(likelihood: _Likelihood, best: _Parameters, free: list[str], limit: float) -> float:

@@ -4,11 +4,9 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.ticks import Piece, TickGrid
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray
 
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of |z| for a standard normal z."""
@@ -106,19 +104,16 @@ def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
     return grid._replace(pieces=tuple(pieces)), count
 
 
-def _steps(piece: Piece) -> tuple[NDArray[np.int64], FloatArray]:
+def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
     """Return the ticks with a measurement, (n,), and the steps between them for each tick, (n - 1, 2)."""
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
 
 
-def _runs(piece: Piece, noise: float, step: float) -> list[NDArray[np.int64]]:
+def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
     """Return the ticks with a measurement between the jumps.
 
-    Args:
-        piece: of a recording.
-        noise: distance of two measurements that noise alone explains.
-        step: length of a step for each tick that motion alone explains.
+    Noise alone explains steps as long as `noise`, and motion alone those of `step` for each tick.
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
@@ -129,7 +124,7 @@ def _runs(piece: Piece, noise: float, step: float) -> list[NDArray[np.int64]]:
     return np.split(rows, np.flatnonzero(jump) + 1)
 
 
-def _split(piece: Piece, runs: list[NDArray[np.int64]], noise: float, step: float) -> list[Piece]:
+def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> list[Piece]:
     """Divide a piece before each run that is too far from the one before."""
     borders = [0]
     for last, following in pairwise(runs):
@@ -171,15 +166,10 @@ def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
     return float(np.median(lengths)) if lengths.size else None
 
 
-def _differences(piece: Piece, points: int) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the divided differences of successive measurements, of unit noise.
+def _differences(piece: Piece, points: int) -> tuple[IntArray, FloatArray]:
+    """Return ticks, (n, m), and divided differences, (n, 2), of m = `points` successive measurements.
 
-    Args:
-        piece: with T measurements.
-        points: number of measurements in each difference, m; it cancels polynomials of degree m - 2.
-
-    Returns:
-        Ticks of the measurements, (n, m), and differences of both coordinates, (n, 2).
+    Differences have unit noise, and cancel polynomials of degree m - 2.
     """
     rows = np.flatnonzero(~np.isnan(piece.measurements[:, 0]))
     if len(rows) < points:

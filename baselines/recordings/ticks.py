@@ -11,13 +11,9 @@ that do are replaced by their mean.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.recording import Recording
-from hybrid_env.checks import reject
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import FloatArray, IntArray, reject
 
 DIVISORS = (1, 2, 3, 4, 5, 8, 10)
 """The tick of an irregular recording is its median step divided by one of these."""

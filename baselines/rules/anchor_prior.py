@@ -9,12 +9,11 @@ images.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
 """Signs of [x, vx, y, vy] in a frame whose across axis points to the right."""
@@ -42,7 +41,7 @@ class AnchorPrior:
     mean: FloatArray
     covariance: FloatArray
 
-    def after(self, types: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def after(self, types: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of N types.
 
         Args:
@@ -54,7 +53,7 @@ class AnchorPrior:
         return self.weight[turn], self.mean[turn] * signs, covariance
 
 
-def anchor_errors(env: HybridTrackVectorEnv, tracks: NDArray[np.int64], before: FloatArray) -> FloatArray:
+def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArray) -> FloatArray:
     """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading frame.
 
     Args:
@@ -74,7 +73,7 @@ def anchor_errors(env: HybridTrackVectorEnv, tracks: NDArray[np.int64], before: 
     )
 
 
-def fit_anchor_prior(errors: FloatArray, types: NDArray[np.int64], correct: NDArray[np.bool_]) -> AnchorPrior:
+def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) -> AnchorPrior:
     """Fit the mixtures to observed errors.
 
     Args:
@@ -100,12 +99,9 @@ def fit_anchor_prior(errors: FloatArray, types: NDArray[np.int64], correct: NDAr
 
 
 def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit a mixture of normal distributions to (n, 4) values by the EM algorithm.
+    """Fit weights (2,), means (2, 4) and covariances (2, 4, 4) to (n, 4) values by the EM algorithm.
 
     It starts with the tenth of the values that is largest as one component.
-
-    Returns:
-        (2,) weights, (2, 4) means and (2, 4, 4) covariances.
     """
     pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
     size = (values**2 / np.diag(pooled)).sum(-1)

@@ -10,17 +10,15 @@ decision spoils the anchor of the next segment.
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Decider, DeciderFamily
 from baselines.rules.msprt import By, PosteriorRule
 from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import check_array, check_positive, reject
+from hybrid_env.checks import FloatArray, check_array, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
-FloatArray = NDArray[np.float64]
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
 """Knots of the regression, in units of the log error probability."""
 

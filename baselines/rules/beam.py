@@ -17,9 +17,9 @@ from baselines.rules.beam_filters import (
     step_memory,
 )
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
-from baselines.rules.measurements import FloatArray, MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
-from hybrid_env.checks import check_flag, check_integer
+from hybrid_env.checks import FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -73,7 +73,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         ArgumentError: an argument is out of range.
     """
 
-    name, title, symbol, default = "beam", "beam", "probability", 0.6
+    name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True
     colour, marker = "#c80f82", "D"
 
     def __init__(
@@ -158,7 +158,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
 class GeometricBeamDecider(BeamDecider):
     """The beam that assumes a geometric law of the same mean, for which ages have no meaning."""
 
-    name, title = "beam-geometric", "beam, geometric"
+    name, title, informed = "beam-geometric", "beam, geometric", False
     colour, marker = "#00e196", "p"
 
     @classmethod

@@ -158,17 +158,8 @@ def _switch(
 ) -> int:
     """Write one child for every mode, after `count` others: the mixture of parents in other modes.
 
-    Args:
-        branches: of all tracks.
-        track: index of the track.
-        weights: (branches,) log probability of a branch and a switch to one certain mode.
-        parents: the first branch that switches, and the end of these branches.
-        children: of one track.
-        count: number of children so far.
-        model: of the branches.
-
-    Returns:
-        Number of children.
+    parents: the first branch that switches, and the end of these branches; weights: (branches,) log
+    probability of a branch and a switch to one certain mode. Returns the number of children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     for mode in range(2 * model.radii.size + 1):

@@ -12,15 +12,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import FIRST
 from baselines.rules.decider import UNKNOWN, Actions, Decider
-from hybrid_env.checks import check_integer, reject
-from hybrid_env.core.compilation import compiled, prepare
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import FloatArray, IntArray, check_integer, reject
+from hybrid_env.core.compilation import compiled
 
-FloatArray = NDArray[np.float64]
 LONGEST_LAG = 10_000  # ticks
 
 
@@ -34,11 +33,11 @@ class BranchTable(NamedTuple):
         counts: (N,) number of branches.
     """
 
-    modes: NDArray[np.int64]
-    ages: NDArray[np.int64]
-    rows: NDArray[np.int64]
+    modes: IntArray
+    ages: IntArray
+    rows: IntArray
     log_weights: FloatArray
-    counts: NDArray[np.int64]
+    counts: IntArray
 
 
 class SmootherState(NamedTuple):
@@ -143,9 +142,7 @@ class BeamSmoother(Decider):
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
-        arguments = state.table, now, state.past, state.spare, self.beam.model.hazards
-        prepare(carry_past, *arguments)
-        carry_past(*arguments)
+        run_compiled(carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards)
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks

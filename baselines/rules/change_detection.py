@@ -1,4 +1,4 @@
-"""Classical tests for a change of the stated mode: CUSUM and Shiryaev-Roberts.
+"""Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights.
 
 Every rule compares each mode with the stated one by the log-likelihood ratios of single ticks, l = ln p(z |
 mode) - ln p(z | stated mode), which the running bank gives. When a statistic reaches the threshold, the
@@ -9,14 +9,11 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
-from baselines.rules.threshold import read_statement
-from hybrid_env.checks import check_positive
+from baselines.rules.decider import FLIGHTS, UNKNOWN, Actions, Decider, Observations
+from baselines.rules.threshold import ThresholdDecider, read_statement
+from hybrid_env.checks import FloatArray, check_positive
 from hybrid_env.observation import QuickestLayout
-
-FloatArray = NDArray[np.float64]
 
 
 class ChangeDecider(Decider, ABC):
@@ -108,3 +105,22 @@ class ShiryaevRobertsDecider(ChangeDecider):
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the values of ln R."""
         return np.logaddexp(statistics, 0.0) + ratio
+
+
+class FlightThresholdDecider(ThresholdDecider):
+    """The threshold on the probabilities of the IMM filter over turn rates."""
+
+    name, task = "imm", FLIGHTS
+
+
+class FlightBeamDecider(FlightThresholdDecider):
+    """The threshold on the semi-Markov posterior over turn rates, in which short turns are unlikely."""
+
+    name, title = "beam", "beam"
+
+
+class FlightCusumDecider(CusumDecider):
+    """CUSUM of the likelihoods of the modes in the IMM filter over turn rates."""
+
+    name, task = "cusum", FLIGHTS
+    default = 3.5

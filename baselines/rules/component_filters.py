@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import reject
+from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.compilation import compiled, inlined, internal, prepare
@@ -20,7 +20,6 @@ from hybrid_env.core.state import BANKS
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-FloatArray = NDArray[np.float64]
 Observations = NDArray[np.float32]
 TRIANGLE = np.triu_indices(4)
 OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
@@ -50,7 +49,7 @@ def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel
 
 
 @internal
-def _any_outlier(bank: Any, lanes: int, outlier: NDArray[np.bool_]) -> bool:
+def _any_outlier(bank: Any, lanes: int, outlier: BoolArray) -> bool:
     """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
     found = False
     for lane in range(lanes):
@@ -66,7 +65,7 @@ def _any_outlier(bank: Any, lanes: int, outlier: NDArray[np.bool_]) -> bool:
 @compiled
 def _filter_tick(
     banks: Any,
-    begins: NDArray[np.bool_],
+    begins: BoolArray,
     anchors: FloatArray,
     measurements: FloatArray,
     radii: FloatArray,
@@ -76,19 +75,11 @@ def _filter_tick(
     innovations: FloatArray,
     saved: NDArray[Any],
 ) -> None:
-    """Start the filters of some tracks, then advance all by one tick.
+    """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    Args:
-        banks: banks of all blocks of C N lanes; the tracks of one component follow each other.
-        begins: (N,) tracks whose filters start.
-        anchors: (C, N, 14) initial estimate and upper triangle of its covariance.
-        measurements: (N, 2) [m], NaN if a tick has none.
-        radii: (n,) [m].
-        model: model of the filters.
-        outlier_model: of measurements that no hypothesis explains.
-        log_likelihood: (C, N, M), written in place.
-        innovations: (C, N, M, 3), written in place.
-        saved: (M,) temporary memory for the hypotheses of a block; (0,) if there are no outliers.
+    The C N lanes of the banks have the tracks of one component after the other. Measurements (N, 2) are NaN
+    if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
+    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -180,7 +171,7 @@ class ComponentFilters:
         banks, *rest = self.orientations[0]
         prepare(_filter_tick, banks, *none, self.radii, *rest, self.saved)
 
-    def advance(self, rows: Observations, begins: NDArray[np.bool_], anchors: FloatArray) -> None:
+    def advance(self, rows: Observations, begins: BoolArray, anchors: FloatArray) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
 
         Args:
@@ -215,7 +206,7 @@ class ComponentFilters:
             for field in records.dtype.names
         }
 
-    def select_tracks(self, tracks: NDArray[np.bool_]) -> "ComponentFilters":
+    def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         components = len(self.log_likelihood)
         selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
@@ -229,7 +220,7 @@ class ComponentFilters:
         return selected
 
 
-def without_measurement(layout: Layout, rows: Observations) -> NDArray[np.bool_]:
+def without_measurement(layout: Layout, rows: Observations) -> BoolArray:
     """Return whether the ticks of rows have no measurement, (N,): then all innovations are exactly zero."""
     names = ("innovation_along", "innovation_across")
     return ~np.any([layout.read(rows, name).any(-1) for name in names], axis=0)

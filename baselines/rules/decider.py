@@ -43,6 +43,7 @@ class Decider:
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
         needs_measurements: it cannot do without a measurement at every tick.
+        informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
     name: ClassVar[str] = ""
@@ -57,6 +58,7 @@ class Decider:
     observes: ClassVar[Literal["rows", "tracks"]] = "rows"
     every_tick: ClassVar[bool] = False
     needs_measurements: ClassVar[bool] = False
+    informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)

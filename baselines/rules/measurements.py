@@ -3,16 +3,14 @@
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
-from hybrid_env.checks import reject
+from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.core.compilation import prepare
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
 
-FloatArray = NDArray[np.float64]
 State = TypeVar("State")
 
 OBSERVED = 2 + 4 + 10
@@ -35,7 +33,7 @@ def filter_model(options: QuickestOptions) -> FilterModel:
 _prepared: set[Any] = set()
 
 
-def run_compiled(function: Any, *arguments: Any) -> None:
+def run_compiled(function: Any, *arguments: Any) -> Any:
     """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
 
     To find the types of records takes far longer than one tick of one track.
@@ -43,7 +41,7 @@ def run_compiled(function: Any, *arguments: Any) -> None:
     if function not in _prepared:
         prepare(function, *arguments)
         _prepared.add(function)
-    function(*arguments)
+    return function(*arguments)
 
 
 class MeasurementDecider(Decider, Generic[State]):
@@ -79,7 +77,7 @@ class MeasurementDecider(Decider, Generic[State]):
         """Advance all tracks by one tick. measurements: (N, 2) [m]."""
         raise NotImplementedError
 
-    def statements(self, state: State, starts: NDArray[np.bool_]) -> Actions:
+    def statements(self, state: State, starts: BoolArray) -> Actions:
         """Return the statements (N,). starts: (N,) True where an episode begins."""
         raise NotImplementedError
 
@@ -92,7 +90,7 @@ class MeasurementDecider(Decider, Generic[State]):
         return np.hstack([*parts, tracks.copy_tick()()["log_probability"]])
 
     def decide(
-        self, observation: FloatArray, state: State | None, episode_start: NDArray[np.bool_] | None
+        self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
     ) -> tuple[Actions, State]:
         """See `Decider.decide`; action i states mode i.
 

@@ -15,12 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import check_choice, check_number, check_positive, reject
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_choice,
+    check_number,
+    check_positive,
+    reject,
+)
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
 
-FloatArray = NDArray[np.float64]
 By = Literal["hypothesis", "type"]
 CLIPPED_RATIO = LOG_FLOOR + 1e-3
 """The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as clipped."""
@@ -40,7 +47,7 @@ def rewarded(options: WorldOptions) -> By:
     return "type" if options.correctness == "type" else "hypothesis"
 
 
-def mode_types(hypotheses: int) -> NDArray[np.int64]:
+def mode_types(hypotheses: int) -> IntArray:
     """Type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
     n = hypotheses // 2
     return np.repeat([0, 1, 2], [1, n, n])
@@ -59,43 +66,24 @@ def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatAr
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
-def bank_posterior(observation: Observations, by_type: bool = False) -> FloatArray:
-    """Posterior of each hypothesis or of its type under equal priors, (N, M), from rows (N, 6 M + 10)."""
-    return posterior_of(np.exp(Layout.of_rows(observation).read(observation, "log_ratio")), by_type)
-
-
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
     """Posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
     types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
     return np.asarray(types / types.sum(-1, keepdims=True))
 
 
-def likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> NDArray[np.int64]:
-    """Hypothesis with the largest value within the type with the largest sum, (N,).
-
-    Args:
-        types: (N, 3) sums by type, see `type_sums`.
-        values: (N, M) likelihoods, posteriors or their logarithms.
-    """
+def _likeliest_of_type(types: FloatArray, values: NDArray[Any]) -> IntArray:
+    """Hypothesis with the largest value (N, M) within the type with the largest sum (N, 3), (N,)."""
     of_type = mode_types(values.shape[-1]) == types.argmax(-1)[:, None]
     return np.where(of_type, values, -np.inf).argmax(-1)
 
 
-def other_types_sum(types: FloatArray, chosen: NDArray[np.int64]) -> FloatArray:
-    """Sum over all types except the chosen one, (N,).
-
-    The sum is accurate where 1 - p would cancel.
-
-    Args:
-        types: (N, 3) posterior of each type.
-        chosen: (N,) index of the excluded type.
-    """
+def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
+    """Posterior of all types (N, 3) but the chosen one, (N,); accurate where 1 - p would cancel."""
     return np.asarray(np.where(np.arange(3) == chosen[:, None], 0.0, types).sum(-1))
 
 
-def error_and_best(
-    posterior: NDArray[np.floating], by_type: bool | NDArray[np.bool_]
-) -> tuple[FloatArray, NDArray[np.int64]]:
+def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
     """Posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
 
     Args:
@@ -104,14 +92,14 @@ def error_and_best(
             most likely type; one value for all tracks, or (N,).
     """
     types = type_sums(posterior)
-    best = np.where(by_type, likeliest_of_type(types, posterior), posterior.argmax(-1))
+    best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
     others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
         -1, dtype=np.float64
     )
-    return np.where(by_type, other_types_sum(types, types.argmax(-1)), others), best
+    return np.where(by_type, _other_types_sum(types, types.argmax(-1)), others), best
 
 
-def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, NDArray[np.int64]]:
+def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
     """Log error probability of the best declaration, and the hypothesis to declare.
 
     Args:
@@ -126,9 +114,9 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
     if by == "hypothesis":
         return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
     posterior = type_posteriors(log_ratio)
-    error_probability = other_types_sum(posterior, posterior.argmax(-1))
+    error_probability = _other_types_sum(posterior, posterior.argmax(-1))
     log_error_probability = np.log(np.maximum(error_probability, np.exp(LOG_FLOOR)))
-    return log_error_probability, likeliest_of_type(posterior, log_ratio)
+    return log_error_probability, _likeliest_of_type(posterior, log_ratio)
 
 
 class PosteriorRule(RowRule, ABC):
@@ -163,7 +151,8 @@ class PosteriorRule(RowRule, ABC):
 
     def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
-        return bank_posterior(observation, self.by == "type")
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
+        return posterior_of(np.exp(log_ratio), self.by == "type")
 
 
 class MSPRTDecider(PosteriorRule):
@@ -213,6 +202,14 @@ class AnchorAwareMSPRTDecider(MSPRTDecider):
     def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
         return lambda alpha: cls(alpha, rewarded(options))
+
+
+class OracleMSPRTDecider(AnchorAwareMSPRTDecider):
+    """The MSPRT of a bank that is told the true anchor: a bound for rules that are not."""
+
+    name, title, informed = "msprt-oracle", "MSPRT, true anchor", True
+    options: ClassVar[Mapping[str, Any]] = {"bank": "oracle"}
+    colour = marker = ""
 
 
 class RobustMSPRTDecider(MSPRTDecider):

@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Observations, RowRule
 from baselines.rules.msprt import By, mode_types, read_error_probability, rewarded
 from baselines.rules.rollout import rollout
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Edges of the calibration bins of the stated probability."""
 
@@ -34,8 +32,8 @@ class PosteriorPaths:
     """
 
     log_error_probability: FloatArray
-    correct: NDArray[np.bool_]
-    length: NDArray[np.int64]
+    correct: BoolArray
+    length: IntArray
     by: By
 
 
@@ -93,17 +91,26 @@ def simulate_posterior_paths(
 
 @dataclass(frozen=True)
 class Calibration:
-    """Stated probability and observed accuracy of the best declaration, in B bins of the stated probability.
+    """Stated probability and accuracy of the best declaration, in B bins of the stated probability.
 
     Attributes:
         stated: (B,) mean stated probability of each bin, 0 where the bin is empty.
         accuracy: (B,) share of correct declarations in each bin, 0 where the bin is empty.
         count: (B,) number of segments in each bin.
+        mean_stated, mean_accuracy: over all segments.
     """
 
     stated: FloatArray
     accuracy: FloatArray
-    count: NDArray[np.int64]
+    count: IntArray
+    mean_stated: float
+    mean_accuracy: float
+
+    @property
+    def worst(self) -> float:
+        """Largest `stated` minus `accuracy` of a bin with at least `MIN_COUNT` segments; NaN without one."""
+        gaps = (self.stated - self.accuracy)[self.count >= MIN_COUNT]
+        return float(gaps[np.abs(gaps).argmax()]) if gaps.size else float("nan")
 
 
 def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
@@ -115,7 +122,8 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     if check_integer("tick", tick) > paths.length.max():
         raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
     reached = paths.length >= tick
-    stated = 1.0 - np.exp(paths.log_error_probability[reached, tick - 1])
+    error = np.exp(paths.log_error_probability[reached, tick - 1])
+    stated = 1.0 - error
     correct = paths.correct[reached, tick - 1]
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
     count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
@@ -124,37 +132,6 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
         np.bincount(bins, stated, minlength=count.size) / total,
         np.bincount(bins, correct, minlength=count.size) / total,
         count,
-    )
-
-
-@dataclass(frozen=True)
-class CalibrationSummary:
-    """Accuracy and stated probability of the best declaration at one tick.
-
-    `hybridtrack compare` writes these field names to compare.json.
-
-    Attributes:
-        right: share of segments in which the declaration would be correct.
-        stated: mean posterior probability of the declaration.
-        worst: stated probability minus accuracy, of the bin where the two differ most. Only bins with at
-            least `MIN_COUNT` segments count; NaN if there are none.
-    """
-
-    right: float
-    stated: float
-    worst: float
-
-
-def summarise_calibration(paths: PosteriorPaths, tick: int) -> CalibrationSummary:
-    """Summary of the calibration at a tick, over the segments that reach it.
-
-    Raises:
-        ArgumentError: no segment reaches the tick.
-    """
-    bins, reached = calibration(paths, tick), paths.length >= tick
-    gaps = (bins.stated - bins.accuracy)[bins.count >= MIN_COUNT]
-    return CalibrationSummary(
-        float(paths.correct[reached, tick - 1].mean()),
-        float(1.0 - np.exp(paths.log_error_probability[reached, tick - 1]).mean()),
-        float(gaps[np.abs(gaps).argmax()]) if gaps.size else float("nan"),
+        float(1.0 - error.mean()),
+        float(correct.mean()),
     )

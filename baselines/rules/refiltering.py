@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.anchor_prior import AnchorPrior, anchor_errors, fit_anchor_prior
 from baselines.rules.component_filters import (
@@ -26,24 +25,17 @@ from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-FloatArray = NDArray[np.float64]
 CALIBRATION_EPISODES = 2000
 
 
 @dataclass
 class _State:
-    """Filters of N tracks, one for each component of the distribution of the anchor.
-
-    Attributes:
-        filters: one bank for each component.
-        log_weights: (N, C) logarithm of the weight of each component.
-        posterior: (N, M) posterior of the last row.
-    """
+    """Filters of N tracks, logarithms (N, C) of the weights of the components, last posterior (N, M)."""
 
     filters: ComponentFilters
     log_weights: FloatArray
@@ -76,7 +68,7 @@ class RefilteringDecider(Decider):
         self.layout = Layout(world.hypotheses)
 
     def anchors(
-        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+        self, rows: Observations, first: BoolArray, correct: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return initial estimates with covariances, (C, N, 14), and weights, (N, C).
 
@@ -110,7 +102,7 @@ class RefilteringDecider(Decider):
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state
 
-    def select_tracks(self, state: _State, tracks: NDArray[np.bool_]) -> _State:
+    def select_tracks(self, state: _State, tracks: BoolArray) -> _State:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return _State(state.filters.select_tracks(tracks), state.log_weights[tracks], state.posterior[tracks])
 
@@ -129,7 +121,7 @@ class KeptCovarianceDecider(RefilteringDecider):
         return lambda alpha: cls(options, alpha)
 
     def anchors(
-        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+        self, rows: Observations, first: BoolArray, correct: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         covariance = stated_covariance(self.layout, rows)
@@ -170,7 +162,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
     def anchors(
-        self, rows: Observations, first: NDArray[np.bool_], correct: FloatArray
+        self, rows: Observations, first: BoolArray, correct: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         tracks = len(rows)
@@ -225,7 +217,7 @@ def fit_calibrated_anchor(
 
 def _anchor_errors(
     decider: RefilteringDecider, episodes: int, seed: int
-) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[FloatArray, IntArray, BoolArray]:
     """Return the errors at the switches of simulated episodes; see `fit_anchor_prior`."""
     world = decider.world
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next

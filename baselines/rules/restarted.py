@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider
-from baselines.rules.measurements import FloatArray, MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
 from baselines.rules.restarted_filters import (
     RestartedFilters,
     RestartModel,
@@ -20,7 +20,7 @@ from baselines.rules.restarted_filters import (
     restart_arrays,
     step_restarted,
 )
-from hybrid_env.checks import check_choice, check_integer, check_positive
+from hybrid_env.checks import FloatArray, check_choice, check_integer, check_positive
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks

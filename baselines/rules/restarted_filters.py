@@ -134,13 +134,9 @@ def _likeliest_start(started: NDArray[Any], live: int) -> int:
 
 @internal
 def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -> float:
-    """Return the logarithm of the largest or of the mean likelihood ratio of a mode.
+    """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters of a mode.
 
-    Args:
-        started: (G,) filters of the mode.
-        live: number of filters.
-        reference: log-likelihood of the stated mode.
-        mean: see `RestartModel`.
+    reference: log-likelihood of the stated mode.
     """
     best = _likeliest_start(started, live)
     largest = started[best // LANES].log_likelihood[best % LANES]

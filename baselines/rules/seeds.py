@@ -15,5 +15,8 @@ TRAINING = 10**12
 LEARNING_CURVE = 3_000_000_000
 """Learning curves are evaluated on episodes from this seed on."""
 
+DATASET = 5_000_000_000
+"""Episodes of data sets for offline learning have seeds from here on."""
+
 DRAWN_WORLDS = 4_000_000_000
 """Random worlds of evaluations are drawn with seeds from here on."""

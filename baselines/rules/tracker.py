@@ -5,14 +5,14 @@ import operator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider
-from baselines.rules.gate import DEVIATIONS, PATIENCE, gate_distance
 from baselines.rules.own import Asked, as_decider
-from baselines.rules.start import FEW, MANY, FirstMeasurements
+from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance
 from hybrid_env.checks import (
     LARGEST_NUMBER,
+    FloatArray,
     check_array,
     check_between,
     check_integer,
@@ -25,8 +25,6 @@ from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-
-FloatArray = NDArray[np.float64]
 
 LONGEST_GAP = 1000  # ticks between two measurements
 ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix
@@ -42,9 +40,9 @@ class OnlineEstimate(NamedTuple):
         decided: False while the first measurements are collected, and with announced switches from a switch
             to the declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
-        estimate: (4,) [x, vx, y, vy] [m, m/s].
+        estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
         covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
-            variances are infinite.
+            variances are infinite, as all are before the first measurement of a track that begins again.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
             then.
     """
@@ -79,10 +77,10 @@ class OnlineTracker:
     measurement at every tick.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `gate.PATIENCE` of them in a row the object is elsewhere, and the
-    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the
-    bank astray. With announced switches the gate is wider, since the mode of a segment may be wrong or
-    unknown. Deciders that need a measurement at every tick get every measurement.
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
+    them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
+    of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
+    mode may be wrong or unknown. Deciders that need a measurement at every tick get every measurement.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
@@ -153,7 +151,7 @@ class OnlineTracker:
         else:
             self.world.begin_track(*first, self._mode)
         self._last_time: float | None = None
-        self._refused = 0
+        self._refused = self._agreed = 0
         self._measured = False
         self._ticks: int | None = self._longest  # of the segment that the next measurement begins
         self._decider_state: Any = None
@@ -212,8 +210,9 @@ class OnlineTracker:
             self._measured = True
             self._begin_announced()
             agrees = self._agrees(point)
-            if agrees:
-                self._refused = 0
+            self._agreed = (self._agreed + 1) * agrees
+            if agrees:  # a single one may agree only because its prediction is so uncertain
+                self._refused *= self._agreed < 2
                 world.measure(*point)
                 if world.asks:
                     world.decide(self._ask_decider())
@@ -223,8 +222,12 @@ class OnlineTracker:
         found = OnlineEstimate(
             world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees
         )
-        if self._refused >= PATIENCE:
-            self._begin_again()
+        if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
+            passed, left = self._last_time, world.ticks_left
+            self.begin(mode=world.mode)
+            self._last_time, self._ticks = passed, left
+            assert self._collected is not None
+            self._collected.estimate = world.estimate()  # until the first of them
         return found
 
     def _skip(self) -> None:
@@ -240,12 +243,6 @@ class OnlineTracker:
         estimate, covariance = self.world.estimate(), self.world.covariance()
         ticks = self.world.uncertain_ticks
         return gate_distance(np.array(point), estimate, covariance, *self._model, ticks) <= self.gate
-
-    def _begin_again(self) -> None:
-        """Begin the track anew with the next measurements; with announced switches in the same segment."""
-        time, left = self._last_time, self.world.ticks_left
-        self.begin(mode=self.world.mode)
-        self._last_time, self._ticks = time, left
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""

@@ -118,28 +118,43 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
     right = true == stated
     changed, switched = (np.diff(modes, axis=0, prepend=modes[:1]) != 0 for modes in (stated, true))
     wrong = changed & ~right
-    times = np.arange(len(true))[:, None]
-    last_switch, last_right = (
-        np.maximum.accumulate(np.where(flags, times, -1), axis=0) for flags in (switched, right)
-    )
-    delays, delay_tracks, missed = _detections(switched, right)
+    tracks = true.shape[1]
+    found = find_switches(switched, right)
+    detected = found.stated < found.end
+    waited = np.minimum(found.stated, found.end) - found.begin
+    missed = found.track[~detected & (found.end < len(true))]
     return StatementMetrics(
         right=right.mean(0),
         reward=(right - change_cost * wrong).mean(0),
         wrong_changes=1000.0 * wrong.mean(0),
         stated_changes=changed.sum(0),
         switches=switched.sum(0),
-        delays=delays,
-        delay_tracks=delay_tracks,
-        missed=missed,
-        undetected=(last_right < last_switch).sum(0),
+        delays=waited[detected],
+        delay_tracks=found.track[detected],
+        missed=np.bincount(missed, minlength=tracks),
+        undetected=np.bincount(found.track, waited, tracks).astype(np.int64),
     )
 
 
-def _detections(
-    switched: NDArray[np.bool_], right: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the delays (D,), their tracks (D,), and the number of missed switches of each track (N,).
+class Switches(NamedTuple):
+    """The switches of N tracks of T ticks, all of shape (S,).
+
+    Attributes:
+        begin: first tick of the new mode.
+        end: tick of the next switch, or T.
+        stated: first tick from `begin` on with a right statement, T without one. The switch is detected if
+            it is before `end`.
+        track: index of the track.
+    """
+
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
+    stated: NDArray[np.int64]
+    track: NDArray[np.int64]
+
+
+def find_switches(switched: NDArray[np.bool_], right: NDArray[np.bool_]) -> Switches:
+    """Return the switches, and when each is detected.
 
     Args:
         switched: (T, N) True at the first tick of a new mode.
@@ -153,7 +168,5 @@ def _detections(
         for flags in (right, switched)
     )
     end = np.vstack([next_switch[1:], np.full((1, tracks), ticks)])  # of the segment that begins at a switch
-    detected = switched & (next_right < end)
-    missed = switched & ~detected & (end < ticks)
-    when, which = np.nonzero(detected)
-    return next_right[detected] - when, which, missed.sum(0)
+    begin, track = np.nonzero(switched)
+    return Switches(begin, end[begin, track], next_right[begin, track], track)

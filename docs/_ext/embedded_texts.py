@@ -2,19 +2,22 @@
 
 `<!-- docstring hybrid_env.HybridTrackEnv -->` becomes the docstring of a class, in Markdown as Gymnasium's
 environments are documented; `<!-- help compare -->` becomes the output of `hybridtrack compare --help`;
-`<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to pages of the site.
+`<!-- file CONTRIBUTING.md -->` becomes that file of the repository, with links to pages of the site;
+`<!-- card shipped -->` becomes a table of the card of shipped weights, and the settings of their training.
 """
 
 import contextlib
+import hashlib
 import importlib
 import inspect
 import io
+import json
 import re
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-MARK = re.compile(r"^<!-- (docstring|help|file) ([\w.]*) ?-->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- (docstring|help|file|card) ([\w.]*) ?-->$", re.MULTILINE)
 
 
 def docstring(path: str) -> str:
@@ -44,9 +47,38 @@ def file(name: str) -> str:
     return re.sub(r"\[([^\]]+)\]\((LICENSE|CITATION\.cff)\)", r"\1", text)
 
 
+def card(folder: str) -> str:
+    """The card of shipped weights as a table, and the settings of their training as a code block."""
+    import yaml
+    from safetensors.numpy import load_file
+
+    place = ROOT / "agents" / "learned" / folder
+    told = json.loads((place / "policy.json").read_text(encoding="utf-8"))
+    weights = place / "policy.safetensors"
+    numbers = sum(array.size for array in load_file(weights).values())
+    digest = hashlib.sha256(weights.read_bytes()).hexdigest()
+    settings = told.get("settings") or told["recipe"]["entry"]
+    rows = {"weights": f"{numbers:,} numbers, {weights.stat().st_size:,} bytes", "SHA-256": f"`{digest}`"}
+    if "recipe" in told:
+        rows["training"] = (
+            f"recipe `{told['recipe']['name']}` from seed {told['seed']} in `{told['environment']}`: "
+            f"{told['steps']:,} ticks in {told['seconds']:,.0f} s"
+        )
+        found = {key.partition("/")[2]: value for key, value in told["measured"].items() if "/" in key}
+        names = {"sprt": "reward of ATE", "threshold": "reward of the threshold rule"}
+        rows["at the end of training"] = ", ".join(
+            f"{names.get(key, key.replace('_', ' '))} {value:.3f}" for key, value in found.items()
+        )
+    else:
+        rows["training"] = f"recipe `flights` from seed {settings['seed']}: {told['rounds']} rounds"
+    rows["versions"] = ", ".join(f"{name} {number}" for name, number in told["versions"].items())
+    table = "\n".join(["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
+    return f"{table}\n\n```yaml\n{yaml.safe_dump(settings, sort_keys=False, default_flow_style=None)}```"
+
+
 def embed(app: Any, page: str, source: list[str]) -> None:
     """Replace the marks of a page; a handler of Sphinx's event `source-read`."""
-    texts = {"docstring": docstring, "help": help_text, "file": file}
+    texts = {"docstring": docstring, "help": help_text, "file": file, "card": card}
     source[0] = MARK.sub(lambda mark: texts[mark[1]](mark[2]), source[0])
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from agents.recordings.tracking import track_recording
+from agents import track_recording
 from baselines import OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions
 from hybrid_env.rendering.evidence import mode_colour, mode_name

@@ -26,7 +26,7 @@ from stonesoup.types.detection import Detection
 from stonesoup.types.state import GaussianState
 
 from baselines import OnlineTracker, ThresholdDecider
-from baselines.adapters.stone_soup import IMMPredictor, IMMUpdater, decide_track, measured_position
+from baselines.adapters import IMMPredictor, IMMUpdater, decide_track, measured_position
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel

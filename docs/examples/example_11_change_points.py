@@ -17,7 +17,7 @@ from skchange.detectors import PELT
 from skchange.interval_scorers import L2Cost
 from skchange.metrics import changepoint_precision, changepoint_recall
 
-from baselines.adapters.skchange_detector import ModeDetector
+from baselines.adapters import ModeDetector
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
 

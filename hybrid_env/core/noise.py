@@ -155,7 +155,7 @@ def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -
             noise[3, column] *= factor
 
 
-@inlined
+@internal
 def _to_normals(noise: NDArray[np.float64], k: int, first: int, last: int) -> None:
     """Transform the uniforms in rows k and k + 1 to independent normals. Box & Muller 1958."""
     for column in range(first, last):
@@ -189,11 +189,10 @@ def _stable(number: float, other: float, index: float) -> float:
 def _to_stable(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in rows 2 .. 5 to two independent stable draws in rows 2 and 3."""
     index, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
-    for column in range(first, last):
-        x = scale * _stable(noise[2, column], noise[4, column], index)
-        y = scale * _stable(noise[3, column], noise[5, column], index)
-        noise[2, column] = max(min(x, clip), -clip)
-        noise[3, column] = max(min(y, clip), -clip)
+    for k in range(2, 4):
+        for column in range(first, last):
+            draw = scale * _stable(noise[k, column], noise[k + 2, column], index)
+            noise[k, column] = max(min(draw, clip), -clip)
 
 
 @internal

@@ -38,12 +38,7 @@ def mode_name(mode: int, radii: Sequence[float]) -> str:
 def mode_colour(mode: int, radii: Sequence[float]) -> str:
     """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns are darker.
 
-    Args:
-        mode: index of the hypothesis in the bank, 0 .. 2 n.
-        radii: (n,) turn radii of the bank [m].
-
-    Raises:
-        ArgumentError: the mode is not in the bank.
+    Arguments and error as of `mode_name`.
     """
     kind = _type_of(mode, radii)
     if kind == 0 or len(radii) == 1:

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.records import TRACE_COLUMNS
-
-FloatArray = NDArray[np.float64]
 
 TRACE_INDEX = {name: index for index, name in enumerate(TRACE_COLUMNS)}
 ACTIVE, SEGMENT = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"]
@@ -114,7 +113,7 @@ class History:
         self._traces[-1][-1, ACTIVE] = mode
 
     @property
-    def stated(self) -> NDArray[np.int64]:
+    def stated(self) -> IntArray:
         """Declared or stated mode of each tick, (ticks,)."""
         return np.asarray(self.trace[:, ACTIVE].astype(np.int64))
 
@@ -137,7 +136,7 @@ class History:
         return _joined(self._traces)
 
     @property
-    def true_modes(self) -> NDArray[np.int64]:
+    def true_modes(self) -> IntArray:
         """(T,) true modes."""
         return _joined(self._true_modes)
 
@@ -147,7 +146,7 @@ class History:
         return _joined(self._evidence)
 
     @property
-    def switches(self) -> NDArray[np.int64]:
+    def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of `trace` of each segment."""
         return np.flatnonzero(np.diff(self.trace[:, SEGMENT], prepend=-1.0))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.extras import explained
 from hybrid_env.options import ModelOptions
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import EvidencePanel
@@ -107,7 +108,8 @@ def display_available() -> bool:
 
 def _import_pygame() -> Any:
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    import pygame
+    with explained():
+        import pygame
 
     return pygame
 
@@ -139,11 +141,13 @@ class Renderer:
 
         Raises:
             NoDisplayError: SDL cannot open a window.
+            MissingExtraError: Matplotlib or pygame is not installed.
         """
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None
         if self._figure is None:
-            from hybrid_env.rendering.figure import EpisodeFigure
+            with explained():
+                from hybrid_env.rendering.figure import EpisodeFigure
 
             self._figure = EpisodeFigure(self.options, self.panel)
         frame = self._figure.draw(history)

@@ -12,6 +12,7 @@ from agents.studies.compare_command import Compare
 from agents.studies.evaluate_command import Evaluate
 from agents.studies.limits_command import Limits
 from agents.studies.play_command import Play
+from agents.studies.score_command import Score
 from agents.training.command import Train
 from agents.tuning.command import Tune
 
@@ -200,6 +201,24 @@ INVALID_ARGUMENTS = [
     (f"limits {QUICKEST} --episodes 1", "episodes=1"),
 ]
 INVALID_ARGUMENTS += [
+    (f"score {files} {flags}", message)
+    for files, flags, message in (
+        ("", "", "files="),
+        ("good.csv", "", "the truth and at least one more"),
+        ("good.csv bad.txt", "--columns time=1 mode=2", "bad.txt, line 1"),
+        ("good.csv good.csv", "", "no column of times (its columns are x, y)"),
+        ("good.csv good.csv x/good.csv", "", "different names"),
+        ("good.csv good.csv", "--columns z=1", "columns='z=1'"),
+        ("good.csv good.csv", "--columns time=1 mode=3", "columns='3'"),
+        ("good.csv good.csv", "--columns time=1 --object 7", "object='7'"),
+        ("good.csv good.csv", "--columns time=1 --time-unit h2", "time_unit='h2'"),
+        ("good.csv good.csv", "--columns time=1 mode=2 --normal x", "normal='x'"),
+        ("good.csv good.csv", "--per year", "per='year'"),
+        ("good.csv good.csv", "--out no/s.json", "out='no/s.json'"),
+        ("good.csv good.csv", "--picture no/s.png", "picture='no/s.png'"),
+    )
+]
+INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
     for command in ("limits", "compare", "evaluate", "reproduce", "tune")
     for flags, message in (("--jobs 0", "jobs=0"), ("--engine spark", "spark"))
@@ -229,12 +248,14 @@ def test_every_flag_of_every_command_has_an_invalid_value_in_the_list():
     for command, kinds in {
         "compare": (Compare,), "train": (Train,), "evaluate": (Evaluate,), "play": (Play,),
         "reproduce": (Reproduce,), "track": (Track,), "limits": (Limits,), "tune": (Tune,),
+        "score": (Score,),
     }.items():  # fmt: skip
         lines = " ".join(line for line, _ in INVALID_ARGUMENTS if line.startswith(command))
         for kind in kinds:
             for field in fields(kind):
                 positional = (kind, field.name) in {
                     (Track, "files"),
+                    (Score, "files"),
                     (Evaluate, "deciders"),
                     (Reproduce, "papers"),
                     (kind, "trust"),

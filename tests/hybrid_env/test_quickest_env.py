@@ -138,6 +138,7 @@ def test_factories_tell_the_environments_apart():
 
 
 def test_a_frame_shows_truth_statements_and_probabilities():
+    pytest.importorskip("matplotlib")
     env = gym.make(ENV_ID, render_mode="rgb_array", **SHORT)
     env.reset(seed=4)
     frames = [env.render()]

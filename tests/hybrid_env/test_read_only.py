@@ -17,7 +17,7 @@ from hybrid_env import (
     WorldOptions,
 )
 from hybrid_env.core.records import LANES
-from hybrid_env.live import OnlineQuickestWorld, OnlineWorld
+from hybrid_env.live import AnnouncedTrack, OnlineTrack
 from hybrid_env.world import World
 
 ENVIRONMENTS = [HybridTrackVectorEnv, HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv]
@@ -92,10 +92,10 @@ ANNOUNCED, UNKNOWN = WorldOptions(), QuickestOptions()
 INDICES = [
     (World, ANNOUNCED, ("segment", "true_mode", "active_mode", "trace_length", "length")),
     (World, UNKNOWN, ("segment", "true_mode", "stated_mode", "time", "length")),
-    (OnlineWorld, ANNOUNCED, ("active_mode",)),
-    (OnlineQuickestWorld, UNKNOWN, ("stated_mode",)),
+    (AnnouncedTrack, ANNOUNCED, ("active_mode",)),
+    (OnlineTrack, UNKNOWN, ("stated_mode",)),
 ]
-LIVE = [(OnlineWorld, ANNOUNCED), (OnlineQuickestWorld, UNKNOWN)]
+LIVE = [(AnnouncedTrack, ANNOUNCED), (OnlineTrack, UNKNOWN)]
 
 
 @pytest.mark.parametrize(("kind", "options", "names"), INDICES)

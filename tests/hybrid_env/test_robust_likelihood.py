@@ -6,7 +6,7 @@ from scipy import stats
 
 from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, WorldOptions
 from hybrid_env.core.banks.kalman import student_log_likelihood, student_weight
-from hybrid_env.live import OnlineWorld
+from hybrid_env.live import AnnouncedTrack
 
 
 def test_the_log_likelihood_is_that_of_the_bivariate_student_t_distribution():
@@ -37,7 +37,7 @@ def test_the_same_measurements_give_the_same_rows_on_a_live_sensor():
     options = {"scheme": "L40r5", "likelihood": "student_t 4", "noise": "levy 1.5", "missed": 0.2}
     env = HybridTrackEnv(**options)
     row, info = env.reset(seed=3)
-    online = OnlineWorld(WorldOptions(**options))
+    online = AnnouncedTrack(WorldOptions(**options))
     P = np.diag(np.array([0.03, 0.02] * 2))
     online.begin_track(info["anchor"], P, 0)
     online.begin_segment(40)

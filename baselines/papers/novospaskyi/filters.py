@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
 from baselines.estimation.imm import IMMFilter
@@ -18,12 +18,11 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, Robust, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
-from baselines.papers.g_h import GHFilter
+from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
 from baselines.papers.novospaskyi.radars import SIGMA, Tracks
-from hybrid_env.checks import check_integer, check_number, dimensions, reject
+from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number, dimensions, reject
 
-FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, Any]
 
 LONGEST_GAP = 4.0
@@ -111,7 +110,7 @@ def run_contender(
 class ThesisKalmanFilter(KalmanFilter):
     """A Kalman filter that starts with P0 = 10000 I, the position included."""
 
-    def _start(self, chosen: NDArray[np.int64], measurement: FloatArray, noise: FloatArray) -> None:
+    def _start(self, chosen: IntArray, measurement: FloatArray, noise: FloatArray) -> None:
         super()._start(chosen, measurement, noise)
         self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
 

@@ -10,10 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray
 
 FLIGHTS = 133
 """Number of flights of the thesis."""

@@ -16,14 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baselines.papers.novospaskyi import flights
 from baselines.papers.novospaskyi.flights import Flight, Route, flight_route
-from hybrid_env.checks import ArgumentError
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import ArgumentError, FloatArray
 
 RATE = 120
 """Steps of the controller and of the engine per second."""

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import levy_stable
 
 from baselines.papers.novospaskyi.flights import Flight
+from hybrid_env.checks import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
 Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")
 
@@ -75,7 +74,7 @@ class Scan:
 
     radars: FloatArray
     times: FloatArray
-    radar: NDArray[np.int64]
+    radar: IntArray
     positions: FloatArray
     velocities: FloatArray
 
@@ -106,7 +105,7 @@ def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
     """
     while True:
         radars = place_radars(flight, generator)
-        seen: list[tuple[FloatArray, NDArray[np.int64]]] = []
+        seen: list[tuple[FloatArray, IntArray]] = []
         # a binary fraction of the period: equal steps are then equal numbers, whose matrices are shared
         phase = generator.integers(PHASES) / PHASES * PERIOD
         for index, radar in enumerate(radars):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
@@ -17,9 +16,8 @@ from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, mea
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import FloatArray, check_integer, reject
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 Calls = Mapping[Any, Callable[[], Any]]
 Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
@@ -165,11 +163,7 @@ def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, d
 def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: int) -> dict[Any, Any]:
     """Best parameters by name; each part continues the trials of the one before, so that progress is seen.
 
-    Args:
-        work: where the parts run.
-        tunings: by name.
-        before: number of tunings that are done.
-        count: number of tunings in all.
+    Of `count` tunings in all, `before` are done.
     """
     trials = next(iter(tunings.values())).trials
     parts = range(0, trials, PART)

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.papers.novospaskyi.filters import COMBINED, ROBUST, SOUND, THESIS
 from baselines.papers.novospaskyi.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
 from baselines.papers.reproduction import Cell, Finding, paired_ratio, study_interval, table_row
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray
 
 PAPER = "Novospaskyi 2025"
 METRICS = ("position RMSE, m", "position MAE, m", "velocity RMSE, m/s", "velocity MAE, m/s")

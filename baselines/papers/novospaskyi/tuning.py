@@ -14,15 +14,12 @@ from typing import Any
 
 import numpy as np
 import optuna
-from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution
 
 from baselines import estimation
 from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_contender
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks
-from hybrid_env.checks import ArgumentError
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import ArgumentError, FloatArray
 
 LARGEST_LOSS = 0.0075
 """Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised."""

@@ -11,13 +11,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.turns import Batch
 from baselines.recordings.projection import Projection, centred_projection
-from hybrid_env.checks import ArgumentError
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 
 ON_A_LINE = 2e-8
 """A position that is closer to the line between its neighbours [deg] was computed by interpolation."""
@@ -37,23 +34,19 @@ class Tier(NamedTuple):
         name: A to D, or stress.
         across: standard deviation of a position across the velocity [m].
         timing: standard deviation of the time of a position [s].
-        text: what the reports are.
     """
 
     name: str
     across: float
     timing: float
-    text: str
 
 
 TIERS = {
-    "A": Tier("A", 1.6, 0.06, "1 s, with the time at which each position was received"),
-    "B": Tier("B", 1.7, 0.2, "1 s, state vectors"),
-    "C": Tier("C", 4.0, 0.4, "5 s"),
-    "D": Tier("D", 6.0, 1.2, "5 to 12 s, resampled before publication; a stress test with weak labels"),
-    "stress": Tier(
-        "stress", 1.7, 0.2, "1 s, state vectors; flights with special manoeuvres, outside of the totals"
-    ),
+    "A": Tier("A", 1.6, 0.06),  # 1 s, with the time at which each position was received
+    "B": Tier("B", 1.7, 0.2),  # 1 s, state vectors
+    "C": Tier("C", 4.0, 0.4),  # 5 s
+    "D": Tier("D", 6.0, 1.2),  # 5 to 12 s, resampled before publication; a stress test with weak labels
+    "stress": Tier("stress", 1.7, 0.2),  # 1 s, state vectors; special manoeuvres, outside of the totals
 }
 
 TOGETHER = ("A", "B", "C")
@@ -172,7 +165,7 @@ def clean_flight(
     )  # fmt: skip
 
 
-def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> NDArray[np.bool_]:
+def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> BoolArray:
     """Return which positions, (n,), lie on the line in time between their two neighbours."""
     found = np.zeros(len(times), np.bool_)
     if len(times) < 3:
@@ -200,7 +193,7 @@ def stack_flights(flights: Sequence[Flight]) -> Batch:
     return Batch(pieces, times, positions, across, timing)
 
 
-def tier_of(identity: str, received: bool, times: NDArray[np.float64]) -> Tier:
+def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:
     """Return the tier of a flight.
 
     Args:

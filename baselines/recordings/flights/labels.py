@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
@@ -19,9 +18,7 @@ from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
 from baselines.estimation.turns import LEFT, RIGHT, STRAIGHT, Batch
 from baselines.recordings.flights.flight import Flight, stack_flights
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 MODE_NAMES = ("straight", "left", "right")
 
@@ -70,7 +67,7 @@ class Labels:
 
     times: FloatArray
     modes: IntArray
-    scored: NDArray[np.bool_]
+    scored: BoolArray
     weights: FloatArray
     rates: FloatArray
     speeds: FloatArray
@@ -178,7 +175,7 @@ def row_edges(times: FloatArray) -> FloatArray:
     return np.concatenate([times[:1], middle, times[-1:]])
 
 
-def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple[IntArray, NDArray[np.bool_]]:
+def find_turns(edges: FloatArray, rates: FloatArray, rules: LabelRules) -> tuple[IntArray, BoolArray]:
     """Return the mode of every row, (n,), and whether its turn rate exceeds the bound.
 
     Args:

@@ -13,16 +13,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.labels import LONGEST_WEIGHT, LabelRules, Labels, smoothed_states
 from baselines.rules.decider import Decider
 from baselines.rules.tracker import OnlineTracker
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.quickest_options import QuickestOptions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TICK = 1.0  # [s]
 

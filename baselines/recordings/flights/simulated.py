@@ -12,15 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight, Tier
 from baselines.recordings.flights.labels import LabelRules, Labels, label_flight
 from baselines.recordings.projection import Projection
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray
 
 GRID = 0.5  # step of the integration [s]
 

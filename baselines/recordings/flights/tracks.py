@@ -5,14 +5,13 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from baselines.estimation.turns import Batch, TurnEstimates
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.rollout import rollout
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import LOG_FLOOR, QuickestLayout
 
-FloatArray = NDArray[np.float64]
 MODES = 3  # straight, left, right
 SMALLEST = 1e-300  # probability
 
@@ -59,9 +58,7 @@ class FlightTracks:
         self.tick = 0
         return self._rows[0].copy(), {}
 
-    def step(
-        self, actions: Actions
-    ) -> tuple[Observations, FloatArray, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Go on to the next positions after statements (N,); after the last ones the episodes end."""
         last = self.tick == len(self._rows) - 1
         self.tick = min(self.tick + 1, len(self._rows) - 1)
@@ -70,7 +67,7 @@ class FlightTracks:
         ended = np.full(self.num_envs, last)
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
-    def statements(self, decider: Any, lengths: Sequence[int]) -> list[NDArray[np.int64]]:
+    def statements(self, decider: Any, lengths: Sequence[int]) -> list[IntArray]:
         """Return the statements of a decider on each flight, (n,); 0 outside of the pieces.
 
         Args:

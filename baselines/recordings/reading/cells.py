@@ -127,7 +127,9 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
     if unit is not None and unit not in SECONDS and "%" not in unit:
         raise reject("time_unit", unit, f"one of {', '.join(SECONDS)}, or {FORMAT}")
     cells, epoch = table.frame[column], None
-    if _is_dated(cells) or (unit is not None and "%" in unit):
+    types = pd.api.types
+    dated = types.is_datetime64_any_dtype(cells) or types.is_timedelta64_dtype(cells)
+    if dated or (unit is not None and "%" in unit):
         times, kind = _from_dates(cells, unit)
     else:
         numbers = parse_numbers(cells)
@@ -177,11 +179,6 @@ def _from_numbers(table: Table, column: int, values: NDArray[np.float64], unit: 
     seconds = (exact - start).to_numpy(np.float64) * SECONDS[since_1970]
     date = pd.Timestamp(start, unit=since_1970)
     return Times(seconds, f"{date.isoformat()}Z", f"{EPOCH_UNITS[since_1970]} since 1970")
-
-
-def _is_dated(cells: "pd.Series[object]") -> bool:
-    types = pd.api.types
-    return bool(types.is_datetime64_any_dtype(cells) or types.is_timedelta64_dtype(cells))
 
 
 def _from_dates(cells: "pd.Series[object]", form: str | None) -> "tuple[pd.Series[object], str]":

@@ -49,13 +49,13 @@ def find_columns(table: Table, columns: Mapping[str, str] | None, object_column:
     Raises:
         ArgumentError: a column is missing, or more than one may be meant.
     """
-    given = {role: _numbered(table, "columns", name) for role, name in _checked(columns or {}).items()}
+    given = {role: numbered_column(table, "columns", name) for role, name in _checked(columns or {}).items()}
     found = Columns(_roles(table, given), chosen=bool(given))
     used = set(found.roles.values())
     if object_column is None:
-        found.object = _object(table, used)
+        found.object = object_column_of(table, used)
     elif object_column != ONE_OBJECT:
-        found.object = _numbered(table, "object", object_column)
+        found.object = numbered_column(table, "object", object_column)
     cells = table.frame[0]
     if table.headed and 0 not in used and plain_name(table.names[0]) in INDEX and not cells.isna().all():
         if "time" not in found.roles and _is_time(cells):
@@ -67,14 +67,14 @@ def find_columns(table: Table, columns: Mapping[str, str] | None, object_column:
     return found
 
 
-def _numbered(table: Table, option: str, name: str) -> int:
+def numbered_column(table: Table, option: str, name: str) -> int:
     """Return the number from 0 of a column that is given by its name or its number from 1."""
     wanted = name.strip().lower()
     found = [k for k, one in enumerate(table.names) if one.strip().lower() == wanted and wanted]
     if not found and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
         return int(wanted) - 1
     if len(found) != 1:
-        several = "several columns have this name" if found else _listed(table)
+        several = "several columns have this name" if found else listed_columns(table)
         raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
     return found[0]
 
@@ -112,12 +112,12 @@ def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
         advice = f"choose by --columns, for example lat={lat} lon={lon}"
         raise ArgumentError(f"{table.file}: it has x, y and lat, lon: {advice}")
     if not plane and not degrees:
-        raise ArgumentError(f"{table.file}: no columns x, y or lat, lon ({_listed(table)}): {HINT}")
+        raise ArgumentError(f"{table.file}: no columns x, y or lat, lon ({listed_columns(table)}): {HINT}")
     axes = DEGREES if degrees else PLANE
     return {role: k for role, k in roles.items() if role == "time" or role in axes}
 
 
-def _object(table: Table, used: set[int]) -> int | None:
+def object_column_of(table: Table, used: set[int]) -> int | None:
     """Return the column by whose values objects differ, by its name.
 
     A column that is different in every row is a number of the row, one that is the same in every row names
@@ -149,7 +149,8 @@ def _is_time(cells: "pd.Series[object]") -> bool:
     return bool(dates.notna().all())
 
 
-def _listed(table: Table) -> str:
+def listed_columns(table: Table) -> str:
+    """Return the names of the columns for a message."""
     names = [name for name in table.names if name]
     if not names:
         return f"it has {len(table.names)} columns without names"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
@@ -16,10 +15,7 @@ from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.positions import check_positions, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
-from hybrid_env.checks import ArgumentError, check_positive, reject
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
 
 TAU_TOLERANCE = 1e-3
 """Largest relative difference between a given tick and the one of the times."""
@@ -79,7 +75,7 @@ def read_recordings(
         check_positive("gap", gap)
     table = read_table(path)
     found = find_columns(table, columns, object_column)
-    groups = _groups(table, found.object, Path(path))
+    groups = object_rows(table, found.object, Path(path))
     times = _times(table, found, time_unit, tau, len(groups) == 1)
     places = read_positions(table, found, unit)
     known = np.asarray(~np.isnan(places.values).any(axis=1))
@@ -91,7 +87,7 @@ def read_recordings(
             raise ArgumentError(f"{table.file}: {measurements}: expected at least two")
         if len(measured) < 2:
             continue
-        _check_order(table, found, times.seconds, rows, name)
+        check_order(table, found, times.seconds, rows, name)
         marked = object_column is not None or len(groups) > 1
         check_positions(table, places, times.seconds[measured], measured, marked)
         positions, projection = places.values[rows], None
@@ -120,7 +116,7 @@ def read_recordings(
     return RecordingFile(tuple(recordings), _summary(table, found, times, recordings))
 
 
-def _groups(table: Table, column: int | None, path: Path) -> list[tuple[str, IntArray]]:
+def object_rows(table: Table, column: int | None, path: Path) -> list[tuple[str, IntArray]]:
     """Names of the objects and their rows."""
     if column is None:
         stem = path.name.removesuffix(".gz")
@@ -135,10 +131,11 @@ def _groups(table: Table, column: int | None, path: Path) -> list[tuple[str, Int
     codes, values = pd.factorize(cells)
     order = np.argsort(codes, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-    return [(_text(value), group) for value, group in zip(values, groups, strict=True)]
+    return [(cell_text(value), group) for value, group in zip(values, groups, strict=True)]
 
 
-def _text(value: Any) -> str:
+def cell_text(value: Any) -> str:
+    """Return a cell as short text; whole numbers have no decimal point."""
     whole = isinstance(value, float) and value.is_integer()
     return " ".join(str(int(value) if whole else value).split())[:MAX_NAME]
 
@@ -164,7 +161,7 @@ def _times(table: Table, found: Columns, unit: str | None, tau: float | None, on
     return Times(tick_times(ticks, 1.0 if tau is None else tau), None, "", "ticks" if tau is None else "s")
 
 
-def _check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArray, name: str) -> None:
+def check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArray, name: str) -> None:
     """Check that the times of an object increase."""
     wrong = np.flatnonzero(~(np.diff(seconds[rows]) > 0.0))
     if not wrong.size:

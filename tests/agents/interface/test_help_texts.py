@@ -45,13 +45,6 @@ def test_the_list_of_commands_shows_the_first_paragraph_of_each(capsys):
     assert EXAMPLES[""][0] in printed
 
 
-def test_the_version_is_that_of_the_distribution(capsys):
-    from importlib.metadata import version
-
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"hybridtrack {version('hybrid-track')}\n"
-
-
 @dataclass
 class Sample:
     """A first paragraph

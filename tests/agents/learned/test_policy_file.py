@@ -15,9 +15,8 @@ from agents.cli import main
 from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.anchor_decider import AnchorNetworks
-from agents.learned.network_settings import check_policy_kwargs
 from agents.learned.policy import make_policy, save_actor
-from agents.learned.policy_file import CARD, WEIGHTS, save_policy
+from agents.learned.policy_file import CARD, WEIGHTS, check_policy_kwargs, save_policy
 from agents.learned.statement_decider import StatementDecider
 from agents.training.recipe import load_recipe
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
@@ -190,7 +189,7 @@ def decide(folder):
     return actions
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("save", KINDS)
 def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_path):
     save(tmp_path)
@@ -206,7 +205,7 @@ def test_a_card_with_one_changed_value_is_used_or_refused(save, examples, tmp_pa
     check()
 
 
-@pytest.mark.parametrize("examples", [30, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [30, pytest.param(4_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("name", [CARD, WEIGHTS])
 @pytest.mark.parametrize("save", KINDS[:3])
 def test_a_damaged_file_is_used_or_refused(name, save, examples, tmp_path):

@@ -9,7 +9,7 @@ from agents.learned.policy_file import save_policy
 from agents.learned.statement_decider import StatementDecider
 from agents.learned.statement_net import INPUTS, StatementNet, statement_inputs
 from agents.training.recipe import load_recipe
-from agents.training.simulated_tracks import simulate
+from agents.training.statements import simulate
 from baselines import ThresholdDecider, measure_statements, record_statements
 from baselines.rules.decider import UNKNOWN
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions, WorldOptions

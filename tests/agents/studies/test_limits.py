@@ -35,8 +35,7 @@ from agents.studies.limits import (
     smoothed_scores,
     unknown_steps,
 )
-from agents.studies.limits_figure import NAMES, limits_figure
-from agents.studies.limits_report import limits_markdown
+from agents.studies.limits_report import NAMES, limits_figure, limits_markdown
 from baselines import ThresholdDecider, measure_statements, record_statements
 from baselines.rules import seeds
 from baselines.scoring.scores import mean

@@ -12,9 +12,8 @@ import hybrid_env  # noqa: F401
 from agents.evaluation.registry import load_decider
 from agents.evaluation.tasks import task_of
 from agents.studies import episodes, play_command
-from agents.studies.animation import PALETTE_SIZE, palette_colours
 from agents.studies.episodes import Episodes
-from agents.studies.play_command import Play
+from agents.studies.play_command import PALETTE_SIZE, Play, palette_colours
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.own import as_decider
 from hybrid_env.checks import ArgumentError
@@ -265,7 +264,7 @@ def test_the_palette_has_at_most_255_colours_for_every_bank(count):
 
 
 def test_a_gif_with_too_many_frames_is_refused_and_not_written(tmp_path, monkeypatch):
-    monkeypatch.setattr("agents.studies.animation.MAX_FRAMES", 5)
+    monkeypatch.setattr("agents.studies.play_command.MAX_FRAMES", 5)
     with pytest.raises(ArgumentError, match="at most 5 frames"):
         play(out=tmp_path / "episode.gif")
     assert list(tmp_path.iterdir()) == []

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from agents.learned.statement_net import StatementOutputs
-from agents.training.simulated_tracks import simulate
-from agents.training.statements import Batch, change_probabilities, cross_entropy, expected_reward
+from agents.training.statements import Batch, change_probabilities, cross_entropy, expected_reward, simulate
 from baselines import Statements, measure_statements
 from hybrid_env import QuickestOptions
 

@@ -60,7 +60,7 @@ def folder(request, tmp_path):
     return folder
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
 def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
     @profile(examples)
     @given(mutated(json.loads((folder / CONFIG).read_text())))
@@ -71,7 +71,7 @@ def test_a_config_with_one_changed_value_is_used_or_refused(folder, examples):
     check()
 
 
-@pytest.mark.parametrize("examples", [25, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [25, pytest.param(4_000, marks=pytest.mark.study)])
 def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples):
     path = folder / CHECKPOINT
     tensors = load_file(path)
@@ -88,7 +88,7 @@ def test_a_checkpoint_with_one_changed_value_is_used_or_refused(folder, examples
     check()
 
 
-@pytest.mark.parametrize("examples", [20, pytest.param(3_000, marks=pytest.mark.study)])
+@pytest.mark.parametrize("examples", [20, pytest.param(4_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize("name", [CONFIG, CHECKPOINT])
 def test_a_damaged_file_is_used_or_refused(folder, name, examples):
     content = (folder / name).read_bytes()

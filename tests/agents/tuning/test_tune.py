@@ -1,5 +1,7 @@
 """The search for hyper-parameters: ranges, resuming, equal results in parallel, the recipe that it writes."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from small_training import SCHEME, SMALL_PPO
@@ -71,10 +73,11 @@ def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
 
 def test_a_training_below_the_median_ends_early():
     recipe = load_recipe("ppo", ENV, SMALL_PPO)
-    outcome = train_trial(ENV, dict(SCHEME), recipe, 0, 12800, [9.0] * POINTS)
+    search = Search(ENV, dict(SCHEME), "ppo", SMALL_PPO, (), 0, 12800)
+    outcome = train_trial(search, recipe, [9.0] * POINTS)
     assert outcome.reward is None
     assert 5 <= len(outcome.rewards) < POINTS
-    whole = train_trial(ENV, dict(SCHEME), recipe, 0, 2560, [-9.0] * POINTS)
+    whole = train_trial(dataclasses.replace(search, steps=2560), recipe, [-9.0] * POINTS)
     assert len(whole.rewards) == POINTS
     assert whole.reward is not None
 

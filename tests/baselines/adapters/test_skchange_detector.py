@@ -14,7 +14,7 @@ from skchange.metrics import hausdorff_metric
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import check_estimator
 
-from baselines.adapters.skchange_detector import ModeDetector
+from baselines.adapters import ModeDetector
 
 # skchange expects the same of all of its detectors
 OTHER_BY_NATURE = {

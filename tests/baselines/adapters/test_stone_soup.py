@@ -29,7 +29,7 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 
-from baselines.adapters.stone_soup import IMMPredictor, IMMUpdater, decide_track, measured_position
+from baselines.adapters import IMMPredictor, IMMUpdater, decide_track, measured_position
 
 START, TICK, VARIANCE = datetime.datetime(2030, 1, 1), 0.1, 0.01
 SENSOR = LinearGaussian(4, (0, 2), VARIANCE * np.eye(2))

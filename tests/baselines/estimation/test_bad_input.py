@@ -12,8 +12,7 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.robust import Huber, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.smoother import smooth
-from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter
-from baselines.papers.g_h import GHFilter
+from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter
 from baselines.papers.novospaskyi.filters import moving_average
 
 CV = MotionModel("CV", 2, 1.0)

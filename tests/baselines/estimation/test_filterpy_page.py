@@ -1,4 +1,4 @@
-"""The page "From filterpy": its program prints what it says, and the probabilities are right at any distance."""
+"""The page "From filterpy": its program prints its table, and probabilities are right at any distance."""
 
 import re
 from pathlib import Path
@@ -19,7 +19,9 @@ def test_the_program_of_the_page_prints_its_table(capsys):
     prior = ours.probabilities[0]
     spreads = [np.sqrt(one.covariance[0, 0, 0] + 1.0) for one in ours.filters]
     measured = ours.state[0, 0] + 60.0 * spreads[1]
-    expected = [norm.logpdf(measured, one.state[0, 0], s) for one, s in zip(ours.filters, spreads, strict=True)]
+    expected = [
+        norm.logpdf(measured, one.state[0, 0], s) for one, s in zip(ours.filters, spreads, strict=True)
+    ]
     ours.update([[measured]])
     found = np.diff(np.log(ours.probabilities[0]) - np.log(prior))
     np.testing.assert_allclose(found, np.diff(expected), rtol=1e-9)

@@ -5,12 +5,7 @@ import pytest
 from filterpy.gh import GHFilter as PeerGH
 
 from baselines.estimation.run_filter import run_filter
-from baselines.papers.adaptive import (
-    AdaptiveFilter,
-    CorrectedAdaptiveFilter,
-    noise_bias,
-)
-from baselines.papers.g_h import GHFilter
+from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, GHFilter, noise_bias
 from baselines.papers.novospaskyi.filters import moving_average
 
 

@@ -14,7 +14,7 @@ from optuna.distributions import FloatDistribution, IntDistribution
 from agents.interface.parallel import Workers
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.papers.g_h import GHFilter
+from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi import reproduce, tables
 from baselines.papers.novospaskyi.filters import CONTENDERS
 from baselines.papers.novospaskyi.study import one_by_one

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hostile_input import refused
 
-from baselines import SPRTDecider, first_estimate, track_ate
+from baselines import SPRTDecider, track_ate
+from baselines.recordings.arrays import first_estimate
 from baselines.rules.rollout import evaluate
 from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.core.records import TRACE_COLUMNS

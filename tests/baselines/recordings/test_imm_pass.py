@@ -109,10 +109,10 @@ def test_the_state_before_the_first_measurement_is_found_backwards(mode):
     word = "S50" if mode == "S" else f"{mode}50r5"
     errors = []
     for run in simulate(word, 20, 1, measurement_variance=0.01).measurements:
-        found = first_state(run, options, 0.0)
-        assert found.mode == "SLR".index(mode)
-        error = found.estimate - [0.0, 0.0, 0.0, 2.0]
-        errors.append(error @ np.linalg.solve(found.covariance, error))
+        estimate, covariance, found = first_state(run, options, 0.0)
+        assert found == "SLR".index(mode)
+        error = estimate - [0.0, 0.0, 0.0, 2.0]
+        errors.append(error @ np.linalg.solve(covariance, error))
     # chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63
     assert 4.0 - 4.0 * 0.63 < np.mean(errors) < 4.0 + 4.0 * 0.63
 

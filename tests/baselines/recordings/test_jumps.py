@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.recordings.tracking import track_recording
+from agents import track_recording
 from hybrid_env import HybridTrackQuickestEnv
 
 FIRST = 200

@@ -8,12 +8,7 @@ from scipy import stats
 
 from baselines import MSPRTDecider
 from baselines.rules.bayes_risk import BayesRiskDecider, stopping_boundary
-from baselines.rules.posterior_paths import (
-    PosteriorPaths,
-    calibration,
-    simulate_posterior_paths,
-    summarise_calibration,
-)
+from baselines.rules.posterior_paths import PosteriorPaths, calibration, simulate_posterior_paths
 from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 
@@ -86,17 +81,16 @@ def test_anchor_aware_posterior_is_calibrated_and_published_posterior_is_overcon
     aware = simulate_posterior_paths(5000, 5, bank="anchor_aware", measurement_variance=R)
     # 30,000 segments: the standard error of the accuracy is at most 0.3 percentage points
     for tick in (2, 5, 10, 20, 40):
-        summary = summarise_calibration(aware, tick)
-        assert abs(summary.stated - summary.right) < 0.012
         bins = calibration(aware, tick)
+        assert abs(bins.mean_stated - bins.mean_accuracy) < 0.012
         for stated, accuracy, count in zip(bins.stated, bins.accuracy, bins.count, strict=True):
             if count:
                 error = math.sqrt(max(stated * (1 - stated), 1e-4) / count)
                 assert abs(stated - accuracy) < 0.02 + 4 * error
     kept = simulate_posterior_paths(5000, 5, bank="published", reset_covariance=False, measurement_variance=R)
     least_gap = {0.01: 0.005, 0.1: 0.03, 1.0: 0.04}[R]  # the standard error is 0.003
-    summary = summarise_calibration(kept, 10)
-    assert summary.stated - summary.right > least_gap
+    bins = calibration(kept, 10)
+    assert bins.mean_stated - bins.mean_accuracy > least_gap
 
 
 def test_posterior_paths_have_one_row_per_segment():
@@ -117,7 +111,7 @@ def test_invalid_arguments_raise():
     paths = simulate_posterior_paths(3, 7, scheme="S5 L7r5 S3")
     for bad in (0, 2.5, 8):
         with pytest.raises(ArgumentError, match="tick="):
-            summarise_calibration(paths, bad)
+            calibration(paths, bad)
     with pytest.raises(ArgumentError, match="paths=9"):
         stopping_boundary(paths, 0.02)
     with pytest.raises(ArgumentError, match="seed=-1"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines import MSPRTDecider, OnlineTracker, ThresholdDecider
-from baselines.rules.gate import PATIENCE, gate_distance
+from baselines.rules.start import PATIENCE, gate_distance
 from hybrid_env import HybridTrackQuickestEnv, QuickestOptions, WorldOptions
 
 SCALES = {

@@ -6,11 +6,7 @@ from random_worlds import unit_scales
 from scipy.special import softmax
 
 from baselines.rules.anchor_prior import fit_anchor_prior
-from baselines.rules.refiltering import (
-    CalibratedAnchorDecider,
-    KeptCovarianceDecider,
-    fit_calibrated_anchor,
-)
+from baselines.rules.refiltering import CalibratedAnchorDecider, KeptCovarianceDecider, fit_calibrated_anchor
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
 TRACKS = 19

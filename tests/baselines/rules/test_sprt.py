@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from baselines import FixedTimeDecider, SPRTDecider, sprt_test, sprt_thresholds
+from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
+from baselines.rules.sprt import sprt_test
 from hybrid_env.checks import ArgumentError
 from hybrid_env.observation import LOG_SCALE, TICK_SCALE, Layout
 

@@ -11,13 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines import (
-    BeamDecider,
-    FixedTimeDecider,
-    MSPRTDecider,
-    OnlineTracker,
-    ThresholdDecider,
-)
+from baselines import BeamDecider, FixedTimeDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
 from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 

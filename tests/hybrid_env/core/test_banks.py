@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter, transition_matrix
 
-from hybrid_env import (
-    HybridTrackEnv,
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    KalmanBank,
-    Sensor,
-)
+from hybrid_env import HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, KalmanBank, Sensor
 from hybrid_env.core.records import LANES
 from hybrid_env.live import SQUARE
 

@@ -8,7 +8,7 @@ import pytest
 
 from hybrid_env import HybridTrackQuickestEnv, HybridTrackQuickestVectorEnv, QuickestOptions
 from hybrid_env.core.records import LANES
-from hybrid_env.live import OnlineQuickestWorld
+from hybrid_env.live import OnlineTrack
 
 
 def test_probabilities_equal_enumeration_where_mixing_is_exact():
@@ -43,7 +43,7 @@ def test_without_switches_probabilities_equal_those_of_all_constant_histories():
 
 @pytest.mark.parametrize("sigmas", [100.0, 1e5])
 def test_probabilities_and_estimates_are_finite_after_outliers(sigmas):
-    world = OnlineQuickestWorld(QuickestOptions())
+    world = OnlineTrack(QuickestOptions())
     world.begin_track(np.array([0.0, 2.0, 0.0, 0.0]), 0.02 * np.eye(4), -1)
     generator = np.random.default_rng(0)
     for k in range(200):

@@ -1,18 +1,31 @@
 """The window of render_mode="human"."""
 
+import sys
 import time
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import hybrid_env  # noqa: F401
+from hybrid_env import WorldOptions, extras
 from hybrid_env.rendering.evidence import probability_panel
 from hybrid_env.rendering.window import NoDisplayError, Renderer, display_available
 
 
 def make(render_mode):
     return gym.make("HybridTrack-v0", render_mode=render_mode).unwrapped
+
+
+@pytest.mark.parametrize(
+    ("module", "mode"), [("pygame", "human"), ("hybrid_env.rendering.figure", "rgb_array")]
+)
+def test_what_is_not_installed_is_named_with_its_extra(module, mode, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr(extras, "extra_of", lambda name: "play")
+    renderer = Renderer(WorldOptions(), mode == "human", probability_panel("bank"))
+    with pytest.raises(extras.MissingExtraError, match=r"needs the extra \[play\]: pip install "):
+        renderer.draw(None)
 
 
 def test_human_mode_shows_ten_frames_per_second(monkeypatch):

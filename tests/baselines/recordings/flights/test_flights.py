@@ -25,7 +25,7 @@ from baselines.recordings.flights.metrics import STATISTICS, count_flight, score
 from baselines.recordings.flights.samples import Samples, installed_samples
 from baselines.recordings.flights.simulated import draw_world, simulate_flights, twins
 from baselines.recordings.flights.tracks import FlightTracks
-from baselines.rules.flight_rules import FlightCusumDecider, FlightThresholdDecider
+from baselines.rules.change_detection import FlightCusumDecider, FlightThresholdDecider
 from hybrid_env.checks import ArgumentError
 
 METRE = 1.0 / 111_320.0  # degrees of latitude
@@ -166,17 +166,17 @@ def test_flights_of_different_length_do_not_affect_each_other(tmp_path, flight):
 def test_counts_by_hand(flight):
     (labels,) = label_flights([flight])
     exact = count_flight(flight, labels, labels.modes)
-    assert (exact.labels, exact.missed, exact.delay, exact.false, exact.changes) == (4, 0, 0.0, 0, 4)
+    assert (exact.switches, exact.missed, exact.delay, exact.false, exact.changes) == (4, 0, 0.0, 0, 4)
     assert exact.agreed == exact.scored
     stated = labels.modes.copy()
     stated[labels.modes == RIGHT] = STRAIGHT  # a miss
     stated[100:110] = LEFT  # two changes, one of them false
     wrong = count_flight(flight, labels, stated)
-    assert (wrong.missed, wrong.false, wrong.false_turns) == (1, 1, 1)
+    assert (wrong.missed, wrong.false, wrong.false_alarms) == (1, 1, 1)
     stated = labels.modes.copy()
     stated[215:222] = STRAIGHT  # a turn with a gap: two changes, one of them false
     gap = count_flight(flight, labels, stated)
-    assert (gap.missed, gap.false, gap.false_turns, gap.changes) == (0, 1, 0, 6)
+    assert (gap.missed, gap.false, gap.false_alarms, gap.changes) == (0, 1, 0, 6)
 
 
 def test_simulated_flights_have_the_noise_of_their_tier():

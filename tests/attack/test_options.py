@@ -3,9 +3,11 @@
 import dataclasses
 import datetime
 import decimal
+import functools
 import math
 import time
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from hostile_input import profile
@@ -16,6 +18,7 @@ from random_worlds import random_options, soak
 from hybrid_env import FixedScheme, RandomScheme, Segment, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import RANGES
+from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 NAMES = sorted(field.name for field in dataclasses.fields(WorldOptions))
 LIMITS = sorted({value for pair in RANGES.values() for value in pair})
@@ -70,14 +73,14 @@ def schemes(draw):
     return RandomScheme, [draw(numbers), draw(sequences), draw(st.none() | sequences)]
 
 
-def check(build):
+def check(build, seconds=2.0):
     """Build options, or check their refusal. Returns None if they are refused."""
     start, options, refusal = time.process_time(), None, None
     try:
         options = build()
     except (ArgumentError, TypeError) as error:
         refusal = error
-    assert time.process_time() - start < 2.0
+    assert time.process_time() - start < seconds
     if refusal is not None:
         message = str(refusal)
         assert isinstance(refusal, ArgumentError) or "unexpected keyword" in message, message
@@ -112,13 +115,38 @@ def check_scheme(parts):
         check_world({"scheme": scheme, "correctness": "type", "speed": 1e-3})
 
 
+def check_env(env_id, tracks, name, value):
+    """Refuse a keyword of `gym.make` or a seed, or step the environment."""
+    cls, given = environment_options(env_id), {name: value} if name in OF_ENV[env_id] else {}
+    options = check(lambda: cls.of(**(ENVIRONMENTS[env_id] | given)))
+    if options is None or not affordable(options):
+        return
+    given |= {name: value} if name != "seed" and (tracks or name not in OF_VECTOR) else {}
+    make = functools.partial(gym.make_vec, env_id, tracks) if tracks else functools.partial(gym.make, env_id)
+    env = check(lambda: make(**given), 60.0)  # may compile
+    start = env and check(lambda: env.reset(seed=value if name == "seed" else 0))
+    if start is not None:
+        env.action_space.seed(0)
+        for _ in range(3):
+            row, reward, _, _, _ = env.step(env.action_space.sample())
+            assert row in env.observation_space
+            assert np.isfinite(reward).all()
+
+
 def check_value(seed, name, value):
     """Check a random world with one of its values replaced, or with one more."""
     check_world(random_options(np.random.default_rng(seed), longest=20) | {name: value})
 
 
 NUMBERS = ["heading", "measurement_variance", "process_variance", "radii", "speed", "tau"]
+OF_VECTOR = ["autoreset_mode", "tick_info", "trace_rows", "threads"]
+OF_ENV = {one: [field.name for field in dataclasses.fields(environment_options(one))] for one in ENVIRONMENTS}
+PLACES = [
+    (one, tracks, name)
+    for one in ENVIRONMENTS for tracks in (0, 3) for name in (*OF_ENV[one], *OF_VECTOR, "seed")
+]  # fmt: skip
 KINDS = {
+    "gym.make": (lambda place, value: check_env(*place, value), [st.sampled_from(PLACES), values]),
     "one value": (check_value, [st.integers(0, 2**32), st.sampled_from(NAMES) | st.text(min_size=1), values]),
     "numbers": (
         lambda keywords: check_world({"scheme": "random 3x1-5"} | keywords),
@@ -126,7 +154,10 @@ KINDS = {
     ),
     "scheme": (check_scheme, [schemes()]),
 }
-SIZES = {"quick": dict.fromkeys(KINDS, 120), "study": dict.fromkeys(KINDS, 20_000) | {"one value": 100_000}}
+SIZES = {
+    "quick": dict.fromkeys(KINDS, 120),
+    "study": dict.fromkeys(KINDS, 20_000) | dict.fromkeys(["gym.make", "one value"], 100_000),
+}
 
 
 @pytest.mark.parametrize("size", ["quick", pytest.param("study", marks=pytest.mark.study)])

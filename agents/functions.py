@@ -1,0 +1,115 @@
+"""The commands as Python functions, for programs and notebooks: `load`, `evaluate`, `compare` and `train`.
+
+`env_id` is a registered id, and `options` are those of the environment, as in `gym.make`.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.progress import Progress
+
+from agents.evaluation.registry import find_decider, load_decider
+from agents.evaluation.task import sweep
+from agents.evaluation.tasks import task_of
+from agents.interface.world_arguments import DEFAULT_ENV
+from agents.studies import comparison
+from agents.studies.compare_command import Compare
+from agents.training.recipe import load_recipe
+from agents.training.runs import make_run
+from baselines.rules.decider import Decider
+from baselines.scoring.estimates import Estimate
+from hybrid_env.checks import check_integer, reject
+
+
+def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
+    """Return a decider by name: "ate:1e-6", "shipped", a run folder, "model.zip", "mine.py:Rule", or itself.
+
+    Raises:
+        ArgumentError: no decider of the environment has this name, or an option is not allowed.
+    """
+    return load_decider(decider, task_of(env_id, options).options)
+
+
+def evaluate(
+    decider: Any, env_id: str = DEFAULT_ENV, *, episodes: int = 1000, seed: int = 0, **options: Any
+) -> dict[str, Estimate]:
+    """Return the metrics of a decider with their 95 % confidence intervals, as `hybridtrack evaluate`.
+
+    Args:
+        decider: a name, a function of the observations, or an object with `predict`, see `load`.
+        env_id: of the environment.
+        episodes: number of episodes.
+        seed: of the first episode; later ones have consecutive seeds.
+        options: of the environment.
+
+    Raises:
+        ArgumentError: an argument is not allowed.
+    """
+    task = task_of(env_id, options)
+    family, threshold = find_decider(decider, task.options)
+    check_integer("seed", seed, minimum=0)
+    scores = sweep(task, family, check_integer("episodes", episodes), seed, thresholds=(threshold,))
+    return {metric.name: scores.estimate(metric.statistic) for metric in task.metrics}
+
+
+def compare(
+    deciders: Sequence[Any] | None = None,
+    agents: Sequence[Any] | None = None,
+    env_id: str = DEFAULT_ENV,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    **options: Any,
+) -> comparison.Comparison:
+    """Train agents and score all deciders on the same episodes, as `hybridtrack compare`.
+
+    Args:
+        deciders: rules, the reference first, see `load`; None for the usual ones of the environment.
+        agents: recipes to train, or agents, see `load`; None for the usual ones.
+        env_id: of the environment.
+        out: folder for the trained agents, from which an interrupted comparison goes on; None writes nothing.
+        options: of the environment, and the other flags of `hybridtrack compare`: episodes, seed,
+            selection_episodes, steps, training_seeds, accuracy, curves, jobs.
+
+    Raises:
+        ArgumentError: an argument is not allowed.
+    """
+    names = [None if given is None else tuple(given) for given in (deciders, agents)]
+    command = Compare(deciders=names[0], agents=names[1], env=env_id, **options)
+    if out is not None and not all(isinstance(name, str) for name in (names[0] or ()) + (names[1] or ())):
+        raise reject("out", out, "None with deciders that are no names: a folder cannot tell them apart")
+    folder = None if out is None else Path(out)
+    return comparison.compare(command.plan(), command.workers(), Progress(disable=True), folder)
+
+
+def train(
+    recipe: str = "ppo",
+    env_id: str = DEFAULT_ENV,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    steps: int | None = None,
+    changes: Sequence[str] = (),
+    **options: Any,
+) -> Decider:
+    """Train an agent, as `hybridtrack train`, and return it.
+
+    Args:
+        recipe: name of a recipe, or a YAML file.
+        env_id: of the environment.
+        out: run folder, new or empty; None writes nothing.
+        seed: of weights, tracks and mini-batches.
+        steps: environment steps, summed over tracks; None for those of the recipe.
+        changes: hyper-parameters to override, each "name=value".
+        options: of the environment.
+
+    Raises:
+        ArgumentError: an argument is not allowed.
+    """
+    settings = load_recipe(recipe, env_id, changes)
+    run = make_run(env_id, options, settings, seed, None if out is None else Path(out), steps)
+    run.train()
+    family = run.family(settings.name)
+    decider: Decider = family.make(family.default)
+    return decider

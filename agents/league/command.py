@@ -1,0 +1,80 @@
+"""The command `hybridtrack league`: play deciders by a fixed protocol, and show the table."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from agents.interface.help_texts import shown_default
+from agents.interface.parallel import ParallelArguments
+from agents.interface.trust import TrustArguments
+from hybrid_env.checks import reject
+
+
+@dataclass(kw_only=True)
+class League(TrustArguments, ParallelArguments):
+    """Play deciders in twelve worlds by a fixed protocol, beside those that come with the package.
+
+    Worlds, seeds and the selection of thresholds are fixed, so that files of different people compare. A rule
+    of your own takes one to ten minutes. With --table, files are shown and nothing is played.
+    """
+
+    deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
+    """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped' or a rule."""
+    table: Annotated[tuple[Path, ...], shown_default("those of the package")] = ()
+    """Files of the league to show, besides those of the package."""
+    out: Path = Path("results")
+    """Folder for a JSON file of each decider, league.md and league.png."""
+
+    def run(self) -> None:
+        """Play the deciders, print the tables and write the files.
+
+        Raises:
+            ArgumentError: a decider is unknown, or a file is not of this league.
+        """
+        workers = self.workers()
+        for name in self.deciders:
+            if len(name.rpartition(":")[0]) > 1 and not name.rpartition(":")[2].isidentifier():
+                raise reject("deciders", name, "a name without a threshold; the protocol selects it")
+        from rich.console import Console
+
+        from agents.evaluation.registry import is_brought
+        from agents.figures.canvas import save_figure
+        from agents.interface.output_files import atomic_file, output_folder, write_json
+        from agents.interface.progress import progress_display
+        from agents.league.entry import read_entry
+        from agents.league.protocol import WORLDS, play
+        from agents.league.table import (
+            league_figure,
+            league_markdown,
+            league_table,
+            shipped_entries,
+            world_table,
+        )
+
+        entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
+        for name in self.deciders:
+            is_brought(name)  # one that cannot be imported is refused before any work
+        folder, console = output_folder("out", self.out), Console(emoji=False)
+        played = []
+        with progress_display(console) as progress:
+            bar = progress.add_task("Playing", total=len(WORLDS) * len(self.deciders), note="")
+            for name in self.deciders:
+                entry = play(name, workers, lambda world: progress.update(bar, advance=1, note=world))
+                file = "".join(one if one.isalnum() else "-" for one in entry["title"])
+                write_json(folder / f"{file}.json", entry)
+                played.append(entry)
+                progress.console.print(f"{folder / file}.json", markup=False, highlight=False)
+            progress.update(bar, note="")
+        entries |= {entry["title"]: entry for entry in played}
+        for entry in played:
+            reasons = {one["refused"] for one in entry["worlds"].values() if "refused" in one}
+            for reason in sorted(reasons):
+                console.print(f"Not played: {reason}", markup=False, highlight=False, soft_wrap=True)
+            console.print(world_table(entry, [*entries.values()]))
+        console.print(league_table([*entries.values()]))
+        with atomic_file(folder / "league.md") as part:
+            part.write_text(league_markdown([*entries.values()]), encoding="utf-8")
+        save_figure(league_figure([*entries.values()]), folder / "league.png")
+        console.print(f"Files in {folder}: league.md, league.png", markup=False, highlight=False)

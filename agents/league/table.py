@@ -1,0 +1,137 @@
+"""The table and the picture of the league, from the files of deciders."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.markup import escape
+from rich.table import Table
+
+from agents.evaluation.cells import new_table
+from agents.figures.canvas import new_canvas
+from agents.figures.decider_colours import decider_styles
+from agents.league.entry import read_entry, scores_of
+from agents.league.protocol import WORLDS
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import mean
+
+KINDS = ("informed", "recurrent", "memoryless", "classical")
+ENTRIES = Path(__file__).parent / "entries"
+GROUPS: dict[str, list[str]] = {env_id.rpartition(":")[2]: [] for env_id, _ in WORLDS.values()}
+for _world, (_env_id, _) in WORLDS.items():
+    GROUPS[_env_id.rpartition(":")[2]].append(_world)
+REWARD = mean("reward")
+FIGURE_SIZE = (11.5, 5.6)
+
+
+def shipped_entries() -> list[dict[str, Any]]:
+    """Return the entries that come with the package."""
+    return [read_entry(path) for path in sorted(ENTRIES.glob("*.json"))]
+
+
+def reward(entry: dict[str, Any], world: str) -> Estimate | None:
+    """Return the mean reward of a decider in a world with its interval; None where it did not play."""
+    scores = scores_of(entry, world)
+    return None if scores is None else scores.estimate(REWARD, 0)
+
+
+def best_of_rest(
+    entries: Sequence[dict[str, Any]], mine: dict[str, Any], world: str
+) -> dict[str, Any] | None:
+    """Return the entry with the largest reward in a world among the others that are not informed."""
+    others = [one for one in entries if one is not mine and one["kind"] != "informed"]
+    found = [(value.value, one["title"], one) for one in others if (value := reward(one, world)) is not None]
+    return max(found, key=lambda one: one[:2])[2] if found else None
+
+
+def league_table(entries: Sequence[dict[str, Any]]) -> Table:
+    """Return a table with deciders in rows and the mean rewards over the worlds of each environment."""
+    table = new_table(
+        "League: mean reward over the worlds of each environment",
+        "informed: told what a user does not know. recurrent, memoryless: learned or own deciders with and "
+        "without memory. -: it cannot decide in one of the worlds.",
+    )
+    for head in ("decider", "kind"):
+        table.add_column(head)
+    for env_id, worlds in GROUPS.items():
+        name = env_id.removesuffix("-v0").replace("Track", "Track\n", 1)
+        table.add_column(f"{name}\n{len(worlds)} worlds", justify="right")
+    for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
+        cells = []
+        for worlds in GROUPS.values():
+            values = [reward(entry, world) for world in worlds]
+            known = [value.value for value in values if value is not None]
+            cells.append(f"{np.mean(known):.3f}" if len(known) == len(worlds) else "-")
+        table.add_row(escape(entry["title"]), entry["kind"], *cells)
+    return table
+
+
+def world_table(entry: dict[str, Any], entries: Sequence[dict[str, Any]]) -> Table:
+    """Return a table of a decider in every world, with the paired difference to the best of the others."""
+    table = new_table(
+        f"{escape(entry['title'])} ({entry['kind']}) in every world",
+        "difference: reward less that of the best other decider that is not informed, on the same episodes. "
+        "± half width of the 95 % confidence interval.",
+    )
+    for head in ("world", "threshold", "reward", "best other", "difference"):
+        table.add_column(head, justify="left" if head in ("world", "best other") else "right")
+    for world in WORLDS:
+        mine, one = scores_of(entry, world), entry["worlds"].get(world, {})
+        if mine is None:
+            table.add_row(world, "-", "-", "", "")
+            continue
+        best = best_of_rest(entries, entry, world)
+        theirs = None if best is None else scores_of(best, world)
+        cells = [f"{one['threshold']:g}", _bounds(mine.estimate(REWARD, 0))]
+        if best is None or theirs is None:
+            cells += ["", ""]
+        else:
+            cells += [escape(best["title"]), _bounds(mine.difference(theirs, REWARD), "+")]
+        table.add_row(world, *cells)
+    return table
+
+
+def _bounds(estimate: Estimate, sign: str = "") -> str:
+    return f"{estimate.value:{sign}.3f} ±{(estimate.high - estimate.low) / 2:.3f}"
+
+
+def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
+    """Return a table in Markdown, with deciders in rows and all worlds in columns."""
+    lines = [f"| decider | kind | {' | '.join(WORLDS)} |", "|---|---|" + "---|" * len(WORLDS)]
+    for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
+        values = [reward(entry, world) for world in WORLDS]
+        cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
+        lines.append(f"| {entry['title']} | {entry['kind']} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
+    """Return a figure of the rewards of all deciders in all worlds."""
+    figure = new_canvas(FIGURE_SIZE)
+    axes = figure.add_subplot()
+    styles = decider_styles(entry["title"] for entry in entries)
+    worlds, shift = list(WORLDS), 0.7 / max(1, len(entries) - 1)
+    for index, entry in enumerate(entries):
+        style, offset = styles[entry["title"]], index * shift - 0.35
+        found = [
+            (place, value)
+            for place, world in enumerate(worlds)
+            if (value := reward(entry, world)) is not None
+        ]
+        x = [place + offset for place, _ in found]
+        y = np.array([value.value for _, value in found])
+        error = np.array([[value.value - value.low, value.high - value.value] for _, value in found]).T
+        axes.errorbar(
+            x, y, error.reshape(2, -1), fmt=style.marker, color=style.colour, markersize=4, elinewidth=1,
+            label=f"{entry['title']} ({entry['kind']})",
+        )  # fmt: skip
+    for place in range(1, len(worlds)):
+        axes.axvline(place - 0.5, color="0.9", linewidth=0.8, zorder=0)
+    axes.set_xticks(range(len(worlds)), [world.replace(", ", ",\n") for world in worlds], fontsize=7)
+    axes.set_xlim(-0.5, len(worlds) - 0.5)
+    axes.set_ylabel("mean reward: per segment, per tick for unknown switches")
+    axes.set_title("League: reward in every world, with 95 % intervals")
+    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure

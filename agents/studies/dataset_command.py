@@ -1,0 +1,157 @@
+"""The command `hybridtrack dataset`: episodes of deciders as data sets of Minari, for offline learning."""
+
+import os
+import re
+import warnings
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.interface.help_texts import shown_default
+from agents.interface.trust import TrustArguments
+from agents.interface.world_arguments import WorldArguments
+from baselines.rules import seeds
+from hybrid_env.checks import check_integer, reject
+
+if TYPE_CHECKING:
+    from agents.evaluation.task import Task
+
+ROOT = "MINARI_DATASETS_PATH"  # by this variable Minari finds its data sets
+MOST_EPISODES = 10_000  # they are in memory until they are written, some 50 kB each
+RANDOM = "random"
+
+
+class RandomPolicy:
+    """Chooses every action of the environment with the same probability.
+
+    Args:
+        actions: number of actions.
+    """
+
+    def __init__(self, actions: int):
+        self.actions, self.random = actions, np.random.default_rng(0)
+
+    def predict(self, observation: Any, **_: Any) -> tuple[NDArray[np.int64], None]:
+        """Return (N,) actions, and no state; see `baselines.rules.decider.Decider.predict`."""
+        return self.random.integers(self.actions, size=len(observation)), None
+
+
+@dataclass(kw_only=True)
+class Dataset(WorldArguments, TrustArguments):
+    """Write episodes of deciders as data sets of Minari, for offline learning: one for each decider."""
+
+    policies: tuple[str, ...] = ()
+    """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
+    thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}."""
+    episodes: int = 200
+    """Number of episodes of each, the same for all."""
+    seed: int = seeds.DATASET
+    """Seed of the first episode; later episodes use consecutive seeds."""
+    out: Annotated[Path | None, shown_default("where Minari keeps its data sets")] = None
+    """Folder of the data sets, which Minari finds there by the variable MINARI_DATASETS_PATH."""
+
+    def run(self) -> None:
+        """Write the data sets and print one line for each."""
+        from minari.storage.datasets_root_dir import get_dataset_path
+
+        from agents.evaluation.registry import find_decider
+        from agents.evaluation.tasks import task_of
+        from agents.interface.output_files import atomic_folder
+
+        check_integer("episodes", self.episodes, maximum=MOST_EPISODES)
+        check_integer("seed", self.seed, minimum=0)
+        task = task_of(*self.world_of(""))
+        folder = self.out or get_dataset_path()
+        names = {f"{task.title}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0": name for name in self.policies}
+        if not names or len(names) < len(self.policies):
+            raise reject("policies", self.policies, "one or more names that differ in letters or numbers")
+        found: list[tuple[str, str, dict[str, Any], Any]] = []
+        for identity, name in names.items():
+            if (folder / identity).exists():
+                raise reject("out", str(folder), f"a folder without the data set {identity}")
+            if name == RANDOM:
+                found.append((identity, name, {}, RandomPolicy(task.options.action_count)))
+                continue
+            family, threshold = find_decider(name, task.options)
+            task.options_with(family.options)
+            title = f"{family.name} at {threshold:g}"
+            found.append((identity, title, family.options, family.make(threshold)))
+        before = os.environ.get(ROOT)
+        try:
+            with atomic_folder("out", folder) as part:
+                os.environ[ROOT] = str(part.resolve())  # Minari writes to no relative path
+                for identity, title, changes, decider in found:
+                    print(self._write(task, identity, title, {**task.given, **changes}, decider))
+        finally:
+            os.environ.pop(ROOT)
+            if before is not None:
+                os.environ[ROOT] = before
+        print(f"Data {folder}")
+
+    def _write(self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any) -> str:
+        """Write one data set; return its line."""
+        import minari
+        from minari.data_collector import EpisodeBuffer
+
+        episodes = record(task.env_id, options, decider, self.episodes, self.seed)
+        returns = np.array([episode["rewards"].sum() for episode in episodes])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # without an e-mail address and a link
+            written = minari.create_dataset_from_buffers(
+                identity,
+                [EpisodeBuffer(**episode) for episode in episodes],
+                env=gym.make(task.env_id, **options),
+                algorithm_name=title,
+                author="The HybridTrack authors",
+                description=f"{self.episodes} episodes of {title} in {task.title}",
+                requirements=[f"hybrid-track=={version('hybrid-track')}"],
+            )
+        size = f"{self.episodes} episodes, {written.total_steps:,} steps"
+        return f"{identity}: {size}, mean return {returns.mean():.3f}"
+
+
+def record(
+    env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int
+) -> list[dict[str, Any]]:
+    """Return E episodes of a decider, each as the fields of Minari's `EpisodeBuffer`.
+
+    Observations (T + 1, width), actions, rewards, terminations and truncations (T,), and as `infos` the true
+    mode (T + 1,).
+
+    Args:
+        env_id: registered id.
+        options: of the environment.
+        decider: see `baselines.rules.decider.as_decider`.
+        episodes: E.
+        seed: of the first episode.
+    """
+    from baselines.rules.rollout import rollout
+    from hybrid_env.registration import make_track_vector_env
+
+    env = make_track_vector_env(env_id, episodes, tick_info=False, **options)
+    unfinished, steps = np.ones(episodes, np.bool_), np.zeros(episodes, np.int64)
+    ticks: list[tuple[NDArray[Any], ...]] = []
+    for now in rollout(env, decider, seed, unfinished):
+        ticks.append((now.observation, env.world.field("true_mode").copy(), now.actions, now.rewards))
+        unfinished &= ~now.terminated
+        if not unfinished.any():
+            break
+        steps += unfinished
+    rows, modes, actions, rewards = map(np.array, zip(*ticks, strict=True))
+    return [
+        {
+            "seed": seed + i,
+            "observations": rows[: count + 1, i],
+            "actions": actions[1 : count + 1, i],
+            "rewards": rewards[1 : count + 1, i],
+            "terminations": np.arange(1, count + 1) == count,
+            "truncations": np.zeros(count, np.bool_),
+            "infos": {"true_mode": modes[: count + 1, i]},
+        }
+        for i, count in enumerate(steps.tolist())
+    ]

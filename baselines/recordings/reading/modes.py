@@ -1,0 +1,132 @@
+"""Reading a file of modes over time, true or stated: CSV, TSV or Parquet, also compressed by gzip."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from baselines.recordings.reading.cells import Table, parse_times
+from baselines.recordings.reading.columns import (
+    ONE_OBJECT,
+    Columns,
+    listed_columns,
+    numbered_column,
+    object_column_of,
+)
+from baselines.recordings.reading.files import read_table
+from baselines.recordings.reading.names import plain_name, role_of
+from baselines.recordings.reading.read import cell_text, check_order, object_rows
+from hybrid_env.checks import ArgumentError, reject
+
+MODES = (
+    "mode", "modes", "true_mode", "truth", "stated", "statement", "statements", "predicted", "prediction",
+    "label", "labels", "state", "states", "regime", "class", "manoeuvre", "maneuver", "phase",
+)  # fmt: skip
+"""Names of columns of modes, in the order of preference."""
+
+TRACKS = ("track", "episode")
+"""Names of columns that tell tracks apart, beside those of objects."""
+
+
+class ModeFile(NamedTuple):
+    """What was read of a file.
+
+    Attributes:
+        times: increasing times [s] of each track by its name; datetimes if the file has dates.
+        modes: modes as text, None for an empty cell.
+    """
+
+    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]
+    modes: dict[str, list[str | None]]
+
+    def like(self, other: "ModeFile", name: str) -> "ModeFile":
+        """Return the tracks of another file, in its order; if both have one, the names may differ.
+
+        Raises:
+            ArgumentError: a track is missing in this file, whose `name` is for the message.
+        """
+        if len(self.times) == len(other.times) == 1:
+            return self
+        missing = [track for track in other.times if track not in self.times]
+        if missing:
+            raise reject(
+                f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}"
+            )
+        order = list(other.times)
+        return ModeFile(
+            {name: self.times[name] for name in order}, {name: self.modes[name] for name in order}
+        )
+
+
+def read_modes(
+    path: str | os.PathLike[str],
+    *,
+    columns: Mapping[str, str] | None = None,
+    object_column: str | None = None,
+    time_unit: str | None = None,
+) -> ModeFile:
+    """Read the modes of a file.
+
+    Args:
+        path: the file.
+        columns: name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The
+            only column that is neither time nor object is that of the modes, whatever its name is.
+        object_column: column that tells several tracks apart; `none` for a file with one; None finds it by
+            its name.
+        time_unit: see `read_recordings`.
+
+    Raises:
+        ArgumentError: the file cannot be read, or it is not clear what its columns mean.
+    """
+    table = read_table(path)
+    given = {role: numbered_column(table, "columns", name) for role, name in (columns or {}).items()}
+    for role in given:
+        if role not in ("time", "mode"):
+            raise reject("columns", role, "names of columns for time, mode")
+    time = given["time"] if "time" in given else _time_column(table)
+    tracks = _track_column(table, {time, *given.values()}, object_column)
+    mode = given["mode"] if "mode" in given else _mode_column(table, {time, tracks})
+    times = parse_times(table, time, time_unit)
+    seconds: NDArray[np.float64] | NDArray[np.datetime64] = times.seconds
+    if times.epoch is not None:
+        passed = np.round(times.seconds * 1e9).astype("timedelta64[ns]")
+        seconds = np.datetime64(times.epoch.removesuffix("Z"), "ns") + passed
+    cells = [None if pd.isna(cell) else cell_text(cell) for cell in table.frame[mode].astype(object)]
+    found = ModeFile({}, {})
+    for name, rows in object_rows(table, tracks, Path(path)):
+        check_order(table, Columns({"time": time}, object=tracks), times.seconds, rows, name)
+        found.times[name] = seconds[rows]
+        found.modes[name] = [cells[row] for row in rows]
+    return found
+
+
+def _time_column(table: Table) -> int:
+    named = [k for k, name in enumerate(table.names) if role_of(name) == "time"]
+    if len(named) == 1:
+        return named[0]
+    found = f"both {table.labels(named)} may be it" if named else listed_columns(table)
+    raise ArgumentError(f"{table.file}: no column of times ({found}): name it by --columns, as time=1")
+
+
+def _track_column(table: Table, used: set[int], name: str | None) -> int | None:
+    if name == ONE_OBJECT:
+        return None
+    if name is not None:
+        return numbered_column(table, "object", name)
+    named = [k for k, one in enumerate(table.names) if plain_name(one) in TRACKS and k not in used]
+    return named[0] if named else object_column_of(table, used)
+
+
+def _mode_column(table: Table, used: set[int | None]) -> int:
+    free = [k for k in range(len(table.names)) if k not in used]
+    plain = {plain_name(table.names[k]): k for k in reversed(free)}
+    named = [plain[name] for name in MODES if name in plain]
+    if not named and len(free) != 1:
+        raise ArgumentError(
+            f"{table.file}: no column of modes ({listed_columns(table)}): name it by --columns, as mode=2"
+        )
+    return (named or free)[0]

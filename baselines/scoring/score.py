@@ -1,0 +1,258 @@
+"""Scores of statements of any origin, `score(times, truth, statements)`, with intervals and differences."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.scoring.estimates import Estimate
+from baselines.scoring.scores import Scores
+from baselines.scoring.timelines import NOTHING, Timeline, TimelineCounts, count_timeline, statistics
+from hybrid_env.checks import ArgumentError, check_array, check_positive, dimensions, reject
+
+HOUR = 3600.0
+MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
+"""A single track is divided into so many blocks of equal time; with fewer there are no intervals."""
+SWITCHES_OF_A_BLOCK = 2
+
+MISSING = ("NAType", "NaTType")
+"""Types of a missing mode in pandas, which is not imported."""
+
+ONE_SET = "statements"
+"""Name of statements that are given without a name."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimelineScores:
+    """Scores of one or several sets of statements on the same tracks.
+
+    Attributes:
+        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of
+            the set.
+        timelines: of every track, by the name of the set.
+        modes: names of the modes, by whose indices the timelines are.
+        period: time in which false changes are counted.
+        normal: mode away from which a false change is a false alarm; None without one.
+    """
+
+    scores: dict[str, Scores]
+    timelines: dict[str, list[Timeline]]
+    modes: tuple[Any, ...]
+    period: float
+    normal: Any = None
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks."""
+        return len(next(iter(self.timelines.values())))
+
+    @property
+    def unit(self) -> str:
+        """What is drawn with replacement for the intervals: tracks, blocks of a single one, or nothing."""
+        units = next(iter(self.scores.values())).episodes
+        return "tracks" if self.tracks > 1 else f"{units} blocks" if units > 1 else ""
+
+    @cached_property
+    def estimates(self) -> dict[str, dict[str, Estimate]]:
+        """The figures of `statistics` by set and name; bounds are NaN if there are no intervals."""
+        return {name: self._estimates(scores) for name, scores in self.scores.items()}
+
+    @cached_property
+    def differences(self) -> dict[str, dict[str, Estimate]]:
+        """The figures of each other set less those of the first on the same tracks, with paired intervals."""
+        first, *others = self.scores
+        return {name: self._estimates(self.scores[name], self.scores[first]) for name in others}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return figures and differences as plain values."""
+
+        def plain(found: dict[str, dict[str, Estimate]]) -> dict[str, Any]:
+            return {
+                set_: {key: one.as_json() for key, one in figures.items()} for set_, figures in found.items()
+            }
+
+        first = next(iter(self.scores.values()))
+        return {
+            "tracks": self.tracks, "intervals_over": self.unit or None, "period": self.period,
+            "modes": [str(mode) for mode in self.modes], "scored": float(first.of("scored", 0).sum()),
+            "figures": plain(self.estimates), "less_first": plain(self.differences),
+        }  # fmt: skip
+
+    def _estimates(self, scores: Scores, other: Scores | None = None) -> dict[str, Estimate]:
+        found = {}
+        for key, statistic in statistics(self.period).items():
+            one = scores.estimate(statistic) if other is None else scores.difference(other, statistic)
+            found[key] = one if self.unit else Estimate(one.value, math.nan, math.nan)
+        return found
+
+
+class _Track(NamedTuple):
+    """Samples of modes on one track: times (n,), and modes (n,), None where there is none."""
+
+    times: NDArray[Any]
+    modes: list[Any]
+
+
+def score(
+    times: Any,
+    truth: Any,
+    statements: Any,
+    *,
+    statement_times: Any = None,
+    per: float = HOUR,
+    normal: Any = None,
+) -> TimelineScores:
+    """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
+
+    A sample of the truth, and a statement, holds until the next one; the last time of the truth is the end of
+    the track. A list of switches with a last row at the end is therefore as good as samples. Modes are
+    numbers or strings; where the truth is None, NaN or "", nothing is scored, and where a statement is, none
+    is right. Intervals are bootstrapped over tracks, for a single track over up to 20 blocks of equal time
+    with two switches on average; with fewer than 10 blocks there are none.
+
+    Args:
+        times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of such arrays for
+            several tracks.
+        truth: (n,) true modes, or a list of such arrays.
+        statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their names.
+        statement_times: as `statements`, with their times; None are those of the truth.
+        per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
+        normal: true mode, away from which a false change is a false alarm; these are counted in the time in
+            which it is true.
+
+    Raises:
+        ArgumentError: an argument has a value or a length that is not allowed.
+    """
+    period = check_positive("per", per)
+    true = _tracks("times", times, "truth", truth)
+    sets = dict(statements) if isinstance(statements, Mapping) else {ONE_SET: statements}
+    if not sets:
+        raise reject("statements", statements, "at least one set")
+    codes: dict[Any, int] = {}
+    moments = [_Track(track.times, [_code(mode, codes) for mode in track.modes]) for track in true]
+    known = len(codes)
+    if not known:
+        raise ArgumentError("truth has no mode: expected at least one sample that is not None, NaN or ''")
+    if normal is not None and normal not in codes:
+        raise reject("normal", normal, "a mode of the truth, such as " + ", ".join(map(str, list(codes)[:5])))
+    timelines = {}
+    for name, stated in sets.items():
+        place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
+        own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
+        found = _tracks(
+            "times" if own is None else "statement_times", times if own is None else own, place, stated
+        )
+        if len(found) != len(true):
+            raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
+        coded = [_Track(track.times, [_code(mode, codes) for mode in track.modes]) for track in found]
+        if not any(NOTHING < mode < known for track in coded for mode in track.modes):
+            shown = sorted({str(mode) for track in found for mode in track.modes})[:5]
+            modes = ", ".join(str(mode) for mode in list(codes)[:known][:5])
+            raise reject(place, shown, f"modes of the truth, such as {modes}")
+        timelines[name] = [_merge(*pair, place) for pair in zip(moments, coded, strict=True)]
+    scores = {name: _scores(name, tracks, codes.get(normal)) for name, tracks in timelines.items()}
+    return TimelineScores(scores, timelines, tuple(codes), period, normal)
+
+
+def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
+    """Return the tracks of one or several arrays of times and modes."""
+    if dimensions(times) == 1 and not _nested(times):
+        times, modes = [times], [modes]
+    if not dimensions(times) or not isinstance(times, Sequence | np.ndarray) or not dimensions(modes):
+        raise reject(name, times, "an array of times, or a list of such arrays")
+    if len(times) != len(modes) or not len(times):
+        raise ArgumentError(f"{word} has {len(modes)} tracks: expected {len(times)}, as {name}, at least one")
+    found = []
+    for number, (clock, values) in enumerate(zip(times, modes, strict=True)):
+        place = name if len(times) == 1 else f"{name}[{number}]"
+        if dimensions(clock) != 1:
+            raise reject(place, clock, "an array of times")
+        if dimensions(values) != 1 or len(values) != len(clock):
+            raise ArgumentError(
+                f"{word} has shape {np.shape(values)} for {len(clock)} {place}: expected one mode for each"
+            )
+        found.append(_Track(_times(place, clock), np.asarray(values, object).tolist()))
+    return found
+
+
+def _nested(times: Any) -> bool:
+    first = next(iter(times), 0.0)
+    return not isinstance(first, str) and dimensions(first) == 1
+
+
+def _times(name: str, values: Any) -> NDArray[Any]:
+    """Return checked increasing times, floats or datetime64[ns]."""
+    array = np.asarray(values)
+    if array.dtype.kind == "O" and all(isinstance(value, datetime) for value in array.flat):
+        zoned = (value.astimezone(UTC) if value.tzinfo else value for value in array.tolist())
+        array = np.array([value.replace(tzinfo=None) for value in zoned], "datetime64[ns]")
+    if array.dtype.kind in "mMU":
+        try:
+            array = array.astype("timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]")
+        except ValueError:
+            raise reject(name, values, "an array of numbers or datetimes") from None
+        if np.isnat(array).any():
+            raise reject(name, "NaT", "a time for every sample")
+    else:
+        array = check_array(name, values, (None,))
+    wrong = np.flatnonzero(~(array[1:] > array[:-1]))
+    if wrong.size:
+        raise reject(f"{name}[{wrong[0] + 1}]", str(array[wrong[0] + 1]), f"a time after {array[wrong[0]]}")
+    return array
+
+
+def _code(mode: Any, codes: dict[Any, int]) -> int:
+    """Return the index of a mode, a new one if need be; `NOTHING` for a missing one."""
+    value = mode.item() if isinstance(mode, np.generic) else mode
+    if value is None or type(value).__name__ in MISSING or value == "" or value != value:
+        return NOTHING
+    if not isinstance(value, (int, float, str)):
+        raise reject("mode", mode, "a number or a string")
+    return codes.setdefault(value, len(codes))
+
+
+def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
+    """Return truth and statements at the moments at which either has a sample, until the end of the truth."""
+    if true.times.dtype.kind != stated.times.dtype.kind:
+        raise reject(name, str(stated.times[0]), f"times as those of the truth, such as {true.times[0]}")
+    clock = np.union1d(true.times, stated.times)
+    clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
+    if stated.times[0] > true.times[-1]:
+        raise reject(
+            name, str(stated.times[0]), f"a first time before the end of the truth, {true.times[-1]}"
+        )
+    rows = np.searchsorted(true.times, clock, "right") - 1
+    modes = np.array(true.modes)[rows]
+    at = np.searchsorted(stated.times, clock, "right") - 1
+    spoken = np.where(at >= 0, np.array(stated.modes)[at], NOTHING)
+    scored = modes != NOTHING
+    # where the truth is not known the mode before goes on, so that its return is no switch
+    known = np.maximum.accumulate(np.where(scored, np.arange(len(clock)), -1))
+    modes = modes[np.where(known < 0, int(scored.argmax()), known)]
+    elapsed = clock - clock[0]
+    seconds = elapsed if elapsed.dtype.kind == "f" else elapsed / np.timedelta64(1, "s")
+    weights = np.where(scored, np.append(np.diff(seconds), 0.0), 0.0)
+    denser = max(true.times, stated.times, key=len)  # a list of switches has no samples
+    samples = np.isin(clock, denser) & scored
+    samples[-1] = False  # the end
+    return Timeline(np.asarray(seconds), modes, spoken, scored, weights, samples)
+
+
+def _scores(name: str, tracks: Sequence[Timeline], normal: int | None) -> Scores:
+    """Return the scores of one set, with a row for each track or each block of a single one."""
+    if len(tracks) > 1:
+        rows = np.concatenate([count_timeline(track, normal) for track in tracks])
+    else:
+        (track,) = tracks
+        count = min(MOST_BLOCKS, int((np.diff(track.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
+        blocks = None
+        if count >= FEWEST_BLOCKS:
+            shares = track.times / track.times[-1]
+            blocks = np.minimum((count * shares).astype(np.int64), count - 1)
+        rows = count_timeline(track, normal, blocks)
+    return Scores(name, "", (0.0,), TimelineCounts._fields, rows[..., None])

@@ -1,0 +1,152 @@
+"""Statements beside the truth at samples of any spacing: agreement, delay, misses, false changes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.scoring.scores import Statistic, quotient, ratio
+from baselines.scoring.statements import find_switches
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
+
+NOTHING = -1
+"""In place of a stated mode where nothing is stated."""
+
+
+class Timeline(NamedTuple):
+    """What was true and what was stated on one track at T moments, all of shape (T,).
+
+    Attributes:
+        times: increasing, in any unit.
+        modes: true modes.
+        stated: stated modes, `NOTHING` where nothing is stated.
+        scored: False where the truth is not known.
+        weights: time for which a moment stands; 0 where it is not scored.
+        samples: True at moments that count as samples.
+    """
+
+    times: FloatArray
+    modes: IntArray
+    stated: IntArray
+    scored: BoolArray
+    weights: FloatArray
+    samples: BoolArray
+
+
+class TimelineCounts(NamedTuple):
+    """Sums over a track or a part of it, from which the figures of any set of tracks follow.
+
+    Attributes:
+        scored: time that is scored.
+        agreed: of it, time in which the statement is the true mode.
+        normal: of it, time in which the normal mode is true.
+        samples: number of samples.
+        switches: number of switches whose mode is stated or missed.
+        missed: of them, those whose mode is not stated before the next switch.
+        delay: sum of the times from each other switch to the first right statement.
+        pending: number of last switches whose mode is not stated before the track ends.
+        undetected: time between any switch and the first right statement, the next switch or the end of the
+            track, whichever is first.
+        false: changes of the statement to a mode that is not true at any moment until the next change.
+        false_alarms: of them, those away from the normal mode while it is true at all of these moments.
+        changes: changes of the statement.
+
+    Switches count if at least half of the moments until the next one are scored, changes of the statement if
+    more than half are.
+    """
+
+    scored: float
+    agreed: float
+    normal: float
+    samples: float
+    switches: float
+    missed: float
+    delay: float
+    pending: float
+    undetected: float
+    false: float
+    false_alarms: float
+    changes: float
+
+
+def statistics(period: float) -> dict[str, Statistic]:
+    """Return the figures of a set of tracks by name; NaN where nothing is counted.
+
+    They are: share of the scored time with a right statement; mean delay of the detected switches; share of
+    the switches that are missed; mean delay of all switches, where one that is not detected counts until the
+    next one or the end of its track; false changes in a period of scored time and per 1,000 samples; false
+    alarms in a period of time in the normal mode; changes of the statement for each switch.
+
+    Args:
+        period: in which false changes are counted, in the unit of time.
+    """
+    return {
+        "agreement": ratio("agreed", "scored"),
+        "delay": Statistic(
+            ("delay", "switches", "missed"),
+            lambda delay, switches, missed: quotient(delay, switches - missed),
+        ),
+        "misses": ratio("missed", "switches"),
+        "full_delay": Statistic(
+            ("undetected", "switches", "pending"),
+            lambda undetected, switches, pending: quotient(undetected, switches + pending),
+        ),
+        "false_changes": ratio("false", "scored", period),
+        "false_per_1000": ratio("false", "samples", 1000.0),
+        "false_alarms": ratio("false_alarms", "normal", period),
+        "changes_per_switch": ratio("changes", "switches"),
+    }
+
+
+def count_timeline(
+    timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None
+) -> FloatArray:
+    """Return the `TimelineCounts` of B blocks of a track, (B, 12). Events belong to the block they begin in.
+
+    Args:
+        timeline: the track.
+        normal: mode away from which a false change is a false alarm; without one there is none.
+        blocks: (T,) number of the block of each moment; None is a single block.
+    """
+    times, modes, stated, scored, weights, samples = timeline
+    places = np.zeros(len(times), np.int64) if blocks is None else blocks
+    known = np.append(0, np.cumsum(scored))
+    right = stated == modes
+
+    def summed(rows: NDArray[np.generic], values: NDArray[np.generic] | None = None) -> FloatArray:
+        return np.bincount(places[rows], values, int(places[-1]) + 1).astype(np.float64)
+
+    switched = np.diff(modes, prepend=modes[:1]) != 0
+    found = find_switches(switched[:, None], right[:, None])
+    counted = 2 * (known[found.end] - known[found.begin]) >= found.end - found.begin
+    begin, end, first = (one[counted] for one in (found.begin, found.end, found.stated))
+    detected, last = first < end, end == len(times)
+    waited = np.append(times, times[-1])[np.minimum(first, end)] - times[begin]
+
+    changes = np.flatnonzero((np.diff(stated, prepend=stated[:1]) != 0) & (stated != NOTHING))
+    ends = np.append(changes, len(times))[1:]
+    certain = 2 * (known[ends] - known[changes]) > ends - changes
+    changes, ends = changes[certain], ends[certain]
+
+    def within(flags: BoolArray) -> IntArray:
+        """Return the number of flagged moments from each change to the next."""
+        total = np.append(0, np.cumsum(flags))
+        return np.asarray(total[ends] - total[changes])
+
+    false = within(right) == 0
+    quiet = within(modes == normal) == ends - changes
+    counts = {
+        "scored": summed(scored, weights[scored]),
+        "agreed": summed(right, weights[right]),
+        "normal": summed(modes == normal, weights[modes == normal]),
+        "samples": summed(samples),
+        "switches": summed(begin[detected | ~last]),
+        "missed": summed(begin[~detected & ~last]),
+        "delay": summed(begin[detected], waited[detected]),
+        "pending": summed(begin[~detected & last]),
+        "undetected": summed(begin, waited),
+        "false": summed(changes[false]),
+        "false_alarms": summed(changes[false & quiet & (stated[changes] != normal)]),
+        "changes": summed(changes),
+    }
+    return np.stack([counts[name] for name in TimelineCounts._fields], axis=1)

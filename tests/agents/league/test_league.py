@@ -1,0 +1,122 @@
+"""The league: the same file twice, kinds of deciders, and files that were changed."""
+
+import json
+
+import numpy as np
+import pytest
+
+from agents.cli import main
+from agents.evaluation.registry import find_family
+from agents.interface.parallel import Workers
+from agents.league import entry, protocol, table
+from agents.league.protocol import WORLDS, kind_of, play, world_task
+from agents.league.table import league_figure, league_markdown, reward, shipped_entries
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
+from baselines.rules.own import as_decider
+from hybrid_env import ArgumentError
+
+RULE = """
+import numpy as np
+from hybrid_env.observation import Layout
+
+def first(rows):
+    ratio = Layout.of_rows(rows).read(rows, "log_ratio")
+    return np.where(Layout.of_rows(rows).read(rows, "ticks") >= 12, ratio.argmax(1) + 1, 0)
+
+def broken(rows):
+    raise RuntimeError("no idea")
+"""
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setattr(protocol, "EPISODES", {ANNOUNCED: 8, UNKNOWN: 3})
+    few = {world: WORLDS[world] for world in ("R = 0.1", "5 % outliers", "unknown, R = 0.1")}
+    for module in (protocol, table):
+        monkeypatch.setattr(module, "WORLDS", few)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("league")
+    (path / "mine.py").write_text(RULE)
+    return path
+
+
+def test_a_decider_gives_the_same_file_twice_and_its_rewards_are_those_of_its_estimates(folder):
+    name, notes = f"{folder}/mine.py:first", []
+    first, second = (play(name, Workers(), notes.append) for _ in range(2))
+    assert json.dumps(first) == json.dumps(second)
+    assert notes == [*protocol.WORLDS] * 2
+    assert (first["title"], first["kind"]) == ("first", "memoryless")
+    for world, one in first["worlds"].items():
+        if world.startswith("unknown"):
+            assert "width=20" in one["refused"]
+        else:
+            assert one["metrics"]["reward"]["value"] == pytest.approx(reward(first, world).value, abs=1e-6)
+    with pytest.raises(ArgumentError, match=r"mine.py line 10: RuntimeError: no idea"):
+        play(f"{folder}/mine.py:broken", Workers(), notes.append)
+
+
+def test_kinds_tell_what_a_decider_is_told_and_remembers():
+    kinds = {
+        ("R = 0.1", "ate"): "classical", ("R = 0.1", "calibrated"): "classical",
+        ("R = 0.1", "msprt-oracle"): "informed", ("unknown, R = 0.1", "beam"): "informed",
+        ("unknown, R = 0.1", "beam-geometric"): "classical", ("R = 0.1", "shipped"): "recurrent",
+        ("unknown, R = 0.1", "shipped"): "recurrent",
+    }  # fmt: skip
+    for (world, name), kind in kinds.items():
+        task = world_task(world)
+        family = find_family(name, task.options_with({}) if not task.given else task.options)
+        assert kind_of(name, family.make(family.default), task) == kind, name
+
+    class Remembers:
+        def predict(self, rows, state=None, episode_start=None, deterministic=True):
+            return np.zeros(len(rows), int), 1
+
+    assert kind_of("", as_decider(Remembers()), world_task("R = 0.1")) == "recurrent"
+    assert (
+        kind_of("", as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
+    )
+
+
+def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(table, "shipped_entries", list)  # they have more episodes
+    assert main(["league", "mine.py:first", "--out", "out"]) == 0
+    shown = capsys.readouterr().out
+    assert "first (memoryless) in every world" in shown
+    assert "League" in shown
+    file = folder / "out" / "first.json"
+    assert main(f"league --table {file} --out out".split()) == 0
+    assert "first" in (folder / "out" / "league.md").read_text()
+    assert (folder / "out" / "league.png").stat().st_size > 10_000
+    found = json.loads(file.read_text())
+    found["worlds"]["R = 0.1"]["metrics"]["reward"]["value"] += 0.1
+    for content, message in (
+        (found, "this one was changed by hand"),
+        (_signed(found | {"protocol": 0}), "protocol 1 .*; this one is protocol 0"),
+        (_signed(found | {"versions": {"hybrid-track": "0.0.1"}}), "protocol 1 of version 0.0.1"),
+        ([1], "a file of the league"),
+    ):
+        file.write_text(json.dumps(content))
+        with pytest.raises(ArgumentError, match=message):
+            entry.read_entry(file)
+        assert main(f"league --table {file} --out out".split()) == 2
+
+
+def _signed(found):
+    content = {key: value for key, value in found.items() if key != "digest"}
+    return content | {"digest": entry._digest(content)}
+
+
+def test_the_entries_of_the_package_are_of_this_protocol(monkeypatch):
+    monkeypatch.setattr(table, "WORLDS", WORLDS)
+    entries = shipped_entries()
+    titles = [one["title"] for one in entries]
+    assert {"ATE (SPRT)", "MSPRT", "shipped", "ppo", "beam"} <= set(titles)
+    assert len(set(titles)) == len(titles)
+    assert all(set(one["worlds"]) == set(WORLDS) for one in entries)
+    assert len(league_markdown(entries).splitlines()) == 2 + len(entries)
+    (axes,) = league_figure(entries).axes
+    assert len(axes.get_legend().get_texts()) == len(entries)

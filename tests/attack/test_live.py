@@ -1,0 +1,98 @@
+"""Live tracks under attack: an update is refused in one line or finite, and the track is found again."""
+
+import functools
+
+import numpy as np
+import pytest
+from hostile_input import VALUES, accepted, counts
+from online_episodes import COMMON
+
+from baselines import BeamDecider, CusumDecider, MSPRTDecider, OnlineTracker, SPRTDecider, ThresholdDecider
+from hybrid_env import QuickestOptions, WorldOptions
+
+DISTURBED, STEADY = 40, 50
+FOUND = 263, 515, 3146  # once without an estimate after a new start, or never found again
+DECIDERS = {
+    "threshold": lambda options: ThresholdDecider(0.6),
+    "cusum": lambda options: CusumDecider(3.0),
+    "beam": lambda options: BeamDecider(options, branches=5),
+    "msprt": lambda options: MSPRTDecider(0.02),
+    "ate": lambda options: SPRTDecider(0.05),
+}
+KINDS = ["errors", "place", "jump", "zero", "missing", "gap", "value", "time"]
+
+
+@functools.cache
+def tracker_of(decider, world):
+    options = (WorldOptions if decider in ("msprt", "ate") else QuickestOptions)(**COMMON[world])
+    tracker = OnlineTracker(options, DECIDERS[decider](options))
+    for k in range(20):  # compiles, which takes longer than an update may
+        tracker.update((k * options.speed * options.tau, 0.0))
+    return tracker
+
+
+def attack_live(seed):
+    """Follow an object through errors of every kind and 50 good ticks."""
+    generator = np.random.default_rng(seed)
+    tracker = tracker_of(generator.choice(list(DECIDERS)), generator.choice(list(COMMON)))
+    options, announced = tracker.options, tracker.world.announced
+    deviation, tau, radii = np.sqrt(max(options.variances)), options.tau, options.radii
+    tracker.begin()
+    position, heading, turn = generator.normal(0.0, 1e3 * deviation, 2), generator.uniform(-np.pi, np.pi), 0.0
+    left, kind, clock = 0, "", 1e6 * generator.random()
+    by_time, needs_all, measured = generator.random() < 0.5, tracker.decider.needs_measurements, False
+    for k in range(DISTURBED + STEADY):
+        if k == DISTURBED or (k < DISTURBED and generator.random() < 0.03):
+            side = generator.choice([0.0, 1.0, -1.0]) if k < DISTURBED else 0.0
+            turn = side * options.speed * tau / generator.choice(radii) if k < DISTURBED else 0.0
+            if announced:
+                tracker.switch()
+        heading += turn
+        position += options.speed * tau * np.array([np.cos(heading), np.sin(heading)])
+        clock += tau
+        if k == DISTURBED:
+            kind = ""
+        elif k < DISTURBED and left == 0:
+            kind = generator.choice(KINDS) if k and generator.random() < 0.1 else ""
+            left, size = generator.integers(1, 11), deviation * 10.0 ** generator.uniform(0.0, 9.0)
+            place = generator.normal(0.0, size, 2)
+            position += place * (kind == "jump")
+        left = max(left - 1, 0)
+        point = position + np.sqrt(options.variances) * generator.normal(size=2)
+        if kind == "errors":
+            point = point + generator.normal(0.0, size, 2)
+        elif kind in ("place", "zero"):
+            point = place * (kind == "place")
+        given, time = tuple(point.tolist()), clock if by_time else None
+        if kind == "missing":
+            given = None
+        elif kind == "gap":
+            continue
+        elif kind == "value":
+            near = generator.random() < 0.5
+            given = (
+                tuple(10.0 ** generator.uniform(-300, 31, 2))
+                if near
+                else VALUES[generator.integers(len(VALUES))]
+            )
+        elif kind == "time":
+            time = generator.choice([clock - 3.0 * tau, clock + 0.4 * tau, clock * 1e9, np.nan, np.inf])
+        found = accepted(functools.partial(tracker.update, given, time))
+        if found is None:
+            assert kind in ("value", "time") or needs_all, (seed, k, kind)
+            continue
+        measured |= given is not None
+        assert np.isfinite(found.estimate).all() or not measured, (seed, k, kind)
+        assert abs(found.probabilities.sum() - 1.0) < 1e-6, (seed, k, kind)
+        assert (found.covariance.diagonal() >= 0.0).all(), (seed, k, kind)
+    if announced or needs_all:  # a wrong declaration may lead such a track astray, without any error
+        return
+    assert found.agrees, seed
+    error = np.hypot(*(found.estimate[::2] - position)) / deviation
+    assert error < 5.0, (seed, error)
+
+
+@pytest.mark.parametrize("cases", counts(100, 10_000))
+def test_a_live_track_is_found_again(cases):
+    for seed in (*FOUND, *range(cases)):
+        attack_live(seed)

@@ -1,0 +1,72 @@
+"""Counts of a timeline against a literal loop, and their sum over blocks."""
+
+import numpy as np
+import pytest
+
+from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline
+
+
+def drawn(seed, moments=120):
+    generator = np.random.default_rng(seed)
+    modes, stated = (np.repeat(generator.integers(0, 3, 40), long)[:moments] for long in (6, 4))
+    scored = np.repeat(generator.random(40) < 0.8, 3)[:moments]
+    weights = np.where(scored, generator.random(moments), 0.0)
+    times = np.cumsum(0.1 + generator.random(moments))
+    return Timeline(times, modes, stated, scored, weights, scored & (generator.random(moments) < 0.9))
+
+
+def literal_counts(one, normal):
+    """The definitions of `TimelineCounts`, event by event."""
+    total = dict.fromkeys(TimelineCounts._fields, 0.0)
+    n = len(one.times)
+    for k in range(n):
+        total["scored"] += one.weights[k]
+        total["agreed"] += one.weights[k] * (one.modes[k] == one.stated[k])
+        total["normal"] += one.weights[k] * (one.modes[k] == normal)
+        total["samples"] += one.samples[k]
+
+    def runs(values):
+        begins = [k for k in range(1, n) if values[k] != values[k - 1]]
+        return zip(begins, [*begins[1:], n], strict=True)
+
+    for begin, end in runs(one.modes):
+        if one.scored[begin:end].mean() < 0.5:
+            continue
+        right = [k for k in range(begin, end) if one.stated[k] == one.modes[k]]
+        when = right[0] if right else min(end, n - 1)
+        waited = one.times[when] - one.times[begin]
+        total["undetected"] += waited
+        if right:
+            total["switches"] += 1
+            total["delay"] += waited
+        elif end < n:
+            total["switches"] += 1
+            total["missed"] += 1
+        else:
+            total["pending"] += 1
+    for begin, end in runs(one.stated):
+        if one.scored[begin:end].mean() <= 0.5:
+            continue
+        true = set(one.modes[begin:end].tolist())
+        total["changes"] += 1
+        total["false"] += one.stated[begin] not in true
+        total["false_alarms"] += true == {normal} and one.stated[begin] != normal
+    return list(total.values())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_counts_equal_those_of_a_literal_loop_also_in_blocks(seed):
+    one = drawn(seed)
+    expected = literal_counts(one, normal=1)
+    np.testing.assert_allclose(count_timeline(one, normal=1)[0], expected, atol=1e-12)
+    blocks = np.repeat([0, 1, 3], 40)
+    parts = count_timeline(one, normal=1, blocks=blocks)
+    assert parts.shape == (4, len(TimelineCounts._fields))
+    assert not parts[2].any()
+    np.testing.assert_allclose(parts.sum(0), expected, atol=1e-12)
+
+
+def test_without_a_normal_mode_there_are_no_false_alarms():
+    counts = TimelineCounts(*count_timeline(drawn(0))[0])
+    assert counts.false > 0
+    assert counts.false_alarms == 0
