@@ -8,6 +8,7 @@ cached in the folder NUMBA_CACHE_DIR, because numba does not distinguish it from
 """
 
 import gc
+import itertools
 import os
 import sys
 import zlib
@@ -23,6 +24,8 @@ from numba.extending import register_jitable
 from hybrid_env.core.cached_files import cache_name, cached_files, drop_stale_files
 
 config: Any = numba.config  # filled at run time
+
+_number = itertools.count(1)  # of the functions that this process has compiled
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 """Options of all functions. C never calls one."""
@@ -139,11 +142,12 @@ def _remove(name: Path | None) -> None:
 
 
 def _announce(dispatcher: Any, name: Path | None) -> None:
-    """Say which function is compiled, and whether later processes load it."""
+    """Say which function is compiled, how many are to be expected, and whether later processes load it."""
     kept = name is not None and os.access(name.parent, os.W_OK)
     until = "once" if kept else "in every process, as no cache can be written: set NUMBA_CACHE_DIR"
     function = f"{dispatcher.__module__.rpartition('.')[2]}.{dispatcher.__name__}"
-    print(f"HybridTrack: compiling {function}, up to 10 s, {until}", file=sys.stderr)
+    number = f"function {next(_number)}; most commands need 1 to 5"
+    print(f"HybridTrack: compiling {function} ({number}), up to 10 s, {until}", file=sys.stderr)
 
 
 @contextmanager
