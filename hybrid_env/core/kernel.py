@@ -139,7 +139,7 @@ def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -
             operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, model)
 
 
-@internal
+@inlined
 def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting: Any) -> None:
     """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
     if math.isnan(block.measurement[0, lane]):
@@ -169,7 +169,7 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
     return action - 1
 
 
-@internal
+@inlined
 def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
     if merged:
@@ -206,19 +206,15 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     block.active_mode[lane] = chosen
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
     start, stop = np.uint64(lane), np.uint64(lane + 1)
-    while irregular and block.tick[lane] < block.length[lane]:
-        move(block, noise, start, stop, arrays.sensors, setting)
-        if merged:
-            step_lanes(block, bank, start, stop, setting)
-        else:
-            follow_irregular(bank, lane, chosen, block, setting)
-        _record_estimate(block, lane, bank.hypotheses, trace, merged)
     while block.tick[lane] < block.length[lane]:
-        ticks = min(LANES, block.length[lane] - block.tick[lane])
-        # the noise of several ticks is drawn at once with SIMD code
-        draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
+        ticks = 1 if irregular else min(LANES, block.length[lane] - block.tick[lane])
+        if irregular:
+            move(block, noise, start, stop, arrays.sensors, setting)
+        else:  # the noise of several ticks is drawn at once with SIMD code
+            draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
-            move_lane(block, lane, noise, column, setting)
+            if not irregular:
+                move_lane(block, lane, noise, column, setting)
             if merged:
                 step_lanes(block, bank, start, stop, setting)
             else:
