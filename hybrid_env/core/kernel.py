@@ -205,7 +205,7 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
-    start, stop = np.uint64(lane), np.uint64(lane + 1)
+    model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
     while block.tick[lane] < block.length[lane]:
         ticks = 1 if irregular else min(LANES, block.length[lane] - block.tick[lane])
         if irregular:
@@ -217,8 +217,10 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
                 move_lane(block, lane, noise, column, setting)
             if merged:
                 step_lanes(block, bank, start, stop, setting)
-            else:
+            elif irregular:
                 follow_irregular(bank, lane, chosen, block, setting)
+            else:
+                operations.follow(bank, lane, chosen, block.measurement, model)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
     set_anchor(block, lane, bank, chosen, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
