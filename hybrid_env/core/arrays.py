@@ -112,6 +112,9 @@ def _tuple_reader(readers: list[Any]) -> Any:
     if len(readers) == 1:
         one = readers[0]
         return inlined(lambda source: (one(source),))
+    if len(readers) == 2:
+        one, two = readers
+        return inlined(lambda source: (one(source), two(source)))
     half = len(readers) // 2
     first, second = _tuple_reader(readers[:half]), _tuple_reader(readers[half:])
     return inlined(lambda source: first(source) + second(source))
