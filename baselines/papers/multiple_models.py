@@ -208,7 +208,8 @@ def reproduce(runs: int = 100, seed: int = 0) -> Reproduction:
             cells += _cells(table, one.name, estimates)
             curves.setdefault(title, {}).setdefault(one.name, []).append(estimates)
         lower: dict[str, list[str]] = {metric: [] for metric in COMPARED}
-        for one, other in [(one, found[0]) for one in found[1:]] + [(found[-1], found[-2])]:
+        pairs = [(one, found[0]) for one in found[1:]] + [(found[-2], found[1]), (found[-1], found[-2])]
+        for one, other in pairs:
             differences = {metric: one.difference(other, METRICS[metric][0]) for metric in COMPARED}
             cells += _cells(f"{table}, paired differences", f"{one.name} less {other.name}", differences)
             for metric, difference in differences.items():

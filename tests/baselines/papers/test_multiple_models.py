@@ -1,8 +1,11 @@
 """ATE against multiple models: figures of a run, cost and equalities that follow from the estimators."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from agents.cli import main
 from baselines.papers import golubkov2018, multiple_models
 from baselines.papers.multiple_models import SETTINGS, Tracked, estimators, score
 from hybrid_env.simulation import Simulation, simulate
@@ -62,19 +65,21 @@ def test_small_study_has_a_table_of_every_setting(monkeypatch):
     monkeypatch.setattr(multiple_models, "SETTINGS", SETTINGS[:1])
     monkeypatch.setattr(multiple_models, "VARIANCES", (0.1,))
     monkeypatch.setattr(
-        multiple_models, "MULTIPLE_MODELS", {"static": "static", "GPB1": "gpb1", "IMM": "imm"}
+        multiple_models, "MULTIPLE_MODELS", {"static": "static", "IMM": "imm", "GPB1": "gpb1"}
     )
     result = multiple_models.reproduce(runs=3, seed=1)
     names = {name: list(dict.fromkeys(cell.row for cell in cells)) for name, cells in result.tables.items()}
     known, unknown = (f"Golubkov 2018, {moments} moments, R = 0.1" for moments in ("known", "unknown"))
     assert names == {
-        known: ["ATE", "ATE, radius refined", "GPB1", "IMM"],
+        known: ["ATE", "ATE, radius refined", "IMM", "GPB1"],
         f"{known}, paired differences": [
-            "ATE, radius refined less ATE", "GPB1 less ATE", "IMM less ATE", "IMM less GPB1",
+            "ATE, radius refined less ATE", "IMM less ATE", "GPB1 less ATE", "IMM less ATE, radius refined",
+            "GPB1 less IMM",
         ],
-        unknown: ["detector 2020", "static", "GPB1", "IMM"],
+        unknown: ["detector 2020", "static", "IMM", "GPB1"],
         f"{unknown}, paired differences": [
-            "static less detector 2020", "GPB1 less detector 2020", "IMM less detector 2020", "IMM less GPB1",
+            "static less detector 2020", "IMM less detector 2020", "GPB1 less detector 2020",
+            "IMM less static", "GPB1 less IMM",
         ],
     }  # fmt: skip
     values = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
@@ -85,3 +90,13 @@ def test_small_study_has_a_table_of_every_setting(monkeypatch):
     assert values[known, "IMM", "nRMSE"] < 0.6 < values[known, "ATE", "nRMSE"]
     assert values[unknown, "IMM", "Kalman steps a tick"] == pytest.approx(21.0)
     assert "IMM < ATE" in result.findings[0].value
+
+
+@pytest.mark.study
+def test_the_tables_of_the_documentation_are_up_to_date(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "multiple_models.md").read_text()
+    shown = page.split("<!-- multiple models -->\n")[1].split("<!-- /multiple models -->")[0].splitlines()
+    assert main(["reproduce", "multiple_models", "--out", str(tmp_path)]) == 0
+    printed = (tmp_path / "multiple_models.md").read_text().splitlines()
+    assert len(shown) > 20
+    assert [line for line in shown if line.startswith("|") and line not in printed] == []
