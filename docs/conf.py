@@ -16,7 +16,7 @@ copyright = "The HybridTrack authors"
 version = release = installed_version("hybrid-track")
 
 extensions = [
-    "myst_parser",
+    "myst_nb",  # Markdown pages, and the notebook, which runs
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
@@ -25,9 +25,13 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "embedded_texts",
 ]
-exclude_patterns = ["_build", "_templates", "examples"]
+exclude_patterns = ["_build", "_templates", "examples", "gallery/*.ipynb"]
 
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_merge_streams = True
 
 highlight_language = "text"
 default_role = "literal"  # `name` in docstrings is code

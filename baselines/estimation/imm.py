@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import check_per_item
-from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, reject
+from baselines.estimation.track_filter import TrackFilter, check_covariance
+from hybrid_env.checks import FloatArray, check_array, reject
 
 SMALLEST = 1e-300  # smaller probabilities count as this one
 
@@ -156,6 +156,40 @@ class IMMFilter(TrackFilter):
         """(B, M) of the models."""
         return np.exp(self._log_probabilities)
 
+    @property
+    def estimates(self) -> tuple[FloatArray, FloatArray]:
+        """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
+        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+        return state, covariance
+
+    def begin_from_models(self, probabilities: ArrayLike, states: ArrayLike, covariances: ArrayLike) -> None:
+        """Forget everything and begin all tracks with an estimate of each model, such as `estimates`.
+
+        Args:
+            probabilities: (B, M) of the models.
+            states: (B, M, n). Derivatives that a model lacks are not used.
+            covariances: (B, M, n, n).
+
+        Raises:
+            ArgumentError: an array has another shape or a value that is not allowed.
+        """
+        shape = (None, len(self.filters))
+        weights, size = check_array("probabilities", probabilities, shape), self.axes * self.order
+        if (weights < 0.0).any() or not np.allclose(weights.sum(-1), 1.0):
+            raise reject("probabilities", probabilities, "numbers >= 0 whose sum is 1 for each track")
+        means = check_array("states", states, (len(weights), shape[1], size))
+        matrices = check_covariance(
+            "covariances",
+            check_array("covariances", covariances, (len(weights), shape[1], size, size)),
+            definite=False,
+        )
+        self._begin(len(weights))
+        self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
+        for j, one in enumerate(self.filters):
+            one._set(*_resized(means[:, j], matrices[:, j], self.axes, one.order, None))
+        self._merge()
+
     def transition(self, dt: float | FloatArray) -> FloatArray:
         """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s]."""
         return self._chain.transition(dt)
@@ -212,8 +246,8 @@ class IMMFilter(TrackFilter):
 
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
-        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
-        self.state, self.covariance = merged(parts, self.probabilities)
+        state, covariance = mixture(*self.estimates, self.probabilities[:, None])
+        self.state, self.covariance = state[:, 0], covariance[:, 0]
 
 
 def _resized(

@@ -1,0 +1,81 @@
+"""Segmentation of a track in the plane as a change detector of skchange, with the API of scikit-learn."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skchange.detectors import BaseChangeDetector
+from skchange.utils.validation import check_is_fitted, validate_data
+
+from baselines.recordings.decisions import ModelUnits, decide_recording
+from baselines.recordings.model_fit import fit_model
+from baselines.recordings.recording import make_recording
+from baselines.recordings.ticks import TickGrid, tick_grid
+from baselines.rules.decider import Decider
+from baselines.rules.threshold import ThresholdDecider
+from baselines.rules.tracker import OnlineTracker
+from hybrid_env.durations import GeometricDurations
+from hybrid_env.limits import MAX_LENGTH
+from hybrid_env.quickest_options import QuickestOptions
+
+THRESHOLD = 0.8  # of the default decider: fewer changes than at its own default
+
+
+class ModeDetector(BaseChangeDetector):
+    """Changes between straight motion, left and right turns in the positions of one object.
+
+    `fit` finds noise, radii and durations by maximum likelihood; `predict` states a mode at every position,
+    each from the positions up to it, and returns where it changes.
+
+    Args:
+        decider: a decider for unknown switch moments; None is `ThresholdDecider(0.8)`.
+        radii: turn radii in the unit of the positions; None finds one to three.
+        columns: of x and y among those of the data.
+
+    Attributes:
+        model_: `baselines.recordings.model_fit.TrackModel`, after `fit`.
+
+    >>> import numpy as np
+    >>> from hybrid_env.simulation import simulate
+    >>> track = simulate("S80 L80r5 S80", seed=0, measurement_variance=0.01).measurements[0]
+    >>> detector = ModeDetector().fit(track)
+    >>> len(detector.predict(track)), np.unique(detector.predict_modes(track)).tolist()
+    (2, [0, 1])
+    """
+
+    def __init__(
+        self,
+        decider: Decider | None = None,
+        radii: tuple[float, ...] | None = None,
+        columns: tuple[int, int] = (0, 1),
+    ):
+        self.decider = decider
+        self.radii = radii
+        self.columns = columns
+
+    def fit(self, X: ArrayLike, y: Any = None) -> "ModeDetector":
+        """Find the model of the positions (T, >= 2), one at every tick. y is not used."""
+        self.model_ = fit_model(self._grid(X, reset=True), self.radii)
+        return self
+
+    def predict(self, X: ArrayLike) -> NDArray[np.int64]:
+        """Return the first rows of new modes, sorted. X: (T, >= 2), one row at every tick."""
+        return np.flatnonzero(np.diff(self.predict_modes(X))) + 1
+
+    def predict_modes(self, X: ArrayLike) -> NDArray[np.int64]:
+        """Return the mode at every row, (T,): 0 straight, then the left and the right turns."""
+        check_is_fitted(self)
+        grid, model = self._grid(X, reset=False), self.model_
+        options: dict[str, Any] = ModelUnits.of(model).options(model)
+        world = QuickestOptions(
+            **options, durations=GeometricDurations(model.duration), start="random",
+            ticks=min(grid.total, MAX_LENGTH),
+        )  # fmt: skip
+        tracker = OnlineTracker(world, ThresholdDecider(THRESHOLD) if self.decider is None else self.decider)
+        return np.concatenate([found.modes for found in decide_recording(grid, model, tracker)])
+
+    def _grid(self, X: ArrayLike, reset: bool) -> TickGrid:
+        rows = validate_data(
+            self, X, reset=reset, dtype=np.float64, ensure_min_samples=5, ensure_min_features=1 + reset
+        )
+        return tick_grid(make_recording(None, rows[:, list(self.columns)]))

@@ -1,0 +1,101 @@
+"""
+Two crossing targets in Stone Soup
+==================================
+
+Two targets cross, and nobody says which detection is whose; some are missing, and some are clutter. `Stone Soup
+<https://stonesoup.readthedocs.io>`_ associates them, with the interacting multiple model filter of HybridTrack as its
+predictor and updater. Each of its tracks then goes through a live tracker, whose decider states mode and switches.
+``pip install 'hybrid-track[stonesoup]'``
+"""
+
+# %%
+# The scans: at each tick a set of detections without labels. Halfway both targets are within half a metre of each other.
+
+import datetime
+
+import matplotlib.pyplot as plt
+import numpy as np
+from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
+from stonesoup.deleter.time import UpdateTimeStepsDeleter
+from stonesoup.hypothesiser.distance import DistanceHypothesiser
+from stonesoup.initiator.simple import MultiMeasurementInitiator
+from stonesoup.measures import Mahalanobis
+from stonesoup.models.measurement.linear import LinearGaussian
+from stonesoup.tracker.simple import MultiTargetTracker
+from stonesoup.types.detection import Detection
+from stonesoup.types.state import GaussianState
+
+from baselines import OnlineTracker, ThresholdDecider
+from baselines.adapters import IMMPredictor, IMMUpdater, decide_track, measured_position
+from baselines.estimation.imm import IMMFilter
+from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.motion_models import MotionModel
+from hybrid_env import QuickestOptions
+from hybrid_env.rendering.evidence import mode_colour, mode_name
+from hybrid_env.simulation import simulate
+
+tau, variance, radii = 0.1, 0.01, (5.0,)
+down = simulate("S40 R30r5 S50 L60r5", seed=1, start=(0, 2, 8, 0), tau=tau, measurement_variance=variance)
+up = simulate("S40 L30r5 S50 R60r5", seed=2, start=(0.5, 2, -8, 0), tau=tau, measurement_variance=variance)
+truth = np.stack([down.truth[0], up.truth[0]])
+ticks = truth.shape[1]
+
+rng, start = np.random.default_rng(0), datetime.datetime(2030, 1, 1)
+scans = []
+for k in range(ticks):
+    time = start + datetime.timedelta(seconds=tau * k)
+    points = [one.measurements[0, k] for one in (down, up) if rng.random() < 0.95]
+    points += list(rng.uniform((0, -10), (26, 10), (rng.poisson(0.5), 2)))
+    scans.append((time, {Detection(point[:, None], timestamp=time) for point in points}))
+
+# %%
+# Stone Soup's own hypothesiser, associator, initiator and deleter around our predictor and updater. The filter has a
+# model for steady motion and one for turns.
+
+sensor = LinearGaussian(4, (0, 2), variance * np.eye(2))
+imm = IMMFilter(
+    [KalmanFilter(MotionModel("CV", 2, noise), variance, (3.0,)) for noise in (0.01, 3.0)], sojourns=5.0
+)
+predictor, updater = IMMPredictor(imm), IMMUpdater(imm, measurement_model=sensor)
+associator = GNNWith2DAssignment(DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=4))
+deleter = UpdateTimeStepsDeleter(10)
+initiator = MultiMeasurementInitiator(
+    GaussianState(np.zeros((4, 1)), np.diag([0.0, 9.0, 0.0, 9.0]), timestamp=start),
+    UpdateTimeStepsDeleter(2), associator, updater, measurement_model=sensor, min_points=8,
+)  # fmt: skip
+tracks = set()
+for _, present in MultiTargetTracker(initiator, deleter, iter(scans), associator, updater):
+    tracks |= present
+tracks = sorted(tracks, key=len)[-2:]
+
+# %%
+# A live tracker for each of them.
+
+options = QuickestOptions(radii=radii, tau=tau, measurement_variance=variance)
+stated = [decide_track(track, OnlineTracker(options, ThresholdDecider(0.6))) for track in tracks]
+
+figure, (ground, probability) = plt.subplots(
+    2, 1, figsize=(9, 7.5), layout="constrained", height_ratios=(2, 1)
+)
+clutter = np.array([np.ravel(one.state_vector) for _, scan in scans for one in scan])
+ground.plot(*clutter.T, ".", color="0.8", markersize=3, label="detections")
+ground.plot(*truth[:, :, [0, 2]].T, color="0.6", linewidth=4, alpha=0.5)
+for track, updates, style in zip(tracks, stated, ("-", ":"), strict=True):
+    modes, where = np.array([now.mode for now in updates]), np.array([now.estimate for now in updates])
+    times = np.array([(state.timestamp - start).total_seconds() for state in track])
+    for mode in range(3):
+        part = modes == mode
+        ground.plot(*where[part][:, [0, 2]].T, ".", color=mode_colour(mode, radii), markersize=5)
+        chance = [now.probabilities[mode] for now in updates]
+        probability.plot(times, chance, style, color=mode_colour(mode, radii))
+    switches = times[np.flatnonzero(np.diff(modes)) + 1]
+    name = "from above" if where[0, 2] > 0 else "from below"
+    missed = sum(measured_position(state) is None for state in track)
+    print(f"{name}: {len(track)} of {ticks} ticks, {missed} without a detection,", end=" ")
+    print("switches stated at", switches, "s")
+for mode in range(3):
+    ground.plot([], [], "o", color=mode_colour(mode, radii), label=mode_name(mode, radii))
+ground.set(xlabel="x, m", ylabel="y, m", aspect="equal", title="Stated modes of both tracks")
+ground.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+probability.set(xlabel="time, s", ylabel="probability", title="Modes; dotted: the other track")
+plt.show()
