@@ -71,5 +71,5 @@ def test_physics_is_refused_for_other_papers(papers, capsys, tmp_path):
 
 def test_papers_are_found_by_their_figures_in_the_order_of_their_years():
     papers = ("golubkov2018", "tsyganov2019", "golubkov2020")
-    assert command.PAPERS == (*papers, "multiple_models", "novospaskyi", "zimchuk")
+    assert (*papers, "multiple_models", "novospaskyi", "zimchuk") == command.PAPERS
     assert command.Reproduce().papers == (*papers, "zimchuk")
