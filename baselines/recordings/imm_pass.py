@@ -201,7 +201,7 @@ def imm_pass(
                 if not together:
                     of_tick = renewed if chunks.switches[b, k, lane] else model
                     if measured:
-                        step_imm(bank, block, lane, lane + 1, radii, of_tick)
+                        step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)
                     else:
                         predict_imm(bank, block, lane, radii, of_tick)
                 if measured:

@@ -83,10 +83,11 @@ def test_classes_subclasses_and_objects_are_found(source):
 
 
 def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
+    source.rename(source.with_name("rules_of_a_package.py"))
     monkeypatch.chdir(source.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    assert find_family("mine:Patient", OPTIONS).name == "patient rule"
-    point = EntryPoint("patient", "mine:Patient", own.ENTRY_POINTS)
+    assert find_family("rules_of_a_package:Patient", OPTIONS).name == "patient rule"
+    point = EntryPoint("patient", "rules_of_a_package:Patient", own.ENTRY_POINTS)
     monkeypatch.setattr(own, "entry_points", lambda group: [point] if group == own.ENTRY_POINTS else [])
     assert find_decider("patient:2", OPTIONS)[1] == 2
     with pytest.raises(ArgumentError, match="'patient'"):
