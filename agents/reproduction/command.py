@@ -18,6 +18,9 @@ from hybrid_env.checks import check_integer, reject
 RADAR_STUDY = "novospaskyi"
 """The paper whose study takes some minutes, with a folder for its finished parts and processes of its own."""
 
+LONG = (RADAR_STUDY, "multiple_models")
+"""Studies that take some minutes and run on request only."""
+
 MOST_PROCESSES = 8  # of the radar study
 
 
@@ -45,12 +48,13 @@ class Reproduce(ParallelArguments):
     """
 
     papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = tuple(
-        paper for paper in PAPERS if paper != RADAR_STUDY
+        paper for paper in PAPERS if paper not in LONG
     )
-    """Papers to reproduce; by default all but novospaskyi, which takes some minutes."""
+    """Papers to reproduce; by default all but novospaskyi and multiple_models, which take some minutes. The
+    latter is ATE against the IMM, GPB1, GPB2 and the static multiple model."""
     runs: int | None = None
-    """Number of runs of each study, 1000 by default; Golubkov and Tsyganov used 100. For novospaskyi the
-    number of seeds of the noise, 10 by default."""
+    """Number of runs of each study, 1000 by default and 100 for multiple_models; Golubkov and Tsyganov used
+    100. For novospaskyi the number of seeds of the noise, 10 by default."""
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results")

@@ -45,12 +45,21 @@ def _notes(cells: Sequence[Cell]) -> str:
     return " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
 
 
+def _unpublished(cells: Sequence[Cell]) -> str:
+    """Rows beside columns of a table without published values; "" if it has some, or not all of ours."""
+    values = {(cell.row, cell.column): f"{_row(cell)[3]} ({_row(cell)[4]})" for cell in cells}
+    rows, columns = (list(dict.fromkeys(names)) for names in zip(*values, strict=True))
+    if len(values) < len(rows) * len(columns) or any(cell.verdict != "not published" for cell in cells):
+        return ""
+    return markdown_table(("", *columns), [(row, *(values[row, one] for one in columns)) for row in rows])
+
+
 def to_markdown(result: Reproduction) -> str:
     """All tables of one paper."""
     text = [f"# Reproduction of {result.paper}\n", f"{describe_runs(result)}\n"]
     for name, cells in result.tables.items():
         text += [f"## {_title(result, name)}\n", f"{_notes(cells)}\n"]
-        text += [markdown_table(HEADER, [_row(cell) for cell in cells])]
+        text += [_unpublished(cells) or markdown_table(HEADER, [_row(cell) for cell in cells])]
     rows = [(finding.name, finding.value, finding.claim) for finding in result.findings]
     text += [f"## {FINDINGS_TITLE.capitalize()}\n", markdown_table(FINDINGS_HEADER, rows)]
     return "\n".join(text)
