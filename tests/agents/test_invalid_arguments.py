@@ -136,8 +136,6 @@ INVALID_ARGUMENTS = [
     ("reproduce golubkov2018 golubkov2018", "papers=('golubkov2018', 'golubkov2018')"),
     ("reproduce --runs 1", "runs=1"),
     ("reproduce --seed -1", "seed=-1"),
-    ("reproduce --physics maybe", "maybe"),
-    ("reproduce golubkov2018 --physics", "novospaskyi, with --physics"),
     ("reproduce --out bad.txt", "out="),
     ("track", "files=()"),
     ("track nofile.csv", "file='nofile.csv'"),
