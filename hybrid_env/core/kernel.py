@@ -253,7 +253,7 @@ def _clear_step(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> Non
             arrays.decision_flags[k, i] = False
 
 
-@internal
+@inlined
 def _tick(
     block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any
 ) -> None:

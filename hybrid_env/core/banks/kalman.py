@@ -100,9 +100,7 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 
 
 @inlined
-def weigh(
-    white_x: float, white_y: float, log_variance: float, freedom: float | None
-) -> tuple[float, float]:
+def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | None) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
 
     With the robust likelihood the innovations have a Student t distribution whose scale matrix is the
