@@ -70,7 +70,7 @@ CORRECT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}
 
 SCANNED_TAU = (0.05, 0.1, 0.2)  # [s]
 SCANNED_ALPHA = (0.05, 0.01, 1e-3, 1e-4)
-SCANNED_RUNS = 200
+SCANNED_RUNS = 100
 KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
     "P carried over from I, as reported": {},
     "P := I at every switch": {"carry_covariance": False},

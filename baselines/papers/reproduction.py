@@ -228,8 +228,17 @@ def table_row(
         note: meaning of the interval.
         excuses: `Cell.excuse` by column.
     """
+    known = np.array([*interval], np.float64)
+    found = np.full(
+        (len(known[0]), 6), math.nan
+    )  # without those of `with_own_interval` if they are not given
+    found[:, : len(known)] = known.T
     return [
-        Cell(table, row, column, value, *map(float, ours[:3]), digits, note, *map(float, ours[3:]),
-             excuse=(excuses or {}).get(column, ""))
-        for column, value, *ours in zip(columns, published, *interval, strict=True)
+        Cell(
+            table, row, column, value, ours, low, high, digits, note, own_low, own_high, median,
+            (excuses or {}).get(column, ""),
+        )
+        for column, value, (ours, low, high, own_low, own_high, median) in zip(
+            columns, published, found.tolist(), strict=True
+        )
     ]  # fmt: skip

@@ -30,6 +30,9 @@ def test_golubkov_2018_tables_are_reproduced():
     assert inside >= 36
     for cell in result.cells:
         assert cell.own_low < cell.ours < cell.own_high
+    tried = {finding.name: finding.value for finding in result.findings if finding.name.startswith("tried")}
+    best = [name for name, value in tried.items() if int(value.split()[0]) >= 30]
+    assert [name.partition("with ")[2] for name in best] == ["tau = 0.1 s, alpha = beta = 0.001"]
     known_modes = result.tables["Table 2, RMSE with known modes"]
     # R2 is close to the edge of its interval; the bound is 2.7 standard errors of a study of the paper's size
     for cell in known_modes:
