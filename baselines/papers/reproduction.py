@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import FloatArray
 
 RESAMPLES = 2000
 PAPER_RUNS = 100
@@ -160,9 +160,10 @@ def with_own_interval(
 
 
 @functools.lru_cache(maxsize=4)
-def _draws(seed: int, study_runs: int, runs: int) -> IntArray:
+def _draws(seed: int, study_runs: int, runs: int) -> FloatArray:
     """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
-    return np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    drawn = np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    return drawn.astype(np.float64)
 
 
 def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
