@@ -13,17 +13,6 @@ The subpackages, lowest first. Each imports only those listed before it, and a s
    the commands.
 """
 
-from typing import TYPE_CHECKING
-
 from hybrid_env.lazy_names import lazy_names
 
-if TYPE_CHECKING:
-    from agents.functions import compare as compare
-    from agents.functions import evaluate as evaluate
-    from agents.functions import load as load
-    from agents.functions import train as train
-    from agents.recordings.tracking import track_recording as track_recording
-else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__, {"functions": "compare evaluate load train", "recordings.tracking": "track_recording"}
-    )
+__all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -54,9 +54,10 @@ class ModelOptions:
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
             The filters then only predict; in the observation all innovations are zero, and
             `info["measurement"]` is NaN.
-        sensors: position sensors (`hybrid_env.Sensor`) that replace the one of variance R; their
-            measurements of a tick are fused, and a tick in which none measures is like a missed one. R stays
-            the unit of the observation and of `initial_error`, and is the same for both axes.
+        sensors: position sensors (`hybrid_env.Sensor`, or texts: a variance, "0.4 period 5 range 30 at 10
+            20") that replace the one of variance R; their measurements of a tick are fused, and a tick in
+            which none measures is like a missed one. R stays the unit of the observation and of
+            `initial_error`, and is the same for both axes.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
             one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a

@@ -15,7 +15,10 @@ from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 
 MOST_SENSORS = 100
 LARGEST_VARIANCE_RATIO = 1e12  # variance of a sensor over R, and R over it
-GRAMMAR = f"a list of at most {MOST_SENSORS} sensors (hybrid_env.Sensor, or mappings of its attributes)"
+GRAMMAR = (
+    f"a list of at most {MOST_SENSORS} sensors: hybrid_env.Sensor, mappings of its attributes, or texts such "
+    "as '0.4 period 5 range 30 at 10 20'"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,21 +58,36 @@ class Sensor:
 
 
 def parse_sensors(value: Any) -> tuple[Sensor, ...]:
-    """Return the sensors of a list of sensors or mappings. Raises `ArgumentError` for other values."""
+    """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for other values."""
     listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))
     if not listed or len(value) > MOST_SENSORS:
         raise reject("sensors", value, GRAMMAR)
     sensors = []
     for one in value:
-        if isinstance(one, Mapping):
+        if isinstance(one, (Mapping, str)):
             try:
-                one = Sensor(**one)
-            except (ArgumentError, TypeError) as error:
+                one = Sensor(**(_attributes(one) if isinstance(one, str) else one))
+            except (ArgumentError, TypeError, ValueError) as error:
                 raise reject("sensors", value, f"{GRAMMAR} ({error})") from None
         if not isinstance(one, Sensor):
             raise reject("sensors", value, GRAMMAR)
         sensors.append(one)
     return tuple(sensors)
+
+
+def _attributes(text: str) -> dict[str, Any]:
+    """Return the attributes of a sensor from "VARIANCE [period TICKS] [range DISTANCE] [at X Y]"."""
+    words = text.split()
+    found: dict[str, Any] = {"variance": float(words.pop(0))} if words else {}
+    while words:
+        name = words.pop(0)
+        if name == "at" and len(words) >= 2:
+            found["position"] = float(words.pop(0)), float(words.pop(0))
+        elif name in ("period", "range") and words:
+            found[name] = (int if name == "period" else float)(words.pop(0))
+        else:
+            raise ValueError(f"{name!r} in {text!r}")
+    return found
 
 
 def check_sensors(sensors: Sequence[Sensor], variances: Sequence[float]) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import new_table
+from agents.evaluation.cells import filled_table
 from agents.evaluation.curves import Groups, Selected, chosen, curves, means
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.evaluation.worlds import shifted_worlds
@@ -55,16 +55,18 @@ def calibration_rows(episodes: int, seed: int, options: Mapping[str, Any]) -> li
 
 def calibration_table(rows: Sequence[Mapping[str, Any]], bank: str) -> Table:
     """Return a table of `calibration_rows` of a bank."""
-    table = new_table(
+    cells = [
+        (
+            f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}",
+            "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}",
+        )
+        for row in rows
+    ]  # fmt: skip
+    return filled_table(
         f"Calibration of the {bank.replace('_', '-')} bank (no decisions)",
-        f"Calibration error: mean posterior minus accuracy,\nin bins of at least {MIN_COUNT:,} segments.",
-    )
-    for head in ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"):
-        table.add_column(head, justify="right")
-    for row in rows:
-        worst = "-" if row["worst"] is None else f"{100 * row['worst']:+.1f}"
-        table.add_row(f"{row['ticks']:g}", f"{100 * row['right']:.1f}", f"{100 * row['stated']:.1f}", worst)
-    return table
+        ("ticks", "accuracy\n%", "mean\nposterior, %", "largest calibration\nerror, %"), cells,
+        f"Calibration error: mean posterior minus accuracy,\nin bins of at least {MIN_COUNT:,} segments.", 0,
+    )  # fmt: skip
 
 
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
@@ -173,15 +175,16 @@ class AnnouncedTask(Task):
 
         A second table has the calibration of the bank.
         """
-        table = new_table("Error rate by previous decision")
-        table.add_column("decider")
-        for head in ("after a correct\ndecision, %", "after a wrong\ndecision, %"):
-            table.add_column(head, justify="right")
+        heads = ("decider", "after a correct\ndecision, %", "after a wrong\ndecision, %")
+        rows = []
         for one in scores:
             shares = [float(one.curve(statistic)[0]) for statistic in ERROR_AFTER.values()]
             cells = [f"{100 * share:.1f}" if np.isfinite(share) else "-" for share in shares]
-            table.add_row(escape(one.name), *cells)
-        return [table, calibration_table(remarks["bank"], self.options.bank)]
+            rows.append((escape(one.name), *cells))
+        return [
+            filled_table("Error rate by previous decision", heads, rows),
+            calibration_table(remarks["bank"], self.options.bank),
+        ]
 
     def panels(self, groups: Groups, complete: bool) -> list[Panel]:
         """Return accuracy and mean reward against mean decision time.

@@ -1,4 +1,6 @@
-"""Empty tables, and estimates with their intervals as cells of tables and words of lines."""
+"""Tables for the terminal and in Markdown; estimates with their intervals as cells and words of lines."""
+
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from rich import box
@@ -14,6 +16,32 @@ def new_table(title: str, caption: str = "") -> Table:
         title=escape(title), min_width=len(title), caption=escape(caption) or None, caption_justify="left",
         box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0),
     )  # fmt: skip
+
+
+def filled_table(
+    title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", texts: int = 1
+) -> Table:
+    """Return a table whose first columns, `texts` of them, are of text; an empty row draws a line."""
+    table = new_table(title, caption)
+    for column, head in enumerate(heads):
+        if column < texts:  # long names are wrapped, numbers are not
+            table.add_column(head, overflow="fold")
+        else:
+            table.add_column(head, justify="right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row) if row else table.add_section()
+    return table
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = (" | ".join(row) for row in rows)
+    return (
+        "\n".join(
+            ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *(f"| {line} |" for line in lines)]
+        )
+        + "\n"
+    )
 
 
 def estimate_cell(estimate: Estimate, scale: float, digits: int, undefined: str = "-", sign: str = "") -> str:

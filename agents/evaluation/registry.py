@@ -1,6 +1,7 @@
 """Deciders by name: classical rules, the shipped agents, and policies in run folders."""
 
 import dataclasses
+import importlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,25 +35,24 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
     task = FLIGHTS if options is None else options.switches
     if card_task(card) != task:
         raise reject("decider", str(folder), f"a policy for {TASKS[task]}")
-    kind: Any
-    match card["recipe"]["entry"]["algo"]:
-        case "anchor":
-            from agents.learned.anchor_decider import AnchorDecider
+    algo = card["recipe"]["entry"]["algo"]
+    if algo not in OWN_NETWORKS:
+        from agents.learned.policy import ACTORS, load_actor
 
-            kind = AnchorDecider
-        case "statements":
-            from agents.learned.statement_decider import StatementDecider
+        return ACTORS[task](load_actor(folder, weights, card)).trained(folder.name)
+    file, name = OWN_NETWORKS[algo]
+    kind = getattr(importlib.import_module(f"{learned.__name__}.{file}"), name)
+    family: DeciderFamily = kind.trained(
+        folder.name, load_network(folder, weights, card, kind.network), options
+    )
+    return family
 
-            kind = StatementDecider
-        case "flights":
-            from agents.learned.flight_decider import FlightAgent
 
-            kind = FlightAgent
-        case _:
-            from agents.learned.policy import ACTORS, load_actor
-
-            return ACTORS[task](load_actor(folder, weights, card)).trained(folder.name)
-    return kind.trained(folder.name, load_network(folder, weights, card, kind.network), options)
+OWN_NETWORKS = {
+    "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
+    "flights": ("flight_decider", "FlightAgent"),
+}  # fmt: skip
+"""File and class of the deciders whose networks are of this package, by training algorithm."""
 
 
 EXCHANGED = (".zip", ".onnx")

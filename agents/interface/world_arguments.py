@@ -18,11 +18,11 @@ from hybrid_env.registration import ENVIRONMENTS, environment_options
 
 CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
-WITHOUT_FLAG = ("sensors", "initial_error", "actions")
 _DEFAULT_TEXTS = {
     "heading": "random",
     "reset_covariance": "True for the published bank only",
     "hazard": "inverse of the mean duration",
+    "sensors": "one of variance R",
 }
 
 
@@ -36,6 +36,8 @@ def _text(value: Any) -> str:
 def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     """Return the type of the flag of an option, with its description and its defaults."""
     name, plain = field.name, str if str in typing.get_args(hint) else hint  # a law is given as a text
+    if name == "sensors":
+        plain = tuple[str, ...]
     parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
     text = " ".join(next(str(part.description) for part in parts if part.arg_name == name).split())
     text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)  # for callers in Python
@@ -55,7 +57,7 @@ def _flags() -> dict[str, Any]:
     for kind in (WorldOptions, QuickestOptions):
         hints = typing.get_type_hints(kind)
         for field in dataclasses.fields(kind):
-            if field.name not in (*WITHOUT_FLAG, *flags):
+            if field.name not in flags:
                 flags[field.name] = _flag(kind, field, hints[field.name])
     return flags
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import new_table
+from agents.evaluation.cells import filled_table, markdown_table
 from agents.figures.canvas import new_canvas
 from agents.figures.decider_colours import decider_styles
 from agents.league.entry import read_entry, scores_of
@@ -48,49 +48,43 @@ def best_of_rest(
 
 def league_table(entries: Sequence[dict[str, Any]]) -> Table:
     """Return a table with deciders in rows and the mean rewards over the worlds of each environment."""
-    table = new_table(
-        "League: mean reward over the worlds of each environment",
-        "informed: told what a user does not know. recurrent, memoryless: learned or own deciders with and "
-        "without memory. -: it cannot decide in one of the worlds.",
-    )
-    for head in ("decider", "kind"):
-        table.add_column(head)
-    for env_id, worlds in GROUPS.items():
-        name = env_id.removesuffix("-v0").replace("Track", "Track\n", 1)
-        table.add_column(f"{name}\n{len(worlds)} worlds", justify="right")
+    names = [env_id.removesuffix("-v0").replace("Track", "Track\n", 1) for env_id in GROUPS]
+    heads = [f"{name}\n{len(worlds)} worlds" for name, worlds in zip(names, GROUPS.values(), strict=True)]
+    rows = []
     for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
         cells = []
         for worlds in GROUPS.values():
             values = [reward(entry, world) for world in worlds]
             known = [value.value for value in values if value is not None]
             cells.append(f"{np.mean(known):.3f}" if len(known) == len(worlds) else "-")
-        table.add_row(escape(entry["title"]), entry["kind"], *cells)
-    return table
+        rows.append((escape(entry["title"]), entry["kind"], *cells))
+    return filled_table(
+        "League: mean reward over the worlds of each environment", ("decider", "kind", *heads), rows,
+        "informed: told what a user does not know. recurrent, memoryless: learned or own deciders with and "
+        "without memory. -: it cannot decide in one of the worlds.", 2,
+    )  # fmt: skip
 
 
 def world_table(entry: dict[str, Any], entries: Sequence[dict[str, Any]]) -> Table:
     """Return a table of a decider in every world, with the paired difference to the best of the others."""
-    table = new_table(
-        f"{escape(entry['title'])} ({entry['kind']}) in every world",
-        "difference: reward less that of the best other decider that is not informed, on the same episodes. "
-        "± half width of the 95 % confidence interval.",
-    )
-    for head in ("world", "threshold", "reward", "best other", "difference"):
-        table.add_column(head, justify="left" if head in ("world", "best other") else "right")
+    rows: list[tuple[str, ...]] = []
     for world in WORLDS:
         mine, one = scores_of(entry, world), entry["worlds"].get(world, {})
         if mine is None:
-            table.add_row(world, "-", "-", "", "")
+            rows.append((world, "-", "-", "", ""))
             continue
         best = best_of_rest(entries, entry, world)
         theirs = None if best is None else scores_of(best, world)
-        cells = [f"{one['threshold']:g}", _bounds(mine.estimate(REWARD, 0))]
-        if best is None or theirs is None:
-            cells += ["", ""]
-        else:
-            cells += [escape(best["title"]), _bounds(mine.difference(theirs, REWARD), "+")]
-        table.add_row(world, *cells)
-    return table
+        cells = [f"{one['threshold']:g}", _bounds(mine.estimate(REWARD, 0)), "", ""]
+        if best is not None and theirs is not None:
+            cells[2:] = escape(best["title"]), _bounds(mine.difference(theirs, REWARD), "+")
+        rows.append((world, *cells))
+    return filled_table(
+        f"{escape(entry['title'])} ({entry['kind']}) in every world",
+        ("world", "threshold", "reward", "best other", "difference"), rows,
+        "difference: reward less that of the best other decider that is not informed, on the same episodes. "
+        "± half width of the 95 % confidence interval.",
+    )  # fmt: skip
 
 
 def _bounds(estimate: Estimate, sign: str = "") -> str:
@@ -99,12 +93,12 @@ def _bounds(estimate: Estimate, sign: str = "") -> str:
 
 def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
     """Return a table in Markdown, with deciders in rows and all worlds in columns."""
-    lines = [f"| decider | kind | {' | '.join(WORLDS)} |", "|---|---|" + "---|" * len(WORLDS)]
+    rows = []
     for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
         values = [reward(entry, world) for world in WORLDS]
         cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
-        lines.append(f"| {entry['title']} | {entry['kind']} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        rows.append((entry["title"], entry["kind"], *cells))
+    return markdown_table(("decider", "kind", *WORLDS), rows)
 
 
 def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:

@@ -18,6 +18,9 @@ from hybrid_env.checks import check_integer, reject
 RADAR_STUDY = "novospaskyi"
 """The paper whose study takes some minutes, with a folder for its finished parts and processes of its own."""
 
+LONG = (RADAR_STUDY, "multiple_models")
+"""Studies that take some minutes and run on request only."""
+
 MOST_PROCESSES = 8  # of the radar study
 
 
@@ -45,14 +48,13 @@ class Reproduce(ParallelArguments):
     """
 
     papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = tuple(
-        paper for paper in PAPERS if paper != RADAR_STUDY
+        paper for paper in PAPERS if paper not in LONG
     )
-    """Papers to reproduce; by default all but novospaskyi, which takes some minutes."""
+    """Papers to reproduce; by default all but novospaskyi and multiple_models, which take some minutes. The
+    latter is ATE against the IMM, GPB1, GPB2 and the static multiple model."""
     runs: int | None = None
-    """Number of runs of each study, 1000 by default; Golubkov and Tsyganov used 100. For novospaskyi the
-    number of seeds of the noise, 10 by default."""
-    physics: bool = False
-    """novospaskyi: fly a quadrotor in PyBullet (extra `physics`) in place of a point mass."""
+    """Number of runs of each study, 1000 by default and 100 for multiple_models; Golubkov and Tsyganov used
+    100. For novospaskyi the number of seeds of the noise, 10 by default."""
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results")
@@ -69,8 +71,6 @@ class Reproduce(ParallelArguments):
         check_integer("seed", self.seed, minimum=0)
         if not self.papers or len(set(self.papers)) != len(self.papers):
             raise reject("papers", self.papers, "one or more papers, each at most once")
-        if self.physics and RADAR_STUDY not in self.papers:
-            raise reject("papers", self.papers, f"{RADAR_STUDY}, with --physics")
         from rich.console import Console
 
         from agents.interface.output_files import output_folder
@@ -112,7 +112,7 @@ class Reproduce(ParallelArguments):
             progress.update(task, completed=done, total=total, note=f"{stage}: {done} of {total}")
 
         run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
-        own = {"folder": folder / RADAR_STUDY, "physics": self.physics, "run": run, "progress": show}
+        own = {"folder": folder / RADAR_STUDY / "point-mass", "run": run, "progress": show}
         found = _reproduce(RADAR_STUDY, options | own)
         progress.remove_task(task)
         return found

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markdown import Markdown
 
+from agents.evaluation.cells import markdown_table
 from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, write_json
 from baselines.papers.reproduction import Cell, Reproduction
@@ -64,10 +65,13 @@ def _notes(cells: Sequence[Cell]) -> str:
     return " ".join(dict.fromkeys(cell.note for cell in cells if cell.note))
 
 
-def _markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
+def _unpublished(cells: Sequence[Cell]) -> str:
+    """Rows beside columns of a table without published values; "" if it has some, or not all of ours."""
+    values = {(cell.row, cell.column): f"{_row(cell)[3]} ({_row(cell)[4]})" for cell in cells}
+    rows, columns = (list(dict.fromkeys(names)) for names in zip(*values, strict=True))
+    if len(values) < len(rows) * len(columns) or any(cell.verdict != "not published" for cell in cells):
+        return ""
+    return markdown_table(("", *columns), [(row, *(values[row, one] for one in columns)) for row in rows])
 
 
 def to_markdown(result: Reproduction) -> str:
@@ -75,9 +79,9 @@ def to_markdown(result: Reproduction) -> str:
     text = [f"# Reproduction of {result.paper}\n", f"{describe_runs(result)}\n"]
     for name, cells in result.tables.items():
         text += [f"## {_title(result, name)}\n", f"{_notes(cells)}\n"]
-        text += [_markdown_table(HEADER, [_row(cell) for cell in cells])]
+        text += [_unpublished(cells) or markdown_table(HEADER, [_row(cell) for cell in cells])]
     rows = [(finding.name, finding.value, finding.claim) for finding in result.findings]
-    text += [f"## {FINDINGS_TITLE.capitalize()}\n", _markdown_table(FINDINGS_HEADER, rows)]
+    text += [f"## {FINDINGS_TITLE.capitalize()}\n", markdown_table(FINDINGS_HEADER, rows)]
     return "\n".join(text)
 
 
@@ -97,7 +101,7 @@ def summary_markdown(results: Sequence[Reproduction]) -> str:
                 (f"{result.paper}, {result.size}", name, f"{inside} of {total}" if total else "-",
                  "; ".join(outside) or ("none" if total else "-"), "; ".join(others) or "none")
             )  # fmt: skip
-    return _markdown_table(SUMMARY_HEADER, rows)
+    return markdown_table(SUMMARY_HEADER, rows)
 
 
 def to_json(result: Reproduction) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import bounds_cell, new_table
+from agents.evaluation.cells import bounds_cell, filled_table
 from agents.evaluation.flights import METRICS
 from agents.evaluation.task import Metric
 from agents.figures.tracks import recording_figure
@@ -42,28 +42,24 @@ def figures_table(result: FlightComparison) -> Table:
     first = next(iter(result.scores.values()))
     hours = sum(first.of("scored", 0)[result.counted]) / 3600.0
     form = "" if result.truth is not None else f", {result.task.form}"
-    table = new_table(
-        f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
-        f"{SECOND_LINES}\n"
-        "Twins: agreement on simulated flights with the same steps, speeds and turns.\n"
-        "Delay: from a change of the label to the first right statement.\n"
-        "False: a change to a mode that is not the label until the next change;\n"
-        "in brackets those of them to a turn while the label is straight motion.",
-    )
-    table.add_column("tier")
-    table.add_column("decider", min_width=9, overflow="fold")
-    for metric in SHOWN:
-        table.add_column(metric.head, justify="right", no_wrap=True)
-    table.add_column("twins", justify="right", no_wrap=True)
+    lines: list[tuple[str, ...]] = []
     for name, rows in result.groups.items():
         for number, (decider, label) in enumerate(result.names.items()):
             scores = result.scores[decider].some(rows)
             cells = [_cell(scores, metric) for metric in SHOWN]
             twins = value(result.twins[decider].some(rows))
             head = f"{name}\n({len(rows)})" if number == 0 else ""
-            table.add_row(head, escape(label), *cells, f"{twins:.3f}")
-        table.add_section()
-    return table
+            lines.append((head, escape(label), *cells, f"{twins:.3f}"))
+        lines.append(())
+    return filled_table(
+        f"{len(result.counted)} recorded flights{form}, {hours:.1f} scored hours",
+        ("tier", "decider", *(metric.head for metric in SHOWN), "twins"), lines,
+        f"{SECOND_LINES}\n"
+        "Twins: agreement on simulated flights with the same steps, speeds and turns.\n"
+        "Delay: from a change of the label to the first right statement.\n"
+        "False: a change to a mode that is not the label until the next change;\n"
+        "in brackets those of them to a turn while the label is straight motion.", 2,
+    )  # fmt: skip
 
 
 def _cell(scores: Scores, metric: Metric) -> str:
@@ -87,14 +83,15 @@ def value(scores: Scores, name: str = "agreement") -> float:
 def differences_table(result: FlightComparison) -> Table:
     """Paired differences of the agreement to the first decider."""
     first, *others = result.names.items()
-    table = new_table(f"Agreement less that of {first[1]}, percentage points", SECOND_LINES)
-    table.add_column("tier")
-    for _, label in others:
-        table.add_column(escape(label), justify="right", min_width=12)
-    for name, rows in result.groups.items():
-        cells = [bounds_cell(difference(result, decider, rows), 1, 100.0) for decider, _ in others]
-        table.add_row(name, *cells)
-    return table
+    lines = [
+        (name, *(bounds_cell(difference(result, decider, rows), 1, 100.0) for decider, _ in others))
+        for name, rows in result.groups.items()
+    ]
+    title, heads = (
+        f"Agreement less that of {first[1]}, percentage points",
+        [escape(label) for _, label in others],
+    )
+    return filled_table(title, ("tier", *heads), lines, SECOND_LINES)
 
 
 def difference(result: FlightComparison, decider: str, rows: list[int]) -> Estimate:
@@ -105,44 +102,36 @@ def difference(result: FlightComparison, decider: str, rows: list[int]) -> Estim
 
 def late_table(result: FlightComparison, truth: Scores) -> Table:
     """Figures of the labels, stated some positions late."""
-    table = new_table(
-        "The labels themselves, stated late",
-        "Late: figures of a decider that states the labels this number of positions late.\n"
-        "Truth: share of the time in which labels of twins are the true modes.",
-    )
-    table.add_column("tier")
-    table.add_column("truth", justify="right")
+    heads = ["tier", "truth"]
     for count in POSITIONS_LATE:
-        for head in (f"{count} late:\nagreement", "delay\ns", "false\nper hour"):
-            table.add_column(head, justify="right")
+        heads += [f"{count} late:\nagreement", "delay\ns", "false\nper hour"]
+    lines = []
     for tier, rows in result.groups.items():
-        cells = [f"{value(truth.some(rows)):.3f}"]
+        cells = [tier, f"{value(truth.some(rows)):.3f}"]
         for late in result.late:
             some = late.some(rows)
-            cells += [
-                f"{value(some):.3f}",
-                f"{value(some, 'delay'):.1f}",
-                f"{value(some, 'false_per_hour'):.1f}",
-            ]
-        table.add_row(tier, *cells)
-    return table
+            cells += [f"{value(some):.3f}"]
+            cells += [f"{value(some, name):.1f}" for name in ("delay", "false_per_hour")]
+        lines.append(cells)
+    return filled_table(
+        "The labels themselves, stated late", heads, lines,
+        "Late: figures of a decider that states the labels this number of positions late.\n"
+        "Truth: share of the time in which labels of twins are the true modes.",
+    )  # fmt: skip
 
 
 def sensitivity_table(result: FlightComparison) -> Table:
     """Effect of the settings of the labels."""
-    table = new_table(
+    decider = next(iter(result.names.values()))
+    return filled_table(
         "Labels with other settings",
+        ("setting", "same", "scored", "turns", f"agreement of\n{escape(decider)}"),
+        [
+            (one.name, f"{one.same:.3f}", f"{one.scored:.3f}", f"{one.turns}", f"{one.agreement:.3f}")
+            for one in result.sensitivity
+        ],
         "same: share of the time with the label as used, where both are scored.",
     )
-    table.add_column("setting")
-    decider = next(iter(result.names.values()))
-    for head in ("same", "scored", "turns", f"agreement of\n{escape(decider)}"):
-        table.add_column(head, justify="right")
-    for one in result.sensitivity:
-        table.add_row(
-            one.name, f"{one.same:.3f}", f"{one.scored:.3f}", f"{one.turns}", f"{one.agreement:.3f}"
-        )
-    return table
 
 
 def flights_json(result: FlightComparison) -> dict[str, Any]:

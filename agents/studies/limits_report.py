@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.evaluation.announced import AnnouncedTask
-from agents.evaluation.cells import signed
-from agents.evaluation.task import Task
+from agents.evaluation.cells import markdown_table, signed
 from agents.evaluation.unknown import UnknownTask
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import DeciderStyle, decider_styles
@@ -31,6 +30,7 @@ from baselines.scoring.scores import mean
 from baselines.scoring.statements import STATISTICS
 
 Row = tuple[Limit, Estimate | None]
+Cell = Callable[[Limit, Estimate | None], str]
 
 
 def limits_markdown(parts: Mapping[str, Sequence[Any]]) -> str:
@@ -47,67 +47,34 @@ def limits_markdown(parts: Mapping[str, Sequence[Any]]) -> str:
 
 def announced_markdown(found: Sequence[Limit]) -> str:
     """Return the steps for announced switches, one table per environment."""
-    lines = []
-    for place, rows in _places(found, AnnouncedTask).items():
-        lines += [
-            f"### From ATE to the bound on {place.rpartition(':')[2]}", "",
-            "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval.", "",
-            *_table("step", rows, lambda one: one.row, _gain_cell),
-        ]  # fmt: skip
-    return "\n".join(lines)
+    text = "Mean reward per segment; in brackets the gain over the row before, with its 95 % interval."
+    return _sections("From ATE to the bound on {}", gains(found, AnnouncedTask), {text: _gain_cell})
 
 
 def unknown_markdown(found: Sequence[Limit]) -> str:
     """Return the steps for unknown switches, three tables for each law of the durations."""
-    lines = []
-    for law, rows in _places(found, UnknownTask).items():
-        tables: tuple[tuple[str, Callable[[Limit, Estimate | None], str]], ...] = (
-            (
-                "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, "
-                "with its 95 % interval.", _gain_cell,
-            ),
-            (
-                "Mean delay of a switch in ticks (one that is not detected counts until the end of its "
-                "segment) / wrong changes of the statement per 1,000 ticks, at the same thresholds.",
-                _delay_cell,
-            ),
-            (
-                "Share of ticks at which the most probable mode is the true one, %, without a threshold.",
-                _right_cell,
-            ),
-        )  # fmt: skip
-        lines += [f"### HybridTrackQuickest-v0, durations {law}", ""]
-        for text, cell in tables:
-            shown = [row for row in rows if cell is not _right_cell or row[0].row != THRESHOLD]
-            lines += [text, "", *_table("step", shown, lambda one: one.row, cell)]
-    return "\n".join(lines)
+    tables: dict[str, Cell] = {
+        "Mean reward of a tick at the tuned threshold; in brackets the gain over the row before, with its "
+        "95 % interval.": _gain_cell,
+        "Mean delay of a switch in ticks (one that is not detected counts until the end of its segment) / "
+        "wrong changes of the statement per 1,000 ticks, at the same thresholds.": _delay_cell,
+        "Share of ticks at which the most probable mode is the true one, %, without a "
+        "threshold.": _right_cell,
+    }
+    return _sections("HybridTrackQuickest-v0, durations {}", gains(found, UnknownTask), tables)
 
 
 def rules_markdown(found: Sequence[Limit]) -> str:
     """Return decision times and rewards, one row per bank and rule."""
-    lines = []
-    for place, rows in _places(found, None).items():
-        lines += [
-            f"### {place.rpartition(':')[2]}", "",
-            "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the best "
-            "threshold.", "",
-            *_table(
-                "bank | rule", rows, lambda one: f"{one.bank.replace('_', '-')} | {one.row}", _times_cell
-            ),
-        ]  # fmt: skip
-    return "\n".join(lines)
+    text = "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the best "
+    rows = [(one, None) for one in found]
+    return _sections("{}", rows, {f"{text}threshold.": _times_cell}, "bank | rule")
 
 
 def calibration_markdown(found: Sequence[Mapping[str, Any]]) -> str:
     """Return accuracy and mean posterior by bank, noise level and tick."""
     ticks = list(dict.fromkeys(one["ticks"] for one in found))
-    lines = [
-        "### Calibration of the banks: accuracy / mean posterior of the most probable hypothesis, %", "",
-        "HybridTrack-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
-        "accuracy in a bin of the posterior).", "",
-        "| bank | R | " + " | ".join(f"after {tick} ticks" for tick in ticks) + " |",
-        "|---|---|" + "---|" * len(ticks),
-    ]  # fmt: skip
+    rows = []
     for bank, noise in dict.fromkeys((one["bank"], one["noise"]) for one in found):
         cells = [
             f"{100 * one['right']:.1f} / {100 * one['stated']:.1f} "
@@ -115,51 +82,41 @@ def calibration_markdown(found: Sequence[Mapping[str, Any]]) -> str:
             for one in found
             if (one["bank"], one["noise"]) == (bank, noise)
         ]
-        lines.append(f"| {bank} | {noise:g} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+        rows.append((bank, f"{noise:g}", *cells))
+    return (
+        "### Calibration of the banks: accuracy / mean posterior of the most probable hypothesis, %\n\n"
+        "HybridTrack-v0, no decisions; in brackets the largest calibration error (mean posterior minus "
+        "accuracy in a bin of the posterior).\n\n"
+        + markdown_table(("bank", "R", *(f"after {tick} ticks" for tick in ticks)), rows)
+    )
 
 
 def type_accuracy_markdown(found: Sequence[Limit]) -> str:
     """Return the type accuracy of the gap rule on the scheme of Golubkov 2018."""
-    lines = [
-        "### The gap rule at ln 99 on the scheme of Golubkov 2018", "",
-        "| bank | R | type accuracy, % | mean ticks |", "|---|---|---|---|",
-    ]  # fmt: skip
+    rows = []
     for one in found:
         accuracy = one.scores.estimate(mean("type_accuracy", share=True))
         ticks = float(one.scores.curve(mean("ticks"))[0])
         bank = one.bank.replace("_", "-")
-        lines.append(f"| {bank} | {one.noise:g} | {_bounds(accuracy, 1, 100.0)} | {ticks:.1f} |")
-    return "\n".join(lines) + "\n"
+        rows.append((bank, f"{one.noise:g}", _bounds(accuracy, 1, 100.0), f"{ticks:.1f}"))
+    heads = ("bank", "R", "type accuracy, %", "mean ticks")
+    return "### The gap rule at ln 99 on the scheme of Golubkov 2018\n\n" + markdown_table(heads, rows)
 
 
-def _places(found: Sequence[Limit], task: type[Task] | None) -> dict[str, list[Row]]:
-    """Return results by place, with the gains of steps if there is a task."""
-    rows = [(one, None) for one in found] if task is None else gains(found, task)
-    return {
-        place: [row for row in rows if row[0].place == place]
-        for place in dict.fromkeys(o.place for o in found)
-    }
-
-
-def _table(
-    head: str,
-    rows: Sequence[Row],
-    name: Callable[[Limit], str],
-    cell: Callable[[Limit, Estimate | None], str],
-) -> list[str]:
-    """Return the lines of a table with noise levels in columns."""
-    lines = [f"| {head} | " + " | ".join(f"R = {noise:g}" for noise in NOISE_LEVELS) + " |"]
-    lines += ["|" + "---|" * (head.count("|") + 1 + len(NOISE_LEVELS))]
-    for shown in dict.fromkeys(name(one) for one, _ in rows):
-        cells = [
-            cell(*row)
-            for noise in NOISE_LEVELS
-            for row in rows
-            if (name(row[0]), row[0].noise) == (shown, noise)
-        ]
-        lines.append(f"| {shown} | " + " | ".join(cells) + " |")
-    return [*lines, ""]
+def _sections(title: str, rows: Sequence[Row], tables: Mapping[str, Cell], head: str = "step") -> str:
+    """Return a section for each place, with tables of cells by their text; noise levels are in columns."""
+    heads = [*head.split(" | "), *(f"R = {noise:g}" for noise in NOISE_LEVELS)]
+    parts = []
+    for place in dict.fromkeys(one.place for one, _ in rows):
+        parts.append(f"### {title.format(place.rpartition(':')[2])}\n")
+        for text, cell in tables.items():
+            lines: dict[tuple[str, ...], list[str]] = {}
+            for one, gain in sorted(rows, key=lambda row: NOISE_LEVELS.index(row[0].noise)):
+                if one.place == place and (cell is not _right_cell or one.row != THRESHOLD):
+                    name = (one.bank.replace("_", "-"), one.row) if one.bank else (one.row,)
+                    lines.setdefault(name, []).append(cell(one, gain))
+            parts += [f"{text}\n", markdown_table(heads, [(*name, *cells) for name, cells in lines.items()])]
+    return "\n".join(parts)
 
 
 def _gain_cell(one: Limit, gain: Estimate | None) -> str:

@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import estimate_cell, new_table
+from agents.evaluation.cells import estimate_cell, filled_table
 from agents.figures.canvas import legend_beside, new_canvas
 from agents.figures.tracks import UNDECIDED_COLOUR, draw_timelines, wrong_patch
 from baselines.scoring.score import TimelineScores
@@ -57,17 +57,15 @@ def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Tabl
     heads = {key: head for key, head in HEADS.items() if key != "false_alarms" or result.normal is not None}
     tables = []
     for title, caption, rows, sign in contents:
-        table = new_table(title, caption)
-        table.add_column("statements", min_width=10, overflow="fold")
-        for head, *_ in heads.values():
-            table.add_column(head.format(unit=unit, per=per), justify="right", no_wrap=True)
+        lines = []
         for name, figures in rows.items():
             cells = [
                 estimate_cell(figures[key], scale, digits, sign=sign)
                 for key, (_, digits, scale) in heads.items()
             ]
-            table.add_row(escape(name), *cells)
-        tables.append(table)
+            lines.append((escape(name), *cells))
+        shown = [head.format(unit=unit, per=per) for head, *_ in heads.values()]
+        tables.append(filled_table(title, ("statements", *shown), lines, caption))
     return tables
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from agents.evaluation.cells import bounds_cell, estimate_cell, new_table
+from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
 from agents.evaluation.task import Metric, Task
 from agents.studies.comparison import Comparison
 from baselines.rules.fixed_time import NO_EARLY_DECISION
@@ -43,13 +43,10 @@ def scores_table(
     compared = any(difference is not None for *_, difference in rows)
     if compared:
         notes += f"diff.: {task.goal} less that of {to} on the same episodes.\n"
-    table = new_table(title, f"{notes}{HALF_WIDTH}\n{task.notes}".strip())
     quantiles = "delay_quantiles" in rows[0][0].extra
-    table.add_column("decider", min_width=12, overflow="fold")  # long names are wrapped, numbers are not
-    heads = [metric.head for metric in task.metrics]
+    heads = ["decider     ", *(metric.head for metric in task.metrics)]
     heads += ["delay,\n50, 90 %"] * quantiles + [f"{task.goal}\ndiff."] * compared
-    for head in heads:
-        table.add_column(head, justify="right", no_wrap=True)
+    lines = []
     for scores, figures, difference in rows:
         cells = [metric_cell(metric, figures[metric.name]) for metric in task.metrics]
         if quantiles:
@@ -58,8 +55,8 @@ def scores_table(
         if compared:
             goal = next(metric for metric in task.metrics if metric.name == task.goal)
             cells.append("" if difference is None else estimate_cell(difference, 1.0, goal.digits, sign="+"))
-        table.add_row(decider_cell(scores), *cells)
-    return table
+        lines.append((decider_cell(scores), *cells))
+    return filled_table(title, heads, lines, f"{notes}{HALF_WIDTH}\n{task.notes}".strip())
 
 
 def decider_cell(scores: Scores) -> str:
@@ -92,32 +89,22 @@ def levels_table(result: Comparison) -> Table:
     """Return figures of whole operating curves, and paired figures of each decider and the reference."""
     task, (reference, *others) = result.plan.task, result.entries
     word = {"diff.": f"diff.: less that of {reference.name}", "ratio": f"ratio: to that of {reference.name}"}
-    table = new_table(
-        "On the operating curves",
-        f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes, with its "
-        "95 % interval.",
-    )
-    pairs = [
-        (key, name) for key, found in (result.against(others[0]) if others else {}).items() for name in found
-    ]
-    pairs += [
-        pair
-        for entry in others[1:]
-        for pair in ((key, name) for key, found in result.against(entry).items() for name in found)
-        if pair not in pairs
-    ]
-    table.add_column("decider", overflow="fold")
-    heads = [metric.head for metric in result.levels.values()]
+    found = [result.against(entry).items() for entry in others]
+    pairs = list(dict.fromkeys((key, name) for one in found for key, names in one for name in names))
+    heads = ["decider", *(metric.head for metric in result.levels.values())]
     heads += [f"{name.replace('_', ' ')}\n{task.paired}" for _, name in pairs]
-    for head in heads:
-        table.add_column(head, justify="right", no_wrap=True)
+    lines = []
     for entry in result.entries:
         cells = [metric_cell(metric, result.level(entry, keys)) for keys, metric in result.levels.items()]
         for key, name in pairs:
             paired = None if entry is reference else result.against(entry).get(key, {}).get(name)
             cells.append("" if paired is None else bounds_cell(paired, 3))
-        table.add_row(escape(entry.name), *cells)
-    return table
+        lines.append((escape(entry.name), *cells))
+    return filled_table(
+        "On the operating curves", heads, lines,
+        f"Interpolated between thresholds. {HALF_WIDTH}\n{word[task.paired]} on the same episodes, with its "
+        "95 % interval.",
+    )  # fmt: skip
 
 
 def spread_lines(result: Comparison) -> list[str]:
@@ -159,9 +146,5 @@ def unreached_lines(result: Comparison) -> list[str]:
 
 def confusion_table(name: str, counts: Any, modes: Sequence[str]) -> Table:
     """Return a confusion matrix. counts: (M, M), true mode in rows, decided mode in columns."""
-    table = new_table(f"{name}: true mode in rows, decided mode in columns")
-    for head in ("", *modes):
-        table.add_column(head, justify="right")
-    for mode, row in zip(modes, counts, strict=True):
-        table.add_row(mode, *map(str, row))
-    return table
+    rows = [(mode, *map(str, row)) for mode, row in zip(modes, counts, strict=True)]
+    return filled_table(f"{name}: true mode in rows, decided mode in columns", ("", *modes), rows)

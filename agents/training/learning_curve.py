@@ -5,12 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-
 from agents.evaluation.task import Wording, sweep
 from agents.evaluation.tasks import task_of
-from agents.figures.canvas import new_canvas, plain_axes, save_figure
-from agents.figures.curve_labels import label_curves
+from agents.figures.canvas import save_figure
+from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
@@ -138,28 +136,21 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         path: of the figure.
         curve: of the run. A dashed line is its classical rule at the best threshold.
     """
-    canvas = new_canvas((10, 4), layout=ConstrainedLayoutEngine(wspace=0.05))
     points = learning_points(read_metrics(folder))
-    rewards = [row[REWARD_KEY] for row in points]
+    rewards, rule = [row[REWARD_KEY] for row in points], f"{curve.wording.rule} at its best threshold"
     agent, reference = decider_style(folder.name), decider_style(curve.wording.rule)
     columns = {
         "training time, s": [row["seconds"] for row in points],
         "environment steps, millions": [row["step"] / 1e6 for row in points],
     }
-    panels = canvas.subplots(1, len(columns), sharey=True)
-    curves = []
-    for axes, (label, values) in zip(panels, columns.items(), strict=True):
-        lines = axes.plot(values, rewards, marker=agent.marker, markersize=3.5, color=agent.colour)
-        names = [folder.name]
+    panels = []
+    for label, values in columns.items():
+        curves = [Curve(folder.name, agent, values, rewards, size=3.5, filled=True)] if points else []
         if points:
-            level = points[-1][curve.reference_key]
-            lines.append(axes.axhline(level, color=reference.colour, linestyle="--"))
-            names.append(f"{curve.wording.rule} at its best threshold")
-        curves.append(list(zip(lines, names, strict=True)))
-        plain_axes(axes, label)
-        axes.set_xlim(left=0)
-    panels[0].set_ylabel(f"mean reward per {curve.wording.unit}")
-    if points:
-        for axes, named in zip(panels, curves, strict=True):
-            label_curves(axes, named)
-    save_figure(canvas, path)
+            level, end = points[-1][curve.reference_key], 1.05 * max(values)
+            curves.append(
+                Curve(rule, reference, [1e-3 * end, 0.999 * end], [level] * 2, size=0.0, dashes="--")
+            )
+        axis = Axis(label, (0.0, end) if points else None)
+        panels.append(Panel("", axis, Axis(f"mean reward per {curve.wording.unit}"), curves))
+    save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

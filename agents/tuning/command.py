@@ -50,8 +50,8 @@ class Tune(WorldArguments, ParallelArguments):
             check_integer("steps", self.steps)
         workers = self.workers()
         from rich.console import Console
-        from rich.table import Table
 
+        from agents.evaluation.cells import filled_table
         from agents.interface.output_files import output_folder
         from agents.interface.progress import progress_display
         from agents.training.recipe import load_recipe
@@ -87,13 +87,12 @@ class Tune(WorldArguments, ParallelArguments):
             if not rows:
                 raise reject("trials", self.trials, "more trials: none was trained to its end")
             path = write_best(search, study, folder)
-        table = Table(title=f"Best of {len(ended(study))} trials")
-        for header in ("trial", "reward", *(one.name for one in ranges)):
-            table.add_column(header, justify="right")
+        lines = []
         for row in rows:
             values = [row.params[one.name] for one in ranges]
             shown = [f"{value:.3g}" if isinstance(value, float) else str(value) for value in values]
-            table.add_row(str(row.number), f"{row.value:.3f}", *shown)
-        console.print(table)
+            lines.append((str(row.number), f"{row.value:.3f}", *shown))
+        heads = ("trial", "reward", *(one.name for one in ranges))
+        console.print(filled_table(f"Best of {len(ended(study))} trials", heads, lines))
         console.print(f"Best recipe: {path}", markup=False, highlight=False)
         console.print(f"Next: hybridtrack train --recipe {path}", markup=False, highlight=False)

@@ -12,7 +12,8 @@ number, (d,), (d, d) or (B, d, d). `run_filter.run_filter` runs a filter over a 
     filtered = run_filter(cv, measurements, times)             # .positions, .velocities, .log_likelihoods
     smoothed = smooth(model, filtered, times)                  # smoother: fixed interval
 
-Besides `kalman` there is `imm`. `correction` corrects by one component of a measurement after the other.
+Besides `kalman` there is `imm`, and `multiple_models` for turns of known radii. `correction` corrects by one
+component of a measurement after the other.
 `turns` and `turn_beam` state modes of recorded flights by filters for known turn rates.
 
 May import: `hybrid_env`. Never another room of `baselines`, nor `agents`.

@@ -96,6 +96,15 @@ def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> t
     return mean, mixed - centre[..., :, None] * centre[..., None, :]
 
 
+def squared_innovation(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return squares (B,) of innovations (B, d) in units of their covariances (B, d, d); NaN without one."""
+    used = ~np.isnan(innovation).any(1)
+    nis = np.full(len(innovation), np.nan)
+    solved = np.linalg.solve(covariance[used], innovation[used][..., None])[..., 0]
+    nis[used] = (innovation[used] * solved).sum(-1)
+    return nis
+
+
 def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
     """Return the logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
     largest = logarithms.max(axis, keepdims=True)
@@ -233,12 +242,7 @@ class IMMFilter(TrackFilter):
         total = self.covariance[:, :: self.order, :: self.order] + sum(
             p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True)
         )
-        nis = np.full(self.tracks, np.nan)
-        used = ~np.isnan(measurement[:, 0]) & ~np.isnan(self.state[:, 0])
-        innovation = (measurement - self.position)[used]
-        solved = np.linalg.solve(total[used], innovation[..., None])[..., 0]
-        nis[used] = (innovation * solved).sum(-1)
-        return nis
+        return squared_innovation(measurement - self.position, total)
 
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""

@@ -128,9 +128,11 @@ def check_env(env_id, tracks, name, value):
     if start is not None:
         env.action_space.seed(0)
         for _ in range(3):
-            row, reward, _, _, _ = env.step(env.action_space.sample())
+            row, reward, terminated, _, _ = env.step(env.action_space.sample())
             assert row in env.observation_space
             assert np.isfinite(reward).all()
+            if np.any(terminated):  # an episode of one tick
+                env.reset()
 
 
 def check_value(seed, name, value):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv, Sensor
+from hybrid_env import ArgumentError, HybridTrackEnv, HybridTrackVectorEnv, Sensor
+from hybrid_env.sensors import parse_sensors
 
 
 def test_fused_errors_have_the_stated_variance():
@@ -43,3 +44,11 @@ def test_one_sensor_of_variance_r_is_the_plain_world():
         np.testing.assert_allclose(rows, others, atol=2e-4)
         actions = np.where(generator.random(9) < 0.05, generator.integers(1, 4, 9), 0)
         rows, others = plain.step(actions)[0], sensed.step(actions)[0]
+
+
+def test_a_text_stands_for_a_sensor():
+    full = Sensor(variance=0.4, position=(10.0, 20.0), period=5, range=30.0)
+    assert parse_sensors(["0.4 period 5 range 30 at 10 20", "0.1"]) == (full, Sensor(variance=0.1))
+    for text in ("", "near", "0.1 at 1", "0.1 period 1.5", "0.1 speed 3", "-1", "0.1 range"):
+        with pytest.raises(ArgumentError, match=r"sensors=.*texts such as"):
+            parse_sensors([text])

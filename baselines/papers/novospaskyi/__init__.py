@@ -4,7 +4,7 @@ beside them.
 A. Novospaskyi, "Analysis of the efficiency of GH and Kalman filters for tracking moving objects under
 different noise models", master's thesis (in Ukrainian), National University of Kyiv-Mohyla Academy, 2025.
 
-- `flights`, `quadrotor`: random curves, the aircraft, and what flies it, by default a point mass.
+- `flights`: random curves, the aircraft, and a point mass that flies them.
 - `radars`: placement, scans, noise, and errors as the thesis computes them.
 - `filters`: the compared filters. `tuning`: their parameters by Optuna, resumable.
 - `study`: `reproduce`. `tables`: the published values, the results, and why KF CV fails in the thesis.

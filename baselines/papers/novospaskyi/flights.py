@@ -3,7 +3,7 @@
 Novospaskyi 2025, section 2.1.1: a random Bezier curve through the air space, with waypoints evenly spaced on
 it. Section 2.1.2 flies a quadrotor through all waypoints and discards flights that fail. Its vehicle is not
 described; the values here are those of a fast quadrotor that can turn at 50 m/s. A point mass flies all
-routes at once and is the default, `quadrotor` has six degrees of freedom; both have this guidance.
+routes at once; an example of the gallery flies a quadrotor with six degrees of freedom by the same guidance.
 """
 
 import math

@@ -11,7 +11,6 @@ import numpy as np
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.quadrotor import Engine, stored_flight
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
@@ -66,9 +65,9 @@ def reproduce(
     seed: int = 0,
     *,
     folder: Path,
-    physics: bool = False,
     flights: int = FLIGHTS,
     trials: int = TRIALS,
+    fly: Callable[[int, int], list[Flight]] = point_mass_flights,
     run: Run = one_by_one,
     progress: Progress = lambda stage, done, total: None,
 ) -> Reproduction:
@@ -77,28 +76,25 @@ def reproduce(
     Args:
         runs: number of seeds of the noise on the test flights, at least 1.
         seed: of flights, radars, noise and tuning.
-        folder: for finished trials and flights, from which a killed run goes on; it is created.
-        physics: fly a quadrotor in PyBullet instead of a point mass.
+        folder: for finished trials, from which a killed run goes on; it is created.
         flights: number of flights, at least 4.
         trials: number of trials of each tuning.
-        run: where flights, tunings and evaluations run, for example in several processes. It does not change
+        fly: returns a number of flights for a seed.
+        run: where tunings and evaluations run, for example in several processes. It does not change
             the results.
         progress: called with the stage, the work done and the total.
 
     Raises:
-        ArgumentError: an argument is out of range, `folder` cannot be written, or PyBullet is not installed.
+        ArgumentError: an argument is out of range, or `folder` cannot be written.
     """
     runs, seed = check_integer("runs", runs), check_integer("seed", seed, minimum=0)
     flights, trials = check_integer("flights", flights, 4), check_integer("trials", trials)
-    if physics:
-        Engine().disconnect()
-    folder = folder / ("quadrotor" if physics else "point-mass")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
     work = _Work(run, progress)
-    flown = _quadrotor_flights(work, folder, flights, seed) if physics else point_mass_flights(flights, seed)
+    flown = fly(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     count = round(TRAINING_SHARE * flights)
     training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
@@ -128,20 +124,6 @@ class _Work:
 
         self.progress(stage, done, total or len(calls))
         return dict(self.run(calls, show))
-
-
-def _quadrotor_flights(work: _Work, folder: Path, count: int, seed: int) -> list[Flight]:
-    """The first successful quadrotor flights, from files where they are there."""
-    flown: list[Flight] = []
-    attempt = 0
-    while len(flown) < count:
-        # no more attempts than can be needed, so that the number of processes does not matter
-        batch = range(attempt, attempt + count - len(flown))
-        calls = {number: partial(stored_flight, folder, seed, number) for number in batch}
-        found = work.results("flights", calls, len(flown), count)
-        flown += [flight for flight in found.values() if flight is not None]
-        attempt = batch.stop
-    return flown
 
 
 def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, dict[str, Any]]]:

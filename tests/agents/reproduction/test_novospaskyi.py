@@ -63,12 +63,7 @@ def check(result, cells):
         assert len(positions) == len(example.scan.times)
 
 
-@pytest.mark.parametrize("papers", [[], ["golubkov2018"]])
-def test_physics_is_refused_for_other_papers(papers, capsys, tmp_path):
-    assert main(["reproduce", *papers, "--physics", "--out", str(tmp_path)]) == 2
-    assert "novospaskyi, with --physics" in " ".join(capsys.readouterr().err.split())
-
-
 def test_papers_are_found_by_their_figures_in_the_order_of_their_years():
-    assert command.PAPERS == ("golubkov2018", "tsyganov2019", "golubkov2020", "novospaskyi", "zimchuk")
-    assert command.Reproduce().papers == ("golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk")
+    papers = ("golubkov2018", "tsyganov2019", "golubkov2020")
+    assert (*papers, "multiple_models", "novospaskyi", "zimchuk") == command.PAPERS
+    assert command.Reproduce().papers == (*papers, "zimchuk")

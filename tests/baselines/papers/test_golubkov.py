@@ -10,7 +10,7 @@ from matrix_filters import MatrixKalmanFilter
 
 from agents.cli import main
 from baselines import SPRTDecider
-from baselines.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
+from baselines.papers import golubkov2018, golubkov2020, multiple_models, tsyganov2019, zimchuk
 from baselines.papers.golubkov2020 import detect_switch
 from baselines.papers.reproduction import Cell, study_interval
 from baselines.rules.rollout import evaluate
@@ -94,7 +94,7 @@ def test_verdict_of_a_cell():
     assert Cell("t", "r", "c", math.nan, 1.0, 0.0, 2.0).as_json()["published"] is None
 
 
-@pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020, zimchuk])
+@pytest.mark.parametrize("module", [golubkov2018, tsyganov2019, golubkov2020, zimchuk, multiple_models])
 @pytest.mark.parametrize("runs", [1, 2.5, "many"])
 def test_invalid_runs_raise(module, runs):
     with pytest.raises(ArgumentError, match=r"runs=.*expected an integer >= 2"):

@@ -1,17 +1,20 @@
 """Flights of the point mass and of the quadrotor in PyBullet; radars, their noise and merged measurements."""
 
-import sys
+import runpy
+from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
 from baselines.papers.novospaskyi import flights as model
-from baselines.papers.novospaskyi import quadrotor, radars
-from baselines.papers.novospaskyi.flights import Route, bezier, flight_route, fly_point_masses, random_route
+from baselines.papers.novospaskyi import radars
+from baselines.papers.novospaskyi.flights import Route, bezier, fly_point_masses, random_route
 from baselines.papers.novospaskyi.radars import draw_noise, flight_errors, measure, scan_flight
 from baselines.papers.reproduction import paired_ratio
-from hybrid_env.checks import ArgumentError
+
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -77,71 +80,48 @@ def test_a_path_that_cannot_be_flown_is_discarded():
     assert flown[1] is None
 
 
-def test_physics_without_pybullet_is_one_line_that_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(ArgumentError, match=r"hybrid-track\[physics\]") as caught:
-        quadrotor.fly_quadrotor(flight_route(0, 0))
-    assert "\n" not in str(caught.value)
-
-
-def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say():
+@pytest.fixture(scope="module")
+def quadrotor():
+    """The example of the gallery, which also flies a route."""
     pytest.importorskip("pybullet")
-    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.zeros(3))
-    for _ in range(quadrotor.RATE):
+    matplotlib.use("agg")
+    return runpy.run_path(str(ROOT / "docs/examples/example_15_quadrotor.py"))
+
+
+def test_a_quadrotor_hovers_and_turns_as_the_equations_of_a_rigid_body_say(quadrotor):
+    body = quadrotor["Quadrotor"](np.array([0.0, 0.0, 100.0]), np.zeros(3))
+    for _ in range(quadrotor["RATE"]):
         body.step()
     np.testing.assert_allclose(body.position, [0.0, 0.0, 100.0], atol=1e-3)
     # more force on the side of positive y: angular acceleration = torque / moment of inertia
-    body.forces = body.forces + 0.01 * np.sign(quadrotor.ROTORS[:, 1])
-    torque = (quadrotor.ROTORS[:, 1] * body.forces).sum()
+    body.forces = body.forces + 0.01 * np.sign(quadrotor["ROTORS"][:, 1])
+    torque = (quadrotor["ROTORS"][:, 1] * body.forces).sum()
     for _ in range(12):
         body.step()
-    expected = torque / quadrotor.INERTIA[0] * 12 / quadrotor.RATE
+    expected = torque / quadrotor["INERTIA"][0] * 12 / quadrotor["RATE"]
     np.testing.assert_allclose(body.rates, [expected, 0.0, 0.0], atol=0.02 * expected)
     # the rotors on one diagonal turn one way, and those on the other one the other way
-    body.forces = body.forces + 0.1 * quadrotor.SPIN
+    body.forces = body.forces + 0.1 * quadrotor["SPIN"]
     before = body.rates[2]
     body.step()
-    expected = 4 * 0.1 * quadrotor.TORQUE_SHARE / quadrotor.INERTIA[2] / quadrotor.RATE
+    expected = 4 * 0.1 * quadrotor["TORQUE_SHARE"] / quadrotor["INERTIA"][2] / quadrotor["RATE"]
     assert body.rates[2] - before == pytest.approx(expected, rel=0.05)
 
 
-def test_the_attitude_controller_turns_a_tilted_quadrotor_upright():
-    pytest.importorskip("pybullet")
-    body = quadrotor.Quadrotor(quadrotor.Engine(), np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
+def test_the_attitude_controller_turns_a_tilted_quadrotor_upright(quadrotor):
+    body = quadrotor["Quadrotor"](np.array([0.0, 0.0, 100.0]), np.array([30.0, 20.0, 0.0]))
     assert body.rotation[2, 2] < 0.99  # leans against the drag
     up = np.array([0.0, 0.0, model.GRAVITY])
-    desired = quadrotor.desired_attitude(up)
-    for _ in range(quadrotor.RATE):
-        body.forces = quadrotor.rotor_commands(body.rotation, body.rates, desired, up)
+    desired = quadrotor["desired_attitude"](up)
+    for _ in range(quadrotor["RATE"]):
+        body.forces = quadrotor["rotor_commands"](body.rotation, body.rates, desired, up)
         body.step()
     np.testing.assert_allclose(body.rotation, np.eye(3), atol=1e-3)
 
 
-def test_quadrotor_and_point_mass_fly_alike_and_flights_are_stored(tmp_path, monkeypatch):
-    pytest.importorskip("pybullet")
-    assert quadrotor.fly_quadrotor(hairpin()) is None  # it misses its waypoints
-    attempt = 2
-    flight = quadrotor.stored_flight(tmp_path, 0, attempt)
-    assert flight is not None
-    (mass,) = fly_point_masses([flight_route(0, attempt)])
-    assert mass is not None
-    shortest = min(len(flight.positions), len(mass.positions))
-    apart = np.linalg.norm(flight.positions[:shortest] - mass.positions[:shortest], axis=1)
-    assert apart.max() < 30.0  # half a second of flight: both pass the same waypoints at nearly the same time
-    (file,) = tmp_path.iterdir()
-    written = file.stat().st_mtime_ns
-    again = quadrotor.stored_flight(tmp_path, 0, attempt)
-    np.testing.assert_array_equal(again.positions, flight.positions)
-    assert file.stat().st_mtime_ns == written
-    flown = []
-    monkeypatch.setattr(quadrotor, "fly_quadrotor", lambda path: flown.append(path))  # and fails
-    file = file.rename(tmp_path / f"quadrotor-1-{attempt}.npz")  # of another route
-    for _ in range(2):
-        assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
-    assert len(flown) == 1  # also a failure is stored
-    file.write_bytes(file.read_bytes()[:200])
-    assert quadrotor.stored_flight(tmp_path, 1, attempt) is None
-    assert len(flown) == 2
+def test_quadrotor_and_point_mass_fly_alike(quadrotor):
+    assert quadrotor["fly_quadrotor"](hairpin()) is None  # it misses its waypoints
+    assert quadrotor["apart"].max() < 30.0  # half a second of flight: both pass the same waypoints in time
 
 
 def test_radars_stand_near_the_flight_and_apart_from_each_other(flights, scans):

@@ -1,0 +1,5 @@
+from agents.functions import compare as compare
+from agents.functions import evaluate as evaluate
+from agents.functions import load as load
+from agents.functions import train as train
+from agents.recordings.tracking import track_recording as track_recording

@@ -1,0 +1,102 @@
+"""ATE against multiple models: figures of a run, cost and equalities that follow from the estimators."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.cli import main
+from baselines.papers import golubkov2018, multiple_models
+from baselines.papers.multiple_models import SETTINGS, Tracked, estimators, score
+from hybrid_env.simulation import Simulation, simulate
+
+
+def recorded(setting, runs=3):
+    return simulate(
+        setting.paper.SCHEME, runs, 0, start=setting.paper.START, process_variance=setting.process_variance,
+        measurement_variance=0.1,
+    )  # fmt: skip
+
+
+def test_figures_of_two_runs_are_those_counted_by_hand():
+    truth = np.zeros((2, 6, 4))
+    recording = Simulation(truth, truth[..., :2], np.array([4, 2]), np.array([0.0, -5.0]))
+    sides = np.array([[0, 1, 0, 0, 0, -1], [0, 0, 0, 1, 1, 0]])
+    scores = score(
+        "name", recording, Tracked(truth + np.array([1.0, 2.0, 0.0, 0.0]), sides, np.array([3.0, 5.0]))
+    )
+    by_run = {name: scores.of(name, 0).tolist() for name in scores.columns}
+    assert by_run == {
+        "squares": [5.0, 5.0],
+        "delay": [(2 + 1) / 2, (4 + 2) / 2],  # ticks until the statement is right for good
+        "wrong": [0.0, 100.0],
+        "wrong_changes": [1000.0 / 6.0, 2000.0 / 6.0],
+        "steps": [3.0, 5.0],
+    }
+
+
+def test_ate_states_its_decisions_and_runs_one_filter_after_them():
+    setting = SETTINGS[0]
+    recording = recorded(setting)
+    tracked = estimators(setting, known=True)["ATE"](recording, setting, 0.1)
+    tracks = golubkov2018.run_ate(recording, 0.1)
+    np.testing.assert_array_equal(tracked.estimates, tracks.estimates)
+    np.testing.assert_array_equal(
+        tracked.sides[:, np.cumsum(recording.lengths) - 1] == np.sign(recording.signed_radii),
+        golubkov2018.correct_types(tracks, recording),
+    )
+    first = tracks.ticks[:, 0]
+    for run, tick in enumerate(first):
+        assert (tracked.sides[run, : tick - 1] == 0).all()
+    np.testing.assert_allclose(tracked.steps, 1.0 + 20.0 * tracks.ticks.sum(1) / 360.0)
+
+
+def test_detector_of_2020_starts_from_straight_motion_and_restarts_at_its_changes():
+    setting = SETTINGS[1]
+    recording = recorded(setting)
+    tracked = estimators(setting, known=False)["detector 2020"](recording, setting, 0.1)
+    assert (tracked.sides[:, 0] == 0).all()
+    assert (tracked.sides[:, -1] != tracked.sides[:, 400]).any()
+    assert np.hypot(*(tracked.estimates - recording.truth)[:, :200, ::2].mean(1).T).max() < 1.0
+    assert (tracked.steps < 1 + 2 * 314).all()
+
+
+def test_small_study_has_a_table_of_every_setting(monkeypatch):
+    monkeypatch.setattr(multiple_models, "SETTINGS", SETTINGS[:1])
+    monkeypatch.setattr(multiple_models, "VARIANCES", (0.1,))
+    monkeypatch.setattr(
+        multiple_models, "MULTIPLE_MODELS", {"static": "static", "IMM": "imm", "GPB1": "gpb1"}
+    )
+    result = multiple_models.reproduce(runs=3, seed=1)
+    names = {name: list(dict.fromkeys(cell.row for cell in cells)) for name, cells in result.tables.items()}
+    known, unknown = (f"Golubkov 2018, {moments} moments, R = 0.1" for moments in ("known", "unknown"))
+    assert names == {
+        known: ["ATE", "ATE, radius refined", "IMM", "GPB1"],
+        f"{known}, paired differences": [
+            "ATE, radius refined less ATE", "IMM less ATE", "GPB1 less ATE", "IMM less ATE, radius refined",
+            "GPB1 less IMM",
+        ],
+        unknown: ["detector 2020", "static", "IMM", "GPB1"],
+        f"{unknown}, paired differences": [
+            "static less detector 2020", "IMM less detector 2020", "GPB1 less detector 2020",
+            "IMM less static", "GPB1 less IMM",
+        ],
+    }  # fmt: skip
+    values = {(cell.table, cell.row, cell.column): cell.ours for cell in result.cells}
+    for column in ("nRMSE", "delay, ticks", "wrong, %"):
+        assert values[f"{known}, paired differences", "IMM less ATE", column] == pytest.approx(
+            values[known, "IMM", column] - values[known, "ATE", column]
+        )
+    assert values[known, "IMM", "nRMSE"] < 0.6 < values[known, "ATE", "nRMSE"]
+    assert values[unknown, "IMM", "Kalman steps a tick"] == pytest.approx(21.0)
+    assert "IMM < ATE" in result.findings[0].value
+
+
+@pytest.mark.study
+def test_the_tables_of_the_documentation_are_up_to_date(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "multiple_models.md").read_text()
+    shown = page.split("<!-- multiple models -->\n")[1].split("<!-- /multiple models -->")[0].splitlines()
+    assert main(["reproduce", "multiple_models", "--out", str(tmp_path)]) == 0
+    printed = (tmp_path / "multiple_models.md").read_text().splitlines()
+    assert len(shown) > 20
+    assert [line for line in shown if line.startswith("|") and line not in printed] == []
