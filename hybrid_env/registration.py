@@ -11,25 +11,26 @@ if TYPE_CHECKING:
     from hybrid_env.options import ModelOptions
     from hybrid_env.vector_env import HybridTrackVectorEnv, TrackVectorEnv
 
+BANK_RADII = tuple(float(radius) for radius in range(1, 11))  # [m]
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": {},
-    "HybridTrackBank-v0": {
-        "radii": tuple(float(radius) for radius in range(1, 11)),
-        "correctness": "type",
-        "delay_cost": 0.01,
-    },
+    "HybridTrackBank-v0": {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01},
     "HybridTrackEasy-v0": {},
     "HybridTrackQuickest-v0": {},
+    "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
 }
 """Registered ids and their options that differ from the defaults."""
 
-_CLASSES = dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv")) | {
-    "HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv"),
-    "HybridTrackQuickest-v0": (
-        "quickest_env:HybridTrackQuickestEnv",
-        "vector_env:HybridTrackQuickestVectorEnv",
-    ),
-}
+_CLASSES = (
+    dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv"))
+    | {
+        "HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv"),
+    }
+    | dict.fromkeys(
+        ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
+        ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),
+    )
+)
 """Module and class of the single and of the vector environment of each id."""
 
 

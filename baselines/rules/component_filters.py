@@ -56,7 +56,8 @@ def _any_outlier(bank: Any, lanes: int, outlier: BoolArray) -> bool:
         smallest = OUTLIER_DISTANCE
         for h in range(bank.hypotheses.size):
             innovation = bank.innovations[h]
-            smallest = min(smallest, innovation.white_x[lane] ** 2 + innovation.white_y[lane] ** 2)
+            x, y = innovation.white_x[lane], innovation.white_y[lane]
+            smallest = min(smallest, x * x + y * y)
         outlier[lane] = smallest >= OUTLIER_DISTANCE
         found = found or outlier[lane]
     return found
@@ -74,20 +75,22 @@ def _filter_tick(
     log_likelihood: FloatArray,
     innovations: FloatArray,
     saved: NDArray[Any],
+    measurement: FloatArray,
+    outlier: BoolArray,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
     The C N lanes of the banks have the tracks of one component after the other. Measurements (N, 2) are NaN
     if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
-    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own.
+    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own. Of its
+    lanes, `measurement`, (2, LANES), and `outlier`, (LANES,), are memory too.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
-    measurement = np.zeros((2, LANES))
-    outlier = np.zeros(LANES, np.bool_)
     for b in range(banks.hypotheses.shape[0]):
         bank = operations.bank_of_block(banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
+        missing = False
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             if begins[i]:
@@ -96,7 +99,7 @@ def _filter_tick(
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
                 operations.begin(bank, lane, anchor, covariance, radii, model)
             measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
-        missing = np.isnan(measurement[0, :lanes]).any()
+            missing = missing or math.isnan(measurement[0, lane])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
         if missing:
@@ -165,11 +168,12 @@ class ComponentFilters:
             )
             for x, y in variances
         ]  # fmt: skip
-        self.saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
+        saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
+        self.memory = saved, np.zeros((2, LANES)), np.zeros(LANES, np.bool_)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
         banks, *rest = self.orientations[0]
-        prepare(_filter_tick, banks, *none, self.radii, *rest, self.saved)
+        prepare(_filter_tick, banks, *none, self.radii, *rest, *self.memory)
 
     def advance(self, rows: Observations, begins: BoolArray, anchors: FloatArray) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
@@ -185,7 +189,7 @@ class ComponentFilters:
         if self.world.missed > 0.0:
             measurements[without_measurement(self.layout, rows)] = np.nan
         for banks, *rest in self.orientations:
-            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, self.saved)
+            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, *self.memory)
         if len(self.orientations) == 1:
             self.log_likelihood, self.innovations = self.orientations[0][3:]
             return

@@ -98,7 +98,7 @@ def array_at(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
     return carray(_pointer_to(address), shape, dtype)
 
 
-# In compiled code a tuple of different types is built by a chain of functions, one for each element.
+# In compiled code a tuple of different types is built by a tree of functions, with one leaf for each element.
 
 
 def _size_reader(size: int | str) -> Any:
@@ -109,10 +109,15 @@ def _size_reader(size: int | str) -> Any:
 
 def _tuple_reader(readers: list[Any]) -> Any:
     """Return the compiled function of the tuple of the values of compiled functions of one argument."""
-    if not readers:
-        return inlined(lambda source: ())
-    first, rest = readers[0], _tuple_reader(readers[1:])
-    return inlined(lambda source: (first(source), *rest(source)))
+    if len(readers) == 1:
+        one = readers[0]
+        return inlined(lambda source: (one(source),))
+    if len(readers) == 2:
+        one, two = readers
+        return inlined(lambda source: (one(source), two(source)))
+    half = len(readers) // 2
+    first, second = _tuple_reader(readers[:half]), _tuple_reader(readers[half:])
+    return inlined(lambda source: first(source) + second(source))
 
 
 def _array_reader(name: str, one: Array) -> Any:

@@ -144,10 +144,10 @@ def _remove(name: Path | None) -> None:
 def _announce(dispatcher: Any, name: Path | None) -> None:
     """Say which function is compiled, how many are to be expected, and whether later processes load it."""
     kept = name is not None and os.access(name.parent, os.W_OK)
-    until = "once" if kept else "in every process, as no cache can be written: set NUMBA_CACHE_DIR"
+    until = "kept for the next runs" if kept else "not kept, as no cache can be written: set NUMBA_CACHE_DIR"
     function = f"{dispatcher.__module__.rpartition('.')[2]}.{dispatcher.__name__}"
-    number = f"function {next(_number)}; most commands need 1 to 5"
-    print(f"HybridTrack: compiling {function} ({number}), up to 10 s, {until}", file=sys.stderr)
+    number = f"number {next(_number)}; most commands need 1 to 5"
+    print(f"HybridTrack: compiling {function} ({number}), up to 15 s, {until}", file=sys.stderr)
 
 
 @contextmanager

@@ -64,7 +64,7 @@ def _record_estimate(
     _record(block, lane, estimate, trace)
 
 
-@internal
+@inlined
 def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], setting: Any) -> None:
     """Begin a segment of the bank, before its first tick: every filter starts from the anchor.
 
@@ -93,7 +93,7 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], set
     block.tick[lane] = 0
 
 
-@internal
+@inlined
 def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Begin a segment, before its first tick: the object from its true state, the bank from the estimate."""
     table = arrays.table
@@ -112,7 +112,7 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
     block.squared_error[lane] = 0.0
 
 
-@internal
+@inlined
 def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     """Set the initial state of the object and draw the first estimate."""
     draw_first_estimate(block, scratch.noise, lane, setting)
@@ -120,7 +120,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
     block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
 
-@internal
+@inlined
 def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -> None:
     """Advance every filter where measurements may be missing or of different variances, lane by lane.
 
@@ -139,7 +139,7 @@ def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -
             operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, model)
 
 
-@internal
+@inlined
 def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting: Any) -> None:
     """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
     if math.isnan(block.measurement[0, lane]):
@@ -149,7 +149,7 @@ def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting:
         operations.follow(bank, lane, hypothesis, block.measurement, model)
 
 
-@inlined
+@internal
 def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
@@ -169,7 +169,7 @@ def chosen_mode(block: Any, lane: int, bank: Any, action: int, setting: Any) -> 
     return action - 1
 
 
-@internal
+@inlined
 def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
     if merged:
@@ -206,21 +206,19 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     block.active_mode[lane] = chosen
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
     model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
-    while irregular and block.tick[lane] < block.length[lane]:
-        move(block, noise, start, stop, arrays.sensors, setting)
-        if merged:
-            step_irregular(bank, start, stop, block, setting)
-        else:
-            follow_irregular(bank, lane, chosen, block, setting)
-        _record_estimate(block, lane, bank.hypotheses, trace, merged)
     while block.tick[lane] < block.length[lane]:
-        ticks = min(LANES, block.length[lane] - block.tick[lane])
-        # the noise of several ticks is drawn at once with SIMD code
-        draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
+        ticks = 1 if irregular else min(LANES, block.length[lane] - block.tick[lane])
+        if irregular:
+            move(block, noise, start, stop, arrays.sensors, setting)
+        else:  # the noise of several ticks is drawn at once with SIMD code
+            draw_noise_ahead(block.random_state, lane, noise, ticks, setting)
         for column in range(ticks):
-            move_lane(block, lane, noise, column, setting)
+            if not irregular:
+                move_lane(block, lane, noise, column, setting)
             if merged:
-                operations.step(bank, start, stop, block.measurement, model)
+                step_lanes(block, bank, start, stop, setting)
+            elif irregular:
+                follow_irregular(bank, lane, chosen, block, setting)
             else:
                 operations.follow(bank, lane, chosen, block.measurement, model)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)

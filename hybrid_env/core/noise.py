@@ -121,7 +121,7 @@ def draw_noise_ahead(
     for tick in range(ticks):
         _draw_uniforms(state, lane, noise, tick)
         if further:
-            _draw_further(state, lane, noise, tick, setting)
+            _draw_further(state, np.uint64(lane), noise, np.uint64(tick), setting)
     _to_noise(noise, np.uint64(0), np.uint64(ticks), setting)
 
 
@@ -138,7 +138,7 @@ def _draw_further(
         noise[LOST, column] = uniform(state, lane)
 
 
-@internal
+@inlined
 def _to_noise(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
     _to_normals(noise, 0, first, last)

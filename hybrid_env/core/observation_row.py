@@ -130,7 +130,7 @@ def write_segment(
     singles[LOG_NOISE] = setting.log_noise
 
 
-@internal
+@inlined
 def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last: int) -> None:
     """Compute the maximum log-likelihood and the log error probability of lanes first .. last - 1."""
     for lane in range(first, last):

@@ -115,7 +115,7 @@ def _lose_measurement(block: Any, lane: int, noise: NDArray[np.float64], column:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
 
-@internal
+@inlined
 def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[Any], setting: Any) -> None:
     """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one.
 

@@ -147,7 +147,7 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
     return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
 
 
-@inlined
+@internal
 def _step_hypothesis(
     kalman: Any,
     innovation: Any,
@@ -156,7 +156,7 @@ def _step_hypothesis(
     last: int,
     curvature: float,
     model: Any,
-    robust: bool,
+    freedom: float | None,
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
     P = kalman.covariance
@@ -186,7 +186,7 @@ def _step_hypothesis(
             & (predicted[4] + predicted[9] < LARGEST * LARGEST)
             & (abs(innovation_x) + abs(innovation_y) + abs(new_u) + abs(new_v) < LARGEST)
         )
-        weight, likelihood = weigh(robust, white_x, white_y, log_variance, model.freedom)
+        weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
         gain_x, gain_y = weight * gain_x, weight * gain_y
         kalman.x[lane] = new_x + predicted[0] * gain_x + after_x[2] * gain_y if valid else x
         kalman.vx[lane] = new_u + predicted[1] * gain_x + after_x[3] * gain_y if valid else u
@@ -235,9 +235,9 @@ def step_imm(
     for h in range(bank.hypotheses.size):
         kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
         if model.freedom > 0.0:
-            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, True)
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, model.freedom)
         else:
-            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, False)
+            _step_hypothesis(kalman, innovation, block, first, last, curvature, model, None)
     normalize(bank, first, last)
     merge(bank, block, first, last)
 

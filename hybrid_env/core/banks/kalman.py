@@ -100,9 +100,7 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 
 
 @inlined
-def weigh(
-    robust: bool, white_x: float, white_y: float, log_variance: float, freedom: float
-) -> tuple[float, float]:
+def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | None) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood of its innovation.
 
     With the robust likelihood the innovations have a Student t distribution whose scale matrix is the
@@ -112,13 +110,12 @@ def weigh(
     Kalman filter and do not grow after an outlier.
 
     Args:
-        robust: True for the robust likelihood; a constant, so that only one of both is compiled.
         white_x, white_y, log_variance: see `log_likelihood`.
-        freedom: degrees of freedom of the robust likelihood.
+        freedom: degrees of freedom of the robust likelihood; None, a type of its own, for the normal one.
     """
-    if robust:
-        return (
-            student_weight(white_x, white_y, freedom),
-            student_log_likelihood(white_x, white_y, log_variance, freedom),
-        )
-    return 1.0, log_likelihood(white_x, white_y, log_variance)
+    if freedom is None:
+        return 1.0, log_likelihood(white_x, white_y, log_variance)
+    return (
+        student_weight(white_x, white_y, freedom),
+        student_log_likelihood(white_x, white_y, log_variance, freedom),
+    )

@@ -140,17 +140,17 @@ def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: NDArr
     total = 0.0
     for k in range(covariance.shape[0]):
         covariance[k, lane] = 0.0
-    deviation = np.empty(4)
     for h in range(hypotheses.size):
         weight = math.exp(hypotheses[h].log_likelihood[lane] - largest)
         total += weight
-        for axis, value in enumerate(estimate_of(hypotheses, h, lane)):
-            deviation[axis] = value - mean[axis]
+        estimate = estimate_of(hypotheses, h, lane)
         entries = operations.covariance(bank, h, lane)
         k = 0
         for row in range(4):
+            deviation = estimate[row] - mean[row]
             for column in range(row, 4):
-                covariance[k, lane] += weight * (entries[k] + deviation[row] * deviation[column])
+                product = deviation * (estimate[column] - mean[column])
+                covariance[k, lane] += weight * (entries[k] + product)
                 k += 1
     for k in range(covariance.shape[0]):
         covariance[k, lane] /= total

@@ -156,7 +156,7 @@ def _correct_estimate(
 
 @inlined
 def _step_estimates(
-    bank: PublishedBank, first: int, last: int, measurement: FloatArray, robust: bool, freedom: float
+    bank: PublishedBank, first: int, last: int, measurement: FloatArray, freedom: float | None
 ) -> None:
     """Predict and correct the estimates of every filter, and update their log-likelihoods."""
     axes, columns = bank.covariances.shape
@@ -172,7 +172,7 @@ def _step_estimates(
             white_x = innovation_x * gain_x.whitener[lane]
             white_y = innovation_y * gain_y.whitener[lane]
             log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
-            weight, likelihood = weigh(robust, white_x, white_y, log_variance, freedom)
+            weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
             _correct_estimate(
                 kalman, predicted, gain_x, gain_y, lane, weight * innovation_x, weight * innovation_y
             )
@@ -202,9 +202,9 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
                 gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
                 gain.log_variance[lane] = log(innovation_variance)
     if model.freedom > 0.0:
-        _step_estimates(bank, first, last, measurement, True, model.freedom)
+        _step_estimates(bank, first, last, measurement, model.freedom)
     else:
-        _step_estimates(bank, first, last, measurement, False, 0.0)
+        _step_estimates(bank, first, last, measurement, None)
 
 
 @internal

@@ -59,8 +59,8 @@ def run(tmp_path, monkeypatch, capsys):
         module = runpy.run_path(str(path), run_name="program")
         assert module["element"](np.ones(3), index) == 2.0
         lines = capsys.readouterr().err.splitlines()
-        until = "in every process" if numba.config.CACHE_DIR in UNWRITABLE else "once"
-        said = rf"compiling program.element \(function \d+; most commands need 1 to 5\), up to 10 s, {until}"
+        until = "not kept, as" if numba.config.CACHE_DIR in UNWRITABLE else "kept for"
+        said = rf"compiling program.element \(number \d+; most commands need 1 to 5\), up to 15 s, {until} "
         assert all(re.search(said, line) for line in lines)
         return len(lines)
 
