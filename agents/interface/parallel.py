@@ -74,7 +74,7 @@ class Workers:
         """
         if self.engine == "ray":
             ended = _ray(calls, self.jobs)
-        elif self.jobs == 1 or len(calls) == 1:
+        elif self.jobs == 1 or len(calls) <= 1:
             ended = (_named(*call) for call in calls.items())
         else:
             ended = _processes(calls, min(self.jobs, len(calls)))

@@ -1,10 +1,10 @@
 """Tables of a reproduction as Markdown, for the terminal too, and as JSON, and the files beside them."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markdown import Markdown
@@ -14,23 +14,43 @@ from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, write_json
 from baselines.papers.reproduction import Cell, Reproduction
 
-HEADER = ("setting", "quantity", "published", "ours", "95 % interval", "inside")
+HEADER = (
+    "setting",
+    "quantity",
+    "published",
+    "ours [its own interval]",
+    "median run",
+    "95 % interval",
+    "inside",
+)
 INSIDE = {"inside": "yes", "outside": "no", "not published": "-"}
 FINDINGS_TITLE = "additional results"
 FINDINGS_HEADER = ("quantity", "result", "claim of the paper")
-SUMMARY_HEADER = ("paper", "table", "inside the 95 % interval", "outside the 95 % interval")
+SUMMARY_HEADER = (
+    "paper, its size",
+    "table",
+    "inside the 95 % interval",
+    "outside the 95 % interval",
+    "not counted",
+)
 
 
 def _row(cell: Cell) -> tuple[str, ...]:
     """Texts of a cell, in the order of `HEADER`."""
-    published = "-" if math.isnan(cell.published) else f"{cell.published:.{cell.digits}f}"
-    interval = f"{cell.low:.{cell.digits}f} to {cell.high:.{cell.digits}f}"
-    return cell.row, cell.column, published, f"{cell.ours:.{cell.digits}f}", interval, INSIDE[cell.verdict]
+
+    def text(*values: float) -> str:
+        return "-" if np.isnan(values).any() else " to ".join(f"{value:.{cell.digits}f}" for value in values)
+
+    own = text(cell.own_low, cell.own_high)
+    ours = text(cell.ours) + (f" [{own}]" if own != "-" else "")
+    verdict = INSIDE[cell.verdict] + (f" ({cell.excuse})" if cell.excuse else "")
+    interval = text(cell.low, cell.high)
+    return cell.row, cell.column, text(cell.published), ours, text(cell.median), interval, verdict
 
 
 def _title(result: Reproduction, table: str) -> str:
-    counts = result.count().get(table)
-    count = f", {counts[0]} of {counts[1]} inside the interval" if counts else ""
+    inside, total = result.count().get(table, {}).get("", (0, 0))
+    count = f", {inside} of {total} inside the interval" if total else ""
     return f"{result.paper}: {table}{count}"
 
 
@@ -69,13 +89,18 @@ def summary_markdown(results: Sequence[Reproduction]) -> str:
     """Number of published values inside the interval by table, and the values outside."""
     rows = []
     for result in results:
-        for name, (inside, total) in result.count().items():
+        for name, counts in result.count().items():
+            inside, total = counts.pop("", (0, 0))
             outside = [
                 "{} {} {} (ours {})".format(*_row(cell))
                 for cell in result.tables[name]
-                if cell.verdict == "outside"
+                if cell.verdict == "outside" and not cell.excuse
             ]
-            rows.append((result.paper, name, f"{inside} of {total}", "; ".join(outside) or "none"))
+            others = [f"{excuse}: {own} of {all_} inside" for excuse, (own, all_) in counts.items()]
+            rows.append(
+                (f"{result.paper}, {result.size}", name, f"{inside} of {total}" if total else "-",
+                 "; ".join(outside) or ("none" if total else "-"), "; ".join(others) or "none")
+            )  # fmt: skip
     return markdown_table(SUMMARY_HEADER, rows)
 
 

@@ -2,13 +2,13 @@
 
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import FloatArray
 
 RESAMPLES = 2000
 PAPER_RUNS = 100
@@ -28,6 +28,10 @@ class Cell:
         low, high: bounds of the 95 % interval that `note` describes.
         digits: number of decimals to print.
         note: meaning of the interval.
+        own_low, own_high: 95 % interval of `ours` itself, NaN if it is not known.
+        median: of the quantity of single runs, NaN if it is not known.
+        excuse: why the value is no evidence, for example because a setting was fitted to it; it is then not
+            counted.
     """
 
     table: str
@@ -39,6 +43,10 @@ class Cell:
     high: float
     digits: int = 4
     note: str = STUDY_INTERVAL
+    own_low: float = math.nan
+    own_high: float = math.nan
+    median: float = math.nan
+    excuse: str = ""
 
     @property
     def verdict(self) -> str:
@@ -49,9 +57,7 @@ class Cell:
 
     def as_json(self) -> dict[str, Any]:
         """Values for JSON, with None for NaN."""
-        values = {
-            key: getattr(self, key) for key in ("table", "row", "column", "published", "ours", "low", "high")
-        }
+        values = {key: value for key, value in vars(self).items() if key not in ("digits", "note")}
         return {
             key: None if isinstance(value, float) and math.isnan(value) else value
             for key, value in values.items()
@@ -85,6 +91,7 @@ class Reproduction:
         findings: results beyond the published tables.
         examples: recording and result for each figure, by the name of the setting.
         recommended_runs: with fewer runs, the centre of the interval is itself too uncertain.
+        size: what the paper states on its number of runs.
     """
 
     paper: str
@@ -94,6 +101,7 @@ class Reproduction:
     findings: tuple[Finding, ...]
     examples: dict[str, Any]
     recommended_runs: int = 500
+    size: str = f"{PAPER_RUNS} runs"
 
     @property
     def tables(self) -> dict[str, list[Cell]]:
@@ -103,14 +111,18 @@ class Reproduction:
             tables.setdefault(cell.table, []).append(cell)
         return tables
 
-    def count(self) -> dict[str, tuple[int, int]]:
-        """Number of published values inside the interval and in total, for each table that has any."""
-        verdicts = {name: [cell.verdict for cell in cells] for name, cells in self.tables.items()}
-        return {
-            name: (found.count("inside"), len(found) - found.count("not published"))
-            for name, found in verdicts.items()
-            if set(found) != {"not published"}
-        }
+    def count(self) -> dict[str, dict[str, tuple[int, int]]]:
+        """Number of published values inside the interval and in total, for each table that has any.
+
+        They are given for each `Cell.excuse` of the table; the values that count have "".
+        """
+        counts: dict[str, dict[str, tuple[int, int]]] = {}
+        for cell in self.cells:
+            if cell.verdict != "not published":
+                of_table = counts.setdefault(cell.table, {})
+                inside, total = of_table.get(cell.excuse, (0, 0))
+                of_table[cell.excuse] = inside + (cell.verdict == "inside"), total + 1
+        return counts
 
 
 def study_interval(
@@ -135,10 +147,23 @@ def study_interval(
     return statistics(per_run.mean(0)), low, high
 
 
-@functools.lru_cache(maxsize=2)
-def _draws(seed: int, study_runs: int, runs: int) -> IntArray:
+def with_own_interval(
+    per_run: FloatArray,
+    statistics: Callable[[FloatArray], FloatArray],
+    seed: int,
+    study_runs: int = PAPER_RUNS,
+) -> tuple[FloatArray, ...]:
+    """`study_interval`, the the 95 % interval of its first result, and the median of single runs."""
+    _, low, high = study_interval(per_run, statistics, seed, len(per_run))
+    median = np.median(statistics(per_run), axis=0)
+    return (*study_interval(per_run, statistics, seed, study_runs), low, high, median)
+
+
+@functools.lru_cache(maxsize=4)
+def _draws(seed: int, study_runs: int, runs: int) -> FloatArray:
     """How often each run is drawn in each resample, (`RESAMPLES`, runs)."""
-    return np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    drawn = np.random.default_rng(seed).multinomial(study_runs, np.full(runs, 1.0 / runs), RESAMPLES)
+    return drawn.astype(np.float64)
 
 
 def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
@@ -178,7 +203,7 @@ def rmse_row(
         roots = np.sqrt(mean_squares)
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
-    interval = study_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    interval = with_own_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
     return table_row(table, row, STATES, published, interval)
 
 
@@ -190,6 +215,7 @@ def table_row(
     interval: Iterable[Iterable[float]],
     digits: int = 4,
     note: str = STUDY_INTERVAL,
+    excuses: Mapping[str, str] | None = None,
 ) -> list[Cell]:
     """Cells of one row of a table.
 
@@ -197,11 +223,23 @@ def table_row(
         table, row: names of table and row.
         columns: (C,) names of the columns.
         published: (C,) published values, NaN where there is none.
-        interval: value, lower and upper bound of each column, from `study_interval`.
+        interval: value, lower and upper bound of each column, from `study_interval`; also the other results
+            of `with_own_interval`.
         digits: number of decimals to print.
         note: meaning of the interval.
+        excuses: `Cell.excuse` by column.
     """
+    known = np.array([*interval], np.float64)
+    found = np.full(
+        (len(known[0]), 6), math.nan
+    )  # without those of `with_own_interval` if they are not given
+    found[:, : len(known)] = known.T
     return [
-        Cell(table, row, column, value, float(ours), float(low), float(high), digits, note)
-        for column, value, ours, low, high in zip(columns, published, *interval, strict=True)
-    ]
+        Cell(
+            table, row, column, value, ours, low, high, digits, note, own_low, own_high, median,
+            (excuses or {}).get(column, ""),
+        )
+        for column, value, (ours, low, high, own_low, own_high, median) in zip(
+            columns, published, found.tolist(), strict=True
+        )
+    ]  # fmt: skip

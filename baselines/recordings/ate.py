@@ -22,8 +22,13 @@ from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
 
-NO_RECALCULATION, AS_PUBLISHED, REWIND = 0, 1, 2
-RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND}
+NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3
+RECALCULATIONS = {
+    "none": NO_RECALCULATION,
+    "as_published": AS_PUBLISHED,
+    "rewind": REWIND,
+    "literal": LITERAL,
+}
 
 
 class Tracks(NamedTuple):
@@ -94,11 +99,11 @@ def _recalculate(
     measurement = np.zeros((2, LANES))
     if recalculation == AS_PUBLISHED:
         set_estimate(bank.hypotheses[mode], 0, anchor)
-    else:
+    elif recalculation == REWIND:
         begin_published(bank, 0, anchor, IDENTITY, radii, model)
     for k in range(ticks[0], ticks[1]):
         measurement[:, 0] = measurements[k]
-        if recalculation == AS_PUBLISHED:
+        if recalculation != REWIND:
             follow_published(bank, 0, mode, measurement, model)
         else:  # all filters, because the radius may be refined among them later
             step_published(bank, 0, 1, measurement, model)
@@ -175,7 +180,7 @@ def track_ate(
     alpha: float = 1e-3,
     beta: float | None = None,
     undecided: Literal["keep", "likeliest"] = "keep",
-    recalculation: Literal["none", "as_published", "rewind"] = "none",
+    recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
     reference: Literal["active", "straight"] = "active",
     refine_radius: bool = False,
 ) -> Tracks:
@@ -195,9 +200,9 @@ def track_ate(
         undecided: mode of a segment that ends without a decision: "keep" for the last decided mode, as
             published, "likeliest" for the most likely hypothesis.
         recalculation: whether the chosen filter recomputes the estimates from the switch to the decision
-            (Tsyganov 2019, lines 16 to 21). "as_published" restores the estimate at the switch but not its
-            covariance, because the published algorithm does not reinitialize the filter; it therefore uses
-            the data twice. "rewind" restores both.
+            (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are printed.
+            "as_published", with which the published table comes out, restores the estimate at the switch but
+            not its covariance; the data are therefore used twice. "rewind" restores both.
         reference: hypothesis in the denominator of the ratios: "active" for the last decided mode, as
             published, or always "straight".
         refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the

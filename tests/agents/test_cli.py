@@ -59,7 +59,7 @@ def test_reproduce_prints_results_and_writes_tables_and_figures(capsys, tmp_path
     cells = json.loads((out / "tsyganov2019.json").read_text())["cells"]
     assert len(cells) == 15
     assert sum(cell["published"] is None for cell in cells) == 5
-    assert "| Golubkov 2018 |" in (out / "reproduction.md").read_text()
+    assert "| Golubkov 2018, 100 runs |" in (out / "reproduction.md").read_text()
 
 
 def test_compare_prints_tables_and_writes_figures_and_data(capsys, tmp_path, monkeypatch):

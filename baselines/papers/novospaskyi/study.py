@@ -102,7 +102,7 @@ def reproduce(
     results = tables.Results(_evaluate(work, parameters, scans[count:], runs, seed), parameters)
     return Reproduction(
         PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, count),
-        {"flight": _example(flown[count], scans[count], seed, parameters)}, RUNS,
+        {"flight": _example(flown[count], scans[count], seed, parameters)}, RUNS, f"{FLIGHTS} flights",
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ def test_results_come_in_the_order_of_the_calls(jobs):
 def test_the_call_of_a_lost_worker_is_repeated(tmp_path):
     calls = {number: functools.partial(killed_once, tmp_path / "killed", number) for number in range(4)}
     assert dict(Workers(2).results(calls)) == {number: number for number in range(4)}
+    assert list(Workers(2).results({})) == []
     assert (tmp_path / "killed").exists()
 
 

@@ -11,7 +11,7 @@ from agents.reproduction import command
 from baselines.papers import novospaskyi
 from baselines.papers.novospaskyi.tables import METRICS, TABLES, TEST_ERRORS, UNFILTERED, as_published
 
-FIGURES = {"novospaskyi_flight.png", "novospaskyi_errors.png", "novospaskyi_kf_cv.png"}
+FIGURES = {"novospaskyi_flight.png", "novospaskyi_errors.png", "novospaskyi_mae.png", "novospaskyi_kf_cv.png"}
 
 
 def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys, tmp_path):

@@ -24,9 +24,15 @@ START = np.array([0.0, 0.0, 0.0, 2.0])
 def test_golubkov_2018_tables_are_reproduced():
     result = golubkov2018.reproduce(RUNS, seed=0)
     count = result.count()
-    assert sum(total for name, (_, total) in count.items() if not name.startswith("Table 2")) == 39
-    inside = sum(inside for name, (inside, _) in count.items() if not name.startswith("Table 2"))
+    of_ate = [counts[""] for name, counts in count.items() if not name.startswith("Table 2")]
+    inside, total = np.sum(of_ate, axis=0)
+    assert total == 39
     assert inside >= 36
+    for cell in result.cells:
+        assert cell.own_low < cell.ours < cell.own_high
+    tried = {finding.name: finding.value for finding in result.findings if finding.name.startswith("tried")}
+    best = [name for name, value in tried.items() if int(value.split()[0]) >= 30]
+    assert [name.partition("with ")[2] for name in best] == ["tau = 0.1 s, alpha = beta = 0.001"]
     known_modes = result.tables["Table 2, RMSE with known modes"]
     # R2 is close to the edge of its interval; the bound is 2.7 standard errors of a study of the paper's size
     for cell in known_modes:
@@ -37,10 +43,10 @@ def test_golubkov_2018_tables_are_reproduced():
 
 def test_tsyganov_2019_table_is_reproduced_but_not_its_mode_accuracy():
     result = tsyganov2019.reproduce(RUNS, seed=0)
-    ((inside, total),) = result.count().values()
+    ((inside, total),) = (counts[""] for counts in result.count().values())
     assert total == 10
     assert inside >= 9
-    claims = [finding for finding in result.findings if finding.claim == "100 % correct"]
+    claims = [finding for finding in result.findings if finding.claim == tsyganov2019.CLAIM]
     assert len(claims) == 3
     for finding, percentage in zip(claims, (91.1, 89.6, 88.0), strict=True):
         # 9 pieces a run; errors within a run are correlated, with about three times the binomial variance
@@ -152,7 +158,7 @@ def test_statistics_agree_with_an_independent_implementation_at_four_alpha():
         assert figures["false alarms by tick 20, %"] == pytest.approx(alarms, abs=bound(alarms))
         assert figures["missed by tick 40, %"] == pytest.approx(missed, abs=bound(missed))
         spread = (ticks[ticks > 20] - 20).std()
-        assert figures["mean delay"] == pytest.approx(delay, abs=4 * spread * math.sqrt(2 / runs))
+        assert figures[golubkov2020.MEAN_DELAY] == pytest.approx(delay, abs=4 * spread * math.sqrt(2 / runs))
         found = [figures[f"{percentile} % quantile"] for percentile in golubkov2020.PERCENTILES]
         np.testing.assert_allclose(found, percentiles, atol=1)  # one tick
         alarm = 100 * (golubkov2020.run_detector(no_switch, alpha).ticks > 0).mean()

@@ -24,6 +24,9 @@ def test_the_adaptive_filter_follows_manoeuvres_better_than_a_slow_kalman_filter
     assert adaptive.shape == slow.shape == (4,)
     inside = [cell.verdict for cell in result.cells if cell.row == "adaptive, as published"]
     assert inside == ["inside"] * 4
+    counts = result.count()[zimchuk.TABLE]
+    assert counts["sigma_w was fitted to it"] == (1, 1)
+    assert counts[""][1] == 7
 
 
 def test_the_corrected_filter_is_better_on_every_leg(result):
