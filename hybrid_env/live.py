@@ -197,7 +197,7 @@ class AnnouncedTrack(OnlineTrack):
 
     def _recalculate(self) -> tuple[FloatArray, FloatArray]:
         """Go back to the switch, and forward again with the decided mode. Tsyganov 2019, lines 16 to 21."""
-        mode, ticks = self.mode, len(self._since)
+        mode, row, ticks = self.mode, self.observations.copy(), len(self._since)
         estimates, covariances = np.empty((ticks, 4)), np.empty((ticks, 4, 4))
         self.restore(self._at_switch)
         self.blocks["active_mode"][0, 0] = mode
@@ -206,6 +206,7 @@ class AnnouncedTrack(OnlineTrack):
             self._run(MEASURE)
             estimates[k], covariances[k] = self.estimate(), self.covariance()
         self.decision_flags[HAS_DECISION, 0] = True
+        self.observations[:] = row
         return estimates, covariances
 
     def __getstate__(self) -> dict[str, Any]:

@@ -92,6 +92,8 @@ def draw(generator, longest):
         "bank": bank,
         "reset_covariance": None if bank == "oracle" else generator.choice((None, True, False)),
         "follow": str(generator.choice(("declared", "bank"))),
+        "recalculation": bool(generator.choice((True, False))),
+        "refine_radius": bool(generator.choice((True, False))),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
         "actions": str(generator.choice(("all", "best"))),
