@@ -110,7 +110,9 @@ def test_every_option_is_tested():
 @pytest.mark.parametrize("name", NUMBERS + WORDS)
 def test_values_of_other_types_are_refused_in_one_line(name):
     for value in NASTY:
-        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(name, ())
+        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(
+            name, ()
+        )
         if any(value is one for one in allowed):
             continue
         message = refused(WorldOptions, **{name: value})
