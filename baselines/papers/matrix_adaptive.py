@@ -1,8 +1,8 @@
 """The adaptive filter of Zimchuk & Kankin 2006 in matrix form, for n sensors with correlated errors.
 
-`adaptive.AdaptiveFilter` filters every axis by itself. Here the state is that of all d axes, [x, vx, y, vy] in
-the plane, and the measurement g = C x + f holds the positions of n sensors. With the pseudo-inverse C+ of C,
-which for one sensor is the C' of eq. (17), and F+ in the rows of the velocities:
+`adaptive.AdaptiveFilter` filters every axis by itself. Here the state is that of all d axes, [x, vx, y, vy]
+in the plane, and the measurement g = C x + f holds the positions of n sensors. With the pseudo-inverse C+ of
+C, which for one sensor is the C' of eq. (17), and F+ in the rows of the velocities:
 
     P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3) + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
     K      = P_e C' H_0^-1                                       eq. (5), with C P_e C' + R = H_0 = M[nu nu']
@@ -23,12 +23,12 @@ LAGS_OF_VELOCITY = np.array([0.0, 3.0, -6.0, 4.0, -1.0])
 def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:
     """Gains of positions [-] and velocities [1/s], (2, ..., d, m).
 
-    The limits are those of `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position
-    is diagonal: with J = C' H_0^-1 C the eigenvectors of J^(1/2) P J^(1/2), where P is the symmetric part of
-    the identified covariance of the predicted position.
+    The limits are those of `adaptive.AdaptiveFilter`, in the directions in which the gain of a common
+    position is diagonal: with J = C' H_0^-1 C the eigenvectors of J^(1/2) P J^(1/2), where P is the symmetric
+    part of the identified covariance of the predicted position.
 
     Args:
-        covariances: (..., m, m) H_0 [m^2], invertible; the m values are the d axes of one sensor after another.
+        covariances: (..., m, m) H_0 [m^2], invertible; m values are the d axes of one sensor after another.
         spread: (2, ..., d, m) position and velocity rows of P_e C' [m^2, m^2/s].
         tau: tick [s].
         limited: False takes eq. (5) as it is.
@@ -133,9 +133,7 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
         gains = np.full((2, self.tracks, d, m), np.nan)
         covariances = self._means[:, :m]
         ready = self._products > self.start * m
-        ready &= (
-            np.linalg.matrix_rank(covariances, hermitian=True) == m
-        )  # exact measurements identify nothing
+        ready &= np.linalg.matrix_rank(covariances, hermitian=True) == m  # exact values identify nothing
         spread = np.stack([self._means[ready, m : m + d], self._means[ready, m + d :]])
         gains[:, ready] = matrix_gain(covariances[ready], spread, self.tau, self.limited)
         return gains
