@@ -135,7 +135,8 @@ class AnnouncedTrack(OnlineTrack):
 
     The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
     bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
-    filter runs on, and they do not change until the next segment; with `follow="bank"` all run on. The
+    filter runs on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all
+    run on. The
     published bank with one measurement variance has one covariance for both axes: it starts from that of x.
 
     Args:

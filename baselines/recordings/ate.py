@@ -3,7 +3,8 @@
 At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the
 estimate of the last decided mode; after the decision, only the chosen filter runs to the end of the segment.
 Tsyganov 2019 adds a recalculation: after a decision, the chosen filter recomputes the estimates since the
-switch. `sprt.SPRTDecider` applies the same test in the environment.
+switch. `sprt.SPRTDecider` applies the same test in the environment, whose options `recalculation` ("rewind")
+and `refine_radius` are those here.
 """
 
 from collections.abc import Sequence
