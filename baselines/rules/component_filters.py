@@ -45,8 +45,8 @@ class NoiseLaw(NamedTuple):
     distance: float
 
 
-LAWS = NoiseLaw(0.0, 1.0, 25.0, -4.6, 16.0), NoiseLaw(-2.0, 2.0, 40.0, -2.3, 12.0)
-"""Normal errors with one outlier in a hundred, and heavy tails."""
+LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
+"""Normal errors with an outlier in thirty, and heavy tails."""
 
 
 class _Assumption(NamedTuple):
