@@ -24,8 +24,8 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
     """Gains of positions [-] and velocities [1/s], (2, ..., d, m).
 
     The limits are those of `adaptive.AdaptiveFilter`, in the directions in which the gain of a common
-    position is diagonal: with J = C' H_0^-1 C the eigenvectors of J^(1/2) P J^(1/2), where P is the symmetric
-    part of the identified covariance of the predicted position.
+    position is diagonal: with L L' = C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of
+    the identified covariance of the predicted position.
 
     Args:
         covariances: (..., m, m) H_0 [m^2], invertible; m values are the d axes of one sensor after another.
@@ -39,17 +39,15 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
     d, m = spread.shape[-2:]
     sensors = np.tile(np.eye(d), (m // d, 1))  # C without the columns of the velocities
     of_position = sensors.T @ inverse  # C' H_0^-1
-    values, vectors = np.linalg.eigh(of_position @ sensors)
-    root, unroot = (
-        (vectors * values[..., None, :] ** power) @ np.swapaxes(vectors, -1, -2) for power in (0.5, -0.5)
-    )
-    position, velocity = root @ (spread @ sensors / (m // d)) @ root
+    factor = np.linalg.cholesky(of_position @ sensors)
+    position, velocity = np.swapaxes(factor, -1, -2) @ (spread @ sensors / (m // d)) @ factor
     gains, directions = np.linalg.eigh(0.5 * (position + np.swapaxes(position, -1, -2)))
     gains = np.clip(gains, 0.0, 1.0)
     rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
     rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * tau))
     limited_gains = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
-    return np.asarray(unroot @ limited_gains @ unroot @ of_position)
+    unfactor = np.linalg.inv(factor)
+    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited_gains @ unfactor @ of_position)
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
@@ -107,8 +105,7 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
         self._elapsed[measured] = 0.0
 
     def _line_gains(self, line: FloatArray) -> FloatArray:
-        matrix = np.tile(np.eye(self.dimensions), self.sensors) / self.sensors  # C+
-        return line[..., None] * matrix
+        return line[..., None] * np.tile(np.eye(self.dimensions), self.sensors) / self.sensors
 
     def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
         innovation = measurement - np.tile(position, self.sensors)
