@@ -120,7 +120,7 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
             )
         ]
         new = np.concatenate([innovation, *spread], axis=-1)[..., None] * innovation[:, None, :]
-        known = ~np.isnan(new).any((1, 2))
+        known = np.logical_not(np.isnan(new).any(axis=(1, 2)))
         self._products += known
         weight = (known / np.maximum(self._products, 1.0))[:, None, None]
         self._means += np.where(known[:, None, None], weight * (new - self._means), 0.0)
