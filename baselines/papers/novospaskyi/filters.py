@@ -15,7 +15,8 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Huber, Robust, StudentT
+from baselines.estimation.particles import ParticleFilter
+from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.run_filter import run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
@@ -33,6 +34,9 @@ VERTICAL = "vertical q"
 
 START_VARIANCE = 1e4
 """P0 = 10000 I of the thesis, for every component of the state."""
+
+PARTICLES = 500
+"""Of the particle filter."""
 
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 """Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
@@ -140,6 +144,8 @@ def _robust(parameters: Parameters) -> Robust | None:
         return Huber(threshold=parameters["threshold"])
     if "degrees of freedom" in parameters:
         return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
+    if "width" in parameters:
+        return Correntropy(width=parameters["width"])
     return None
 
 
@@ -163,6 +169,13 @@ def _sound_filter(*names: Any) -> Callable[[Parameters], TrackFilter]:
         return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
     return build
+
+
+def _particle_filter(parameters: Parameters) -> TrackFilter:
+    deviation = math.sqrt(parameters["scale"]) * SIGMA
+    model = MotionModel("CV", axes=3, noise=parameters["q CV"])
+    freedom = parameters["degrees of freedom"]
+    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], freedom, PARTICLES)
 
 
 def _log(low: float, high: float) -> FloatDistribution:
@@ -212,11 +225,19 @@ SOUND: dict[str, Contender] = {
 """Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
 are treated alike, as by the g-h filter, except in the last one."""
 
+_STUDENT: dict[str, BaseDistribution] = {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}
 ROBUST: dict[str, Contender] = {
     "CV, Huber": _sound({"threshold": _log(1.0, 5.0)}, "CV"),
-    "CV, Student-t": _sound({"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}, "CV"),
+    "CV, Student-t": _sound(_STUDENT, "CV"),
+    "CV, correntropy": _sound({"width": _log(1.0, 30.0)}, "CV"),
+    "particles, Student-t": Contender(
+        _particle_filter,
+        _STUDENT | {"q CV": _log(1.0, 1e3)},
+        {"degrees of freedom": 10.0, "scale": 0.8, "q CV": 100.0},
+    ),
 }
-"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
+"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise, but
+for the particles, which are lost in manoeuvres that are rare under their process noise."""
 
 COMBINED = "IMM, Student-t"
 """The IMM and the robust update of the Student-t CV, with the parameters that each has alone."""
