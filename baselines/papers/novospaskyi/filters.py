@@ -4,7 +4,7 @@ Novospaskyi 2025, section 2.2. Each has a function of its parameters and the spa
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.particles import ParticleFilter
 from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
-from baselines.estimation.run_filter import run_filter
+from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
@@ -97,18 +97,27 @@ class Contender:
 def run_contender(
     contender: Contender, parameters: Parameters, tracks: Tracks
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3).
+    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
+    filtered = filter_tracks(contender, parameters, tracks)
+    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+
+
+def filter_tracks(
+    contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
+) -> Filtered:
+    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts.
 
     Args:
         contender: the filter.
         parameters: of the filter.
         tracks: measurements of N flights.
+        horizons: of forecasts [s].
     """
     measurements = np.swapaxes(tracks.measurements, 0, 1)
     if contender.averages:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
-    filtered = run_filter(contender.build(parameters), measurements, tracks.times.T, keep_covariances=False)
-    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+    built, kept = contender.build(parameters), bool(horizons)
+    return run_filter(built, measurements, tracks.times.T, keep_covariances=kept, horizons=horizons)
 
 
 class ThesisKalmanFilter(KalmanFilter):
