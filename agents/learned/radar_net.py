@@ -56,7 +56,7 @@ class RadarNet(nn.Module):
             lasting = step.clamp(max=LONGEST)
             position = position + velocity * step + 0.5 * acceleration * lasting**2
             velocity = velocity + acceleration * lasting
-            frame = _frame(velocity)  # rows: along, across, up
+            frame = _frame(velocity, measured - position)
             innovation = (frame @ (measured - position)[..., None])[..., 0]
             speed = velocity.norm(dim=-1, keepdim=True)
             age = torch.full_like(step, float(k)).log1p()
@@ -68,7 +68,8 @@ class RadarNet(nn.Module):
             back = frame.transpose(1, 2)
             position = position + (back @ (gain * innovation)[..., None])[..., 0]
             velocity = velocity + (back @ (rate * innovation / step.clamp(min=0.4))[..., None])[..., 0]
-            acceleration = (back @ (ACCELERATION * out[:, 6:9].tanh())[..., None])[..., 0]
+            if k > 0:  # before, the track has no heading
+                acceleration = (back @ (ACCELERATION * out[:, 6:9].tanh())[..., None])[..., 0]
             ahead, deviation = out[:, 9:].unflatten(-1, (2, len(HORIZONS), 3)).unbind(1)
             found.append((position, velocity, *self._forecast(position, velocity, back, ahead, deviation)))
             before = now
@@ -92,13 +93,14 @@ def acceleration_in(frame: Tensor, acceleration: Tensor) -> Tensor:
     return (frame @ acceleration[..., None])[..., 0] / ACCELERATION
 
 
-def _frame(velocity: Tensor) -> Tensor:
-    """Return rows along the horizontal heading, across it and up, (B, 3, 3)."""
-    x, y = velocity[:, 0], velocity[:, 1]
-    speed = torch.hypot(x, y)
-    moving = speed > 1.0
-    safe = torch.where(moving, speed, 1.0)
-    cosine, sine = torch.where(moving, x / safe, 1.0), torch.where(moving, y / safe, 0.0)
+def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
+    """Return rows along the horizontal heading, without one along the innovation, across and up, (B, 3, 3)."""
+    moving = torch.hypot(velocity[:, 0], velocity[:, 1]) > 1.0
+    x, y = torch.where(moving[:, None], velocity, innovation)[:, :2].unbind(1)
+    length = torch.hypot(x, y)
+    zero_length = length == 0.0
+    safe = torch.where(zero_length, 1.0, length)
+    cosine, sine = torch.where(zero_length, 1.0, x / safe), y / safe
     zero, one = torch.zeros_like(x), torch.ones_like(x)
     rows = [cosine, sine, zero, -sine, cosine, zero, zero, zero, one]
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))

@@ -1,4 +1,4 @@
-"""The command `hybridtrack dataset`: episodes of deciders for offline learning, or radar tracks of flights."""
+"""The command `hybridtrack dataset`: episodes of deciders for offline learning, or radar tracks."""
 
 import os
 import re
@@ -44,9 +44,7 @@ class RandomPolicy:
 
 @dataclass(kw_only=True)
 class Dataset(WorldArguments, TrustArguments):
-    """Write a data set: episodes of deciders for offline learning, one data set of Minari for each decider, or
-    the radar tracks of the flights of Novospaskyi 2025.
-    """
+    """Write a data set: episodes of deciders, one data set of Minari for each, or radar tracks of flights."""
 
     kind: Annotated[Literal["minari", "radar"], tyro.conf.Positional] = "minari"
     """What is written: 'minari' or 'radar'."""
@@ -60,8 +58,8 @@ class Dataset(WorldArguments, TrustArguments):
     out: Annotated[Path | None, shown_default("where Minari keeps its data sets; radar")] = None
     """Folder of the data sets, which Minari finds there by the variable MINARI_DATASETS_PATH."""
     score: bool = False
-    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning them on the
-    others; some ten minutes. The data set is written if the folder has none."""
+    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning them on
+    the others; some ten minutes. The data set is written if the folder has none."""
 
     def run(self) -> None:
         """Write the data sets and print one line for each."""

@@ -94,9 +94,9 @@ def radar_tables(found: Found) -> list[Table]:
             ratio = "" if one is best else bounds_cell(one.ratio(best, STATISTICS["position"]), 2)
             rows.append((one.name, *cells, shares, ratio))
         notes = (
-            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true positions "
-            f"in the stated 95 % region 1, 2 and 5 s ahead; ratio: to {best.name}, the best filter of the "
-            "thesis, on the same flights, with its 95 % interval."
+            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true "
+            "positions in the stated 95 % region 1, 2 and 5 s ahead; ratio: to the best filter of the "
+            f"thesis, {best.name}, on the same flights, with its 95 % interval."
         )
         tables.append(filled_table(f"Radar tracks, {NOISE_NAMES[noise]}", heads, rows, notes))
     return tables
