@@ -10,9 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, reject
+from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
+from hybrid_env.core.records import LANES
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.world import World
@@ -43,7 +44,7 @@ class OnlineTrack(World):
         parameters["irregular"] = True  # any measurement may be missing
         super()._bind(parameters, *arrays)
         block = self.blocks[0]
-        block["variance_ratio"] = 1.0  # those that are not have variance R
+        self.blocks["variance_ratio"] = 1.0  # those that are not have variance R
         self._measurement: FloatArray = block["measurement"][:, 0]
         self._estimate: FloatArray = block["estimate"][:, 0]
         self._triangle: FloatArray = block["covariance"][:, 0]
@@ -128,6 +129,41 @@ class OnlineTrack(World):
     def covariance(self) -> FloatArray:
         """Return the covariance of the estimate, (4, 4)."""
         return self._triangle[SQUARE]
+
+
+class MeasuredTracks(OnlineTrack):
+    """N tracks with measurements from outside, with unknown switches, as the world of a vector environment.
+
+    Args:
+        options: of `hybrid_env.HybridTrackQuickestEnv`.
+        tracks: N.
+    """
+
+    def __init__(self, options: QuickestOptions, tracks: int):
+        super().__init__(options, tracks)
+
+    def write(self, name: str, values: NDArray[Any]) -> None:
+        """Write a field of the blocks, (N,) or (N, k)."""
+        blocks, lanes = np.divmod(np.arange(len(values)), LANES)
+        self.blocks[name][blocks, ..., lanes] = values
+
+    def begin_all(self, estimates: FloatArray, covariance: FloatArray, modes: IntArray) -> None:
+        """Begin all tracks one tick before their first measurements.
+
+        Args:
+            estimates: (N, 4) [x, vx, y, vy] [m, m/s].
+            covariance: (4, 4) of each.
+            modes: (N,) before the first tick; -1 where it is not known.
+        """
+        self.write("estimate", estimates)
+        self.write("covariance", np.tile(covariance[TRIANGLE], (len(estimates), 1)))
+        self.actions[:] = modes
+        self._run(BEGIN)
+
+    def measure_all(self, measurements: FloatArray) -> None:
+        """Advance by one tick with measurements (N, 2) [m], NaN where there is none, after `actions`."""
+        self.write("measurement", measurements)
+        self._advance_tick()
 
 
 class AnnouncedTrack(OnlineTrack):

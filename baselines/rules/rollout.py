@@ -143,14 +143,29 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
 
 def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: Any) -> list[Statements]:
     """Return `record_statements` of each of some deciders of one rule, computed together if they can be."""
+    first = check_integer("seed", seed, minimum=0)
+
+    def make() -> HybridTrackQuickestVectorEnv:
+        return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **options)
+
+    return record_in(make, deciders, first)
+
+
+def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
+    """Return the statements of deciders of one rule on one episode of every track of an environment.
+
+    Args:
+        make: returns the environment, whose world has the field `true_mode`.
+        deciders: computed together if they can be.
+        seed: of the first track.
+    """
     several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
     if several is None and len(deciders) > 1:
-        return [record_statements(decider, tracks, seed, **options) for decider in deciders]
-    decider = deciders[0] if several is None else several
-    env = HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **options)
-    true_modes = np.empty((env.options.ticks, tracks), np.int64)
+        return [one for decider in deciders for one in record_in(make, [decider], seed)]
+    decider, env = deciders[0] if several is None else several, make()
+    true_modes = np.empty((env.options.ticks, env.num_envs), np.int64)
     stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
-    for now in rollout(env, decider, check_integer("seed", seed, minimum=0)):
+    for now in rollout(env, decider, seed):
         if now.step:
             chosen = [now.actions] if several is None else several.chosen
             stated_modes[:, now.step - 1] = chosen

@@ -4,8 +4,8 @@ Those of a live sensor are entries of their own, since few programs need both.
 
 On a live sensor the measurement comes from the caller instead of `true_object.move`. Everything else is
 computed by the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same
-observations as in the environments. The track is the first lane of the first block, and `irregular` is True
-in its parameters, because any measurement may be missing.
+observations as in the environments. With announced switches the track is the first lane of the first block.
+`irregular` is True in the parameters, because any measurement may be missing.
 """
 
 from typing import Any
@@ -36,6 +36,7 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.quickest_kernel import record_statement
+from hybrid_env.core.records import LANES
 from hybrid_env.core.state import PARAMETERS, arrays_of
 
 STEP, RESET, MEASURE, BEGIN = range(4)
@@ -108,26 +109,32 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
 
 @internal
 def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin a track, or process a statement and a measurement, with unknown switch moments.
+    """Begin tracks, or process statements and measurements, with unknown switch moments.
 
-    With `begins` every filter starts from `estimate` and `covariance` of the block; the action is the mode
+    With `begins` every filter starts from `estimate` and `covariance` of its track; the action is the mode
     before the first tick, -1 if it is not known. Otherwise the action is the statement of the last tick,
-    which does not count before the first one; the bank advances by the `measurement` of the block, which is
+    which does not count before the first one; the bank advances by the `measurement` of the track, which is
     NaN if there is none, and the observation is written.
 
     Returns:
         0.
     """
-    block, bank = arrays.blocks[0], imm_of_block(banks, 0)
-    if begins:
-        block.time[0], block.stated_mode[0], block.stated_ticks[0] = 0, 0, 0
-        begin_imm(bank, block, 0, arrays.actions[0])
-        return 0
-    if block.time[0] > 0:
-        record_statement(block, 0, arrays.actions[0])
-    step_imm_irregular(bank, block, FIRST, LAST, arrays.radii, setting)
-    block.time[0] += 1
-    write_quickest_row(arrays.observations[0], block, 0, bank, setting)
+    for b in range(setting.first_block, setting.last_block):
+        block, bank = arrays.blocks[b], imm_of_block(banks, b)
+        lanes = min(LANES, setting.tracks - b * LANES)
+        for lane in range(lanes):
+            stated = arrays.actions[b * LANES + lane]
+            if begins:
+                block.time[lane], block.stated_mode[lane], block.stated_ticks[lane] = 0, 0, 0
+                begin_imm(bank, block, lane, stated)
+            elif block.time[lane] > 0:
+                record_statement(block, lane, stated)
+        if begins:
+            continue
+        step_imm_irregular(bank, block, FIRST, np.uint64(lanes), arrays.radii, setting)
+        for lane in range(lanes):
+            block.time[lane] += 1
+            write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
     return 0
 
 

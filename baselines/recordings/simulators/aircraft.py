@@ -1,0 +1,197 @@
+"""Aircraft of the flight dynamics model JSBSim, which a commanded bank flies through turns.
+
+Berndt 2004, "JSBSim: an open source flight dynamics model in C++", AIAA 2004-4923. Unlike the object of the
+environments, an aircraft needs seconds to roll into a turn and out of it, its speed and height change in
+turns, and its banks differ from the nominal one, so its radii do. It is a module of its own (extra
+`simulators`), with the aircraft in it.
+"""
+
+import contextlib
+import functools
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybrid_env.checks import FloatArray, IntArray
+
+GRAVITY = 9.81  # [m/s^2]
+FOOT = 0.3048  # [m]
+STEP = 1.0 / 60.0  # of the flight dynamics [s]
+STEPS = 6  # of them between two corrections of the controls
+CONTROL = STEP * STEPS  # [s]
+SETTLED = 20.0  # time of straight flight before the track begins [s]
+BANK_SPREAD = 0.15  # a commanded bank differs from the nominal one by up to this share
+BANK_GAINS = 0.02, 0.015, 0.004  # aileron by the error of the bank [1/deg], its rate and its integral
+NEAR = 8.0  # error of the bank below which it is integrated [deg]
+CLIMB_GAINS = 0.05, 0.02, 0.5  # elevator by the error of the path angle [1/deg], its integral, pitch rate
+HEIGHT_GAIN, LARGEST_CLIMB = 0.1, 20.0  # [1/s], [ft/s]
+THROTTLE_GAIN = 0.03  # [1/knot]
+LARGEST_TRIM = 0.3, 0.5  # of the integrals of aileron and elevator
+ENGINES = 4  # at most
+
+
+@dataclass(frozen=True)
+class Aircraft:
+    """An aircraft of JSBSim and how it is flown.
+
+    Attributes:
+        name: of its model in JSBSim.
+        height: [ft].
+        airspeed: calibrated [knots].
+        speed: true, which follows from both [m/s].
+        bank: nominal bank of turns [deg].
+        ticks: lengths of a tick [s].
+        noises: standard deviations of a measured position [m].
+    """
+
+    name: str
+    height: float
+    airspeed: float
+    speed: float
+    bank: float
+    ticks: tuple[float, ...]
+    noises: tuple[float, ...]
+
+    @property
+    def radius(self) -> float:
+        """Radius of a turn with the nominal bank, v^2 / (g tan bank) [m]."""
+        return self.speed**2 / (GRAVITY * math.tan(math.radians(self.bank)))
+
+    @property
+    def radian(self) -> float:
+        """Time in which it turns by a radian [s]; modes last this time and, on average, twice of it more."""
+        return self.radius / self.speed
+
+
+AIRCRAFT = {
+    "light": Aircraft("c172x", 3000.0, 95.0, 51.0, 20.0, (0.3, 0.6, 1.2), (5.0, 20.0, 80.0)),
+    "airliner": Aircraft("737", 20000.0, 280.0, 192.5, 25.0, (0.8, 1.6, 3.2), (20.0, 100.0, 500.0)),
+    "fighter": Aircraft("f16", 15000.0, 350.0, 221.6, 45.0, (0.5, 1.0, 2.0), (20.0, 80.0, 320.0)),
+}
+
+
+class Path(NamedTuple):
+    """A flown path at every correction of the controls.
+
+    Attributes:
+        states: (n, 4) true [x, vx, y, vy], x east and y north [m, m/s].
+        modes: (n,) straight, left or right, as commanded.
+        banks: (n,) flown bank, positive to the right [deg].
+    """
+
+    states: FloatArray
+    modes: IntArray
+    banks: FloatArray
+
+
+@functools.lru_cache(maxsize=512)
+def fly(kind: str, seed: int, duration: float) -> Path:
+    """Return a flight of a duration [s], with modes and banks drawn by a seed.
+
+    Args:
+        kind: key of `AIRCRAFT`.
+        seed: of the random numbers.
+        duration: [s].
+
+    Raises:
+        ModuleNotFoundError: JSBSim is not installed.
+    """
+    craft, generator = AIRCRAFT[kind], np.random.default_rng(seed)
+    count = round(duration / CONTROL)
+    modes, commands = draw_commands(craft, count, generator)
+    heading = generator.uniform(0.0, 360.0)
+    flown = _fly(craft, heading, np.append(np.zeros(round(SETTLED / CONTROL)), commands))[-count:]
+    east, north = (flown[:, k] for k in (0, 1))
+    x, y = (CONTROL * (np.cumsum(v) - 0.5 * (v + v[0])) for v in (east, north))  # trapezoids
+    return Path(np.stack([x, east, y, north], axis=1), modes, flown[:, 2])
+
+
+def draw_commands(
+    craft: Aircraft, count: int, generator: np.random.Generator
+) -> tuple[IntArray, FloatArray]:
+    """Return the modes (count,) at every correction and the commanded banks (count,) [deg], right positive.
+
+    A mode lasts `Aircraft.radian` and an exponential time of twice this mean; the next mode is one of the
+    other two.
+    """
+    modes, banks = np.zeros(count, np.int64), np.zeros(count)
+    first, mode = 0, int(generator.integers(3))
+    while first < count:
+        length = math.ceil(craft.radian * (1.0 + generator.exponential(2.0)) / CONTROL)
+        bank = craft.bank * generator.uniform(1.0 - BANK_SPREAD, 1.0 + BANK_SPREAD)
+        modes[first : first + length] = mode
+        banks[first : first + length] = (0.0, -bank, bank)[mode]
+        first, mode = first + length, (mode + int(generator.integers(1, 3))) % 3
+    return modes, banks
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Discard what JSBSim prints when a model is loaded, below Python's standard output."""
+    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nothing)
+
+
+def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
+    """Return velocity east and north [m/s] and bank [deg] after every correction of the controls, (n, 3)."""
+    import jsbsim  # an extra
+
+    with _silent():
+        model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+        model.set_debug_level(0)
+        model.load_model(craft.name)
+        model.set_dt(STEP)
+        for name, value in (("h-sl-ft", craft.height), ("vc-kts", craft.airspeed), ("psi-true-deg", heading)):
+            model[f"ic/{name}"] = value
+        model.run_ic()
+        model["propulsion/set-running"] = -1
+        model["simulation/do_simple_trim"] = 1
+    nodes = model.get_property_manager()
+
+    def read(name: str) -> Any:
+        return nodes.get_node(name).get_double_value
+
+    bank, roll, pitch = (read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec"))
+    height, climb = read("position/h-sl-ft"), read("velocities/h-dot-fps")
+    speed, knots = read("velocities/vt-fps"), read("velocities/vc-kts")
+    east, north = read("velocities/v-east-fps"), read("velocities/v-north-fps")
+    aileron, elevator = (nodes.get_node(f"fcs/{name}-cmd-norm") for name in ("aileron", "elevator"))
+    throttles = [nodes.get_node(f"fcs/throttle-cmd-norm[{k}]") for k in range(ENGINES)]
+    throttles = [one for one in throttles if one is not None]
+    trimmed, power, level = elevator.get_double_value(), throttles[0].get_double_value(), height()
+    side, up = 0.0, 0.0  # integrals
+    found = np.empty((len(commands), 3))
+    for k, command in enumerate(commands.tolist()):
+        error = command - bank()
+        if abs(error) < NEAR:
+            side = _clip(side + BANK_GAINS[2] * error * CONTROL, LARGEST_TRIM[0])
+        aileron.set_double_value(
+            _clip(BANK_GAINS[0] * error - BANK_GAINS[1] * math.degrees(roll()) + side, 1.0)
+        )
+        wanted = _clip(HEIGHT_GAIN * (level - height()), LARGEST_CLIMB)
+        angle = math.degrees((wanted - climb()) / speed())
+        up = _clip(up + CLIMB_GAINS[1] * angle * CONTROL, LARGEST_TRIM[1])
+        elevator.set_double_value(
+            _clip(trimmed - CLIMB_GAINS[0] * angle - up + CLIMB_GAINS[2] * pitch(), 1.0)
+        )
+        thrust = min(max(power + THROTTLE_GAIN * (craft.airspeed - knots()), 0.0), 1.0)
+        for throttle in throttles:
+            throttle.set_double_value(thrust)
+        for _ in range(STEPS):
+            model.run()
+        found[k] = FOOT * east(), FOOT * north(), bank()
+    return found
+
+
+def _clip(value: float, largest: float) -> float:
+    return min(max(value, -largest), largest)

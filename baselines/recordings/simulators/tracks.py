@@ -1,0 +1,97 @@
+"""Simulated flights with measured positions, as an environment with unknown switches."""
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from baselines.recordings.simulators.aircraft import AIRCRAFT, CONTROL, fly
+from baselines.rules.decider import Actions, Observations
+from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.live import MeasuredTracks
+from hybrid_env.quickest_options import QuickestOptions
+
+MINUTES = 15.0
+"""Duration of a flight [min]."""
+
+PROCESS = 0.0158
+"""Deviation of the velocity by the process noise of a tick over the speed, as in the default environment."""
+
+NOISE_STREAM = 1  # random numbers of the noise are none of the flight
+
+
+def world_options(kind: str, tick: float, noise: float) -> dict[str, Any]:
+    """Return what deciders are told of a world, as options of `HybridTrackQuickest-v0`.
+
+    Args:
+        kind: key of `AIRCRAFT`.
+        tick: [s].
+        noise: standard deviation of a measured position [m].
+    """
+    craft = AIRCRAFT[kind]
+    radian = max(1, round(craft.radian / tick))
+    return {
+        "radii": (craft.radius,), "speed": craft.speed, "tau": tick, "measurement_variance": noise**2,
+        "process_variance": (PROCESS * craft.speed) ** 2, "durations": f"{radian} + geometric {2 * radian}",
+        "ticks": int(60.0 * MINUTES / tick), "initial_error": (0.3, (0.07 * craft.speed) ** 2),
+    }  # fmt: skip
+
+
+class SimulatedTracks:
+    """Flights with noise as a vector environment with the rows of `hybrid_env.HybridTrackQuickestEnv`.
+
+    Track i is the flight of seed s + i, whatever noise and tick are. Bank and deciders know the mode in which
+    it begins, and an estimate with the error of the options.
+
+    Args:
+        kind: key of `AIRCRAFT`.
+        options: of the bank; `tau` and `measurement_variance` are those of the sensor.
+        tracks: N.
+
+    Attributes:
+        num_envs: N.
+        single_action_space: M modes to state.
+        world: arrays of the bank.
+    """
+
+    def __init__(self, kind: str, options: QuickestOptions, tracks: int):
+        self.kind, self.options, self.num_envs = kind, options, tracks
+        self.world = MeasuredTracks(options, tracks)
+        self.single_action_space = spaces.Discrete(options.hypotheses)
+
+    def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
+        """Begin the flights of the seeds, and measure their first positions."""
+        assert seed is not None
+        options, deviation = self.options, math.sqrt(self.options.variances[0])
+        ends = options.tau * np.arange(options.ticks + 1)
+        moments = CONTROL * np.arange(round(60.0 * MINUTES / CONTROL))
+        rows = np.minimum(np.searchsorted(moments, ends - 0.5 * CONTROL), len(moments) - 1)
+        points, starts, self._modes = [], [], np.empty((options.ticks, self.num_envs), np.int64)
+        assert isinstance(options.initial_error, tuple)
+        position, velocity = options.initial_error
+        spread = np.array([position * deviation**2, velocity] * 2)
+        for track in range(self.num_envs):
+            path = fly(self.kind, seed + track, 60.0 * MINUTES)
+            generator = np.random.default_rng([seed + track, NOISE_STREAM])
+            exact = np.stack([np.interp(ends, moments, one) for one in path.states.T], axis=1)
+            starts.append(exact[0] + np.sqrt(spread) * generator.standard_normal(4))
+            points.append(exact[1:, ::2] + deviation * generator.standard_normal((options.ticks, 2)))
+            self._modes[:, track] = path.modes[rows[1:]]
+        self._points: FloatArray = np.stack(points, axis=1)
+        self._tick = 0
+        self.world.begin_all(np.array(starts), np.diag(spread), self._modes[0])
+        return self._measure(), {}
+
+    def _measure(self) -> Observations:
+        self.world.measure_all(self._points[self._tick])
+        self.world.write("true_mode", self._modes[self._tick])
+        self._tick += 1
+        return self.world.take_rows()
+
+    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Go on to the next positions after statements (N,); after the last ones the episodes end."""
+        self.world.actions[:] = actions
+        ended = np.full(self.num_envs, self._tick == len(self._points))
+        rows = self.world.take_rows() if ended.all() else self._measure()
+        return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
