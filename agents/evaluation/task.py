@@ -1,10 +1,11 @@
 """A task: what is decided, on which episodes, and what counts; and the one sweep over thresholds."""
 
+import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -161,6 +162,14 @@ class Task(ABC):
         Without any, there are no random worlds either.
         """
         return {}
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """Return the task with some other options."""
+        return dataclasses.replace(self, given={**self.given, **changes}) if changes else self
+
+    def settings(self) -> Sequence[Mapping[str, Any]]:
+        """Return changes of options that are tried with the thresholds, the first without any."""
+        return ({},)
 
     @property
     @abstractmethod

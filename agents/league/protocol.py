@@ -76,7 +76,7 @@ def _play(name: str, world: str) -> dict[str, Any]:
     task = world_task(world)
     try:
         family = find_family(name, task.options)
-        shift = evaluate_world(name, world, {}, None, task, EPISODES[task.switches], SEED)
+        shift = evaluate_world(name, world, task, None, EPISODES[task.switches], SEED)
     except ArgumentError as error:
         return {"refused": str(error)}
     metrics = {one.name: shift.own.estimate(one.statistic).as_json() for one in task.metrics}

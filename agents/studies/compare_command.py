@@ -1,5 +1,6 @@
 """The command `hybridtrack compare`: train agents and compare deciders on the same episodes."""
 
+import importlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,6 +11,7 @@ from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
 from hybrid_env.checks import check_integer, reject
+from hybrid_env.extras import explained
 
 
 @dataclass(kw_only=True)
@@ -26,6 +28,10 @@ class FlightArguments:
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
     HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
+
+    simulators: bool = False
+    """Compare on aircraft of the flight dynamics model JSBSim (extra 'simulators'), in 27 worlds of three
+    aircraft, ticks and noises, the agent at its default threshold and rules that are tuned in each."""
 
     def compare_flights(self, deciders: tuple[str, ...], out: Path) -> None:
         """Compare, print the tables and write flights.json and a picture of each flight.
@@ -128,23 +134,56 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
         Raises:
             ArgumentError: an argument is out of range, or the output folder cannot be written.
         """
-        if self.flights is not None:
-            self._refuse(FlightArguments, False, "no value with --flights")
+        if self.simulators:
+            parallel = {field.name for field in fields(ParallelArguments)}
+            self._refuse({"simulators", "episodes", "seed"} | parallel, "no value with --simulators")
+            self._compare_simulators()
+        elif self.flights is not None:
+            self._refuse({"flights", "source", "tier", "form"}, "no value with --flights")
             self.compare_flights(self.deciders or (), self.out)
         else:
-            self._refuse(FlightArguments, True, "no value without --flights")
+            recorded = {field.name for field in fields(FlightArguments)}
+            others = {field.name for field in fields(self)} - recorded
+            self._refuse(others, "no value without --flights")
             self._compare()
 
-    def _refuse(self, group: type[Any], inside: bool, allowed: str) -> None:
-        """Refuse given flags that are inside, or that are outside, of a group of flags."""
-        names = {field.name for field in fields(group)}
+    def _refuse(self, allowed_flags: set[str], allowed: str) -> None:
+        """Refuse given flags other than some."""
         for field in fields(self):
             value = getattr(self, field.name)
-            if value == field.default or field.name in ("deciders", "out"):
-                continue
-            if (field.name in names) == inside:
+            if value != field.default and field.name not in allowed_flags | {"deciders", "out"}:
                 shown = str(value) if isinstance(value, Path) else value
                 raise reject(field.name.replace("_", "-"), shown, allowed)
+
+    def _compare_simulators(self) -> None:
+        """Compare, print the table and write simulators.json."""
+        with explained():
+            importlib.import_module("jsbsim")
+        from rich.console import Console
+
+        from agents.evaluation.registry import find_family
+        from agents.evaluation.simulators import COMPARED, simulator_worlds
+        from agents.interface.output_files import output_folder, write_json
+        from agents.interface.progress import progress_display
+        from agents.studies.shifts import shift_table
+        from agents.studies.simulators_study import EPISODES, compare_on_simulators, simulators_json, summary
+
+        names, worlds, console = self.deciders or COMPARED, simulator_worlds(), Console(emoji=False)
+        episodes = check_integer("episodes", EPISODES if self.episodes is None else self.episodes)
+        for name in names:
+            find_family(name, next(iter(worlds.values())).options)
+        folder = output_folder("out", self.out)
+        with progress_display(console) as progress:
+            bar = progress.add_task("Simulators", total=len(names) * len(worlds), note="")
+            results = compare_on_simulators(
+                names, episodes, self.seed, self.workers(),
+                lambda note: progress.update(bar, advance=1, note=note),
+            )  # fmt: skip
+        write_json(folder / "simulators.json", simulators_json(results))
+        console.print(shift_table(results, f"Aircraft of JSBSim: {results[0].task.size(episodes)} a world"))
+        if len(names) > 1:
+            console.print(summary(results))
+        console.print(f"File in {folder}: simulators.json", markup=False, highlight=False)
 
     def plan(self) -> "Plan":
         """Return the checked plan.

@@ -171,8 +171,9 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
             find_family(name, task.options)
         with progress_display(console) as progress:
             bar = progress.add_task("Evaluating", total=len(deciders) * len(worlds), note="")
+            tasks = {name: task.changed(changes) for name, changes in worlds.items()}
             results = evaluate_shifts(
-                deciders, task, worlds, self.episodes, self.seed, self.workers(),
+                deciders, tasks, self.episodes, self.seed, self.workers(),
                 lambda note: progress.update(bar, advance=1, note=note),
             )  # fmt: skip
             progress.update(bar, note="")

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.table import Table
@@ -11,7 +11,6 @@ from rich.text import Text
 from agents.evaluation.cells import new_table
 from agents.evaluation.registry import find_family
 from agents.evaluation.task import Task, sweep
-from agents.evaluation.tasks import task_of
 from agents.evaluation.worlds import NOMINAL
 from agents.interface.parallel import Workers
 from baselines.rules import seeds
@@ -32,12 +31,14 @@ class Shift:
         task: what is decided, in this environment.
         own: scores at the threshold selected in this environment, on other episodes.
         nominal: scores at the threshold selected in the nominal environment.
+        setting: options that were selected with the own threshold, see `Task.settings`.
     """
 
     world: str
     task: Task
     own: Scores
     nominal: Scores
+    setting: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def decider(self) -> str:
@@ -54,10 +55,10 @@ class Shift:
         """Mean of the goal at the threshold of the nominal environment."""
         return self.nominal.estimate(self.task.statistic(self.task.goal))
 
-    def less(self, other: "Shift") -> tuple[Estimate, float]:
+    def less(self, other: "Shift") -> tuple[Estimate, Estimate]:
         """Return the goal less that of another decider, and the same at the nominal threshold of this one."""
         goal = self.task.statistic(self.task.goal)
-        return self.own.difference(other.own, goal), self.nominal.difference(other.own, goal).value
+        return self.own.difference(other.own, goal), self.nominal.difference(other.own, goal)
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures."""
@@ -72,47 +73,46 @@ class Shift:
             "reward": reward.value, "low": reward.low, "high": reward.high, **metrics,
             "nominal_threshold": self.nominal.thresholds[0], "nominal_reward": nominal.value,
             "nominal_low": nominal.low, "nominal_high": nominal.high,
-        }  # fmt: skip
+        } | ({"setting": dict(self.setting)} if self.setting else {})  # fmt: skip
 
 
 def evaluate_shifts(
     names: Sequence[str],
-    nominal: Task,
-    worlds: Mapping[str, dict[str, Any]],
+    worlds: Mapping[str, Task],
     episodes: int,
     seed: int,
     workers: Workers,
     on_progress: Callable[[str], None],
+    untuned: Sequence[str] = (),
 ) -> list[Shift]:
     """Evaluate every decider in every environment.
 
     Each decider uses the threshold with the best reward, selected on other episodes, once of the same
-    environment and once of the nominal environment. Rules that are fitted to an environment are fitted to
-    each of them.
+    environment and once of the nominal environment; without a nominal one, its default. Rules that are fitted
+    to an environment are fitted to each of them.
 
     Args:
         names: of deciders, without thresholds.
-        nominal: what is decided, in the nominal environment.
-        worlds: name and changed options of the environments, the nominal one first.
+        worlds: what is decided in each environment, by its name.
         episodes: number of evaluation episodes.
         seed: of the first episode.
         workers: where the evaluations run.
         on_progress: called with the name of the decider and environment that were evaluated.
+        untuned: names of deciders for which nothing is selected: their nominal threshold is also their own.
     """
-    alone = functools.partial(evaluate_world, nominal=nominal, episodes=episodes, seed=seed)
-    calls = {
-        f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, worlds.get(NOMINAL, {}), None)
-        for name in names
-    }
-    found = dict(workers.results(calls, on_progress))  # their thresholds are those of the other environments
-    others = {
-        f"{name}: {world}": functools.partial(
-            alone, name, world, changes, found[f"{name}: {NOMINAL}"].own.thresholds[0]
-        )
-        for name in names
-        for world, changes in worlds.items()
-        if world != NOMINAL
-    }
+    alone = functools.partial(evaluate_world, episodes=episodes, seed=seed)
+    home = worlds.get(NOMINAL)
+    calls = {f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, home, None) for name in names}
+    found = dict(workers.results(calls if home else {}, on_progress))
+    others = {}
+    for name in names:
+        for world, task in worlds.items():
+            if world != NOMINAL:
+                used = found[f"{name}: {NOMINAL}"].own.thresholds[0] if home else None
+                usual = find_family(name, task.options).default if used is None else used
+                others[f"{name}: {world}"] = functools.partial(
+                    alone, name, world, task, usual, tuned=name not in untuned
+                )
     found |= workers.results(others, on_progress)
     return [found[f"{name}: {world}"] for name in names for world in worlds]
 
@@ -120,29 +120,39 @@ def evaluate_shifts(
 def evaluate_world(
     name: str,
     world: str,
-    changes: dict[str, Any],
+    task: Task,
     threshold: float | None,
-    nominal: Task,
     episodes: int,
     seed: int,
+    tuned: bool = True,
 ) -> Shift:
     """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
 
-    Arguments as in `evaluate_shifts`.
+    Arguments as in `evaluate_shifts`; tuned: whether threshold and settings are selected.
     """
-    task = task_of(nominal.env_id, {**nominal.given, **changes})
-    family = find_family(name, task.options)
-    thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds
-    thresholds = thresholds[:: -(-len(thresholds) // MOST_THRESHOLDS)]
+    if threshold is not None:
+        usual = sweep(task, find_family(name, task.options), episodes, seed, thresholds=(threshold,))
+        if not tuned:
+            return Shift(world, task, usual, usual)
     count = min(episodes, seeds.SELECTION_EPISODES)
-    best = thresholds[task.best(sweep(task, family, count, seeds.SELECTION, thresholds=thresholds))]
-    own = sweep(task, family, episodes, seed, thresholds=(best,))
-    if threshold in (None, best):
-        return Shift(world, task, own, own)
-    return Shift(world, task, own, sweep(task, family, episodes, seed, thresholds=(threshold,)))
+    tried = []
+    for setting in task.settings():
+        own = task.changed(setting)
+        family = find_family(name, own.options)
+        thresholds = FEW_ALPHAS if family.thresholds == ALPHAS else family.thresholds
+        thresholds = thresholds[:: -(-len(thresholds) // MOST_THRESHOLDS)]
+        scores = sweep(own, family, count, seeds.SELECTION, thresholds=thresholds)
+        rewards = scores.curve(own.statistic(own.goal))
+        tried.append((float(rewards.max()), thresholds[task.best(scores)], setting))
+    _, best, setting = max(tried, key=lambda one: one[0])
+    if threshold == best and not setting:
+        return Shift(world, task, usual, usual)
+    chosen = task.changed(setting)
+    found = sweep(chosen, find_family(name, chosen.options), episodes, seed, thresholds=(best,))
+    return Shift(world, chosen, found, found if threshold is None else usual, setting)
 
 
-def differences(results: Sequence[Shift]) -> dict[str, tuple[Shift, Estimate, float]]:
+def differences(results: Sequence[Shift]) -> dict[str, tuple[Shift, Estimate, Estimate]]:
     """Return the best other decider in each environment, and the first less that one, see `Shift.less`."""
     found = {}
     for world in dict.fromkeys(result.world for result in results):
@@ -157,7 +167,8 @@ def differences_json(results: Sequence[Shift]) -> list[dict[str, Any]]:
     return [
         {
             "world": world, "decider": results[0].decider, "other": best.decider, "difference": gain.value,
-            "low": gain.low, "high": gain.high, "nominal_difference": nominal,
+            "low": gain.low, "high": gain.high, "nominal_difference": nominal.value,
+            "nominal_low": nominal.low, "nominal_high": nominal.high,
         }
         for world, (best, gain, nominal) in differences(results).items()
     ]  # fmt: skip
@@ -169,7 +180,7 @@ def shift_table(results: Sequence[Shift], title: str) -> Table:
     caption = (
         "Reward and half width of its 95 % confidence interval, at the threshold selected in this "
         "environment; in the last line of a row the reward at the threshold selected in the nominal "
-        "environment."
+        "environment, or without one at the default."
     )
     gains = differences(results) if len(deciders) > 1 else {}
     if gains:
@@ -184,7 +195,8 @@ def shift_table(results: Sequence[Shift], title: str) -> Table:
         row = {result.decider: result for result in results if result.world == world}
         cells = [_cell(world, row[name].reward, row[name].nominal_reward.value) for name in deciders]
         if world in gains:
-            cells.append(_cell(world, *gains[world][1:]))
+            _, gain, nominal = gains[world]
+            cells.append(_cell(world, gain, nominal.value))
         table.add_row(world, *cells)
     return table
 

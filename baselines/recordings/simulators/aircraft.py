@@ -2,7 +2,8 @@
 
 Berndt 2004, "JSBSim: an open source flight dynamics model in C++", AIAA 2004-4923. Unlike the object of the
 environments, an aircraft needs seconds to roll into a turn and out of it, its speed and height change in
-turns, and its banks differ from the nominal one, so its radii do. It is a module of its own (extra
+turns, and its banks differ from the nominal one, so its radii do. No rudder is used: the fighter slips in
+turns, which are wider than those of its bank without slip. JSBSim is a module of its own (extra
 `simulators`), with the aircraft in it.
 """
 
@@ -110,9 +111,7 @@ def fly(kind: str, seed: int, duration: float) -> Path:
     return Path(np.stack([x, east, y, north], axis=1), modes, flown[:, 2])
 
 
-def draw_commands(
-    craft: Aircraft, count: int, generator: np.random.Generator
-) -> tuple[IntArray, FloatArray]:
+def draw_commands(craft: Aircraft, count: int, generator: np.random.Generator) -> tuple[IntArray, FloatArray]:
     """Return the modes (count,) at every correction and the commanded banks (count,) [deg], right positive.
 
     A mode lasts `Aircraft.radian` and an exponential time of twice this mean; the next mode is one of the
@@ -161,7 +160,9 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
     def read(name: str) -> Any:
         return nodes.get_node(name).get_double_value
 
-    bank, roll, pitch = (read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec"))
+    bank, roll, pitch = (
+        read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec")
+    )
     height, climb = read("position/h-sl-ft"), read("velocities/h-dot-fps")
     speed, knots = read("velocities/vt-fps"), read("velocities/vc-kts")
     east, north = read("velocities/v-east-fps"), read("velocities/v-north-fps")

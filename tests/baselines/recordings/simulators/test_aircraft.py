@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from baselines.recordings.simulators.aircraft import AIRCRAFT, BANK_SPREAD, CONTROL, draw_commands, fly
+
+
+def test_commands_have_the_documented_durations_and_banks():
+    craft = AIRCRAFT["fighter"]
+    modes, banks = draw_commands(craft, 2_000_000, np.random.default_rng(0))
+    begins = np.flatnonzero(np.diff(modes))
+    lengths = CONTROL * np.diff(begins)
+    assert lengths.min() >= craft.radian
+    assert lengths.mean() == pytest.approx(3.0 * craft.radian, rel=0.05)
+    assert np.bincount(modes) / len(modes) == pytest.approx([1 / 3] * 3, abs=0.03)
+    assert np.all(banks[modes == 0] == 0.0)
+    assert np.all(banks[modes == 1] < 0.0)
+    turning = np.abs(banks[modes != 0]) / craft.bank
+    assert (turning.min(), turning.max()) == pytest.approx((1 - BANK_SPREAD, 1 + BANK_SPREAD), abs=0.01)
+
+
+@pytest.mark.parametrize("kind", AIRCRAFT)
+def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
+    pytest.importorskip("jsbsim")
+    craft, path = AIRCRAFT[kind], fly(kind, 3, 300.0)
+    vx, vy = path.states[:, 1], path.states[:, 3]
+    rates = np.gradient(np.unwrap(np.arctan2(vy, vx)), CONTROL)
+    settled = np.full(len(rates), True)
+    for switch in (0, *np.flatnonzero(np.diff(path.modes))):
+        settled[switch : switch + 1 + round(12.0 / CONTROL)] = False
+        rolled = path.banks[switch + round(0.5 / CONTROL)] - path.banks[switch]
+        assert abs(rolled) < 0.7 * craft.bank  # it takes seconds
+    signs = np.array([0.0, 1.0, -1.0])[path.modes]
+    turning = settled & (path.modes != 0)
+    turned = rates[turning] * signs[turning] * craft.radian
+    assert 0.5 < turned.min() < turned.max() < 1.3  # the fighter slips
+    assert np.abs(rates[settled & (path.modes == 0)]).max() * craft.radian < 0.1
+    speeds = np.hypot(vx, vy)
+    assert np.abs(speeds / craft.speed - 1.0).max() < 0.05
+    assert np.ptp(speeds) > 0.002 * craft.speed  # it changes in turns
+    moved = np.diff(path.states[:, ::2], axis=0) / CONTROL
+    assert np.abs(moved - path.states[1:, 1::2]).max() < 0.02 * craft.speed
+
+
+def test_flights_are_those_of_their_seeds(capfd):
+    pytest.importorskip("jsbsim")
+    first, other = (fly.__wrapped__("airliner", seed, 20.0).states for seed in (5, 6))
+    np.testing.assert_array_equal(fly.__wrapped__("airliner", 5, 20.0).states, first)
+    assert not np.array_equal(first, other)
+    assert capfd.readouterr().out == ""

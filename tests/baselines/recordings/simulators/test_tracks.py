@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from baselines import ThresholdDecider, measure_statements
+from baselines.recordings.simulators import tracks
+from baselines.recordings.simulators.aircraft import CONTROL, fly
+from baselines.recordings.simulators.tracks import SimulatedTracks, world_options
+from baselines.rules.rollout import record_in
+from hybrid_env.quickest_options import QuickestOptions
+
+
+@pytest.fixture
+def options(monkeypatch):
+    pytest.importorskip("jsbsim")
+    monkeypatch.setattr(tracks, "MINUTES", 4.0)
+    return QuickestOptions(**world_options("fighter", 1.0, 20.0))
+
+
+def test_statements_follow_the_commands(options):
+    deciders = [ThresholdDecider(0.6), ThresholdDecider(1.0)]
+    found = record_in(lambda: SimulatedTracks("fighter", options, 3), deciders, 4)
+    right = [measure_statements(one).right.mean() for one in found]
+    assert right[0] > 0.7 > right[1]
+    for track in range(3):
+        modes = fly("fighter", 4 + track, 240.0).modes
+        commanded = modes[np.minimum(np.round(np.arange(1, 241) / CONTROL).astype(int), len(modes) - 1)]
+        assert np.mean(found[0].true_modes[:, track] == commanded) > 0.99
+
+
+def test_noise_and_path_have_random_numbers_of_their_own(options):
+    quiet = QuickestOptions(**world_options("fighter", 1.0, 5.0))
+    points = []
+    for one in (options, quiet):
+        env = SimulatedTracks("fighter", one, 2)
+        env.reset(seed=4)
+        points.append(env._points)
+    path = fly("fighter", 4, 240.0).states[:, ::2]
+    exact = path[np.minimum(np.arange(1, 241) * round(1.0 / CONTROL), len(path) - 1)]
+    loud, low = ((one[:, 0] - exact) / deviation for one, deviation in zip(points, (20.0, 5.0), strict=True))
+    np.testing.assert_allclose(loud, low, atol=1e-6)  # the same random numbers
+    assert loud.std() == pytest.approx(1.0, rel=0.1)
+
+
+def test_episodes_end_together(options):
+    env = SimulatedTracks("fighter", options, 2)
+    env.reset(seed=0)
+    ended = [env.step(np.zeros(2, np.int64))[2].all() for _ in range(options.ticks)]
+    assert ended == [False] * (options.ticks - 1) + [True]
