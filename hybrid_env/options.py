@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
+from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
@@ -19,7 +20,7 @@ from hybrid_env.limits import check_initial_error, check_ratios, check_variances
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.sensors import Sensor, check_sensors, parse_sensors, sensor_table
+from hybrid_env.sensors import Radar, Sensor, check_sensors, parse_sensors, sensor_table
 
 CHOICES = {
     "bank": tuple(BANKS),
@@ -54,10 +55,12 @@ class ModelOptions:
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
             The filters then only predict; in the observation all innovations are zero, and
             `info["measurement"]` is NaN.
-        sensors: position sensors (`hybrid_env.Sensor`, or texts: a variance, "0.4 period 5 range 30 at 10
-            20") that replace the one of variance R; their measurements of a tick are fused, and a tick in
-            which none measures is like a missed one. R stays the unit of the observation and of
-            `initial_error`, and is the same for both axes.
+        sensors: position sensors and radars (`hybrid_env.Sensor` and `Radar`, or texts: a variance, "0.4
+            period 5 range 30 at 10 20", or for a radar standard deviations of range and bearing [m, rad], and
+            of the range rate if it measures it, "radar 5 0.01 rate 0.3 at 100 0") that replace the one of
+            variance R; their measurements of a tick are fused, and a tick in which none measures is like a
+            missed one. R stays the unit of the observation and of `initial_error`, and is the same for both
+            axes.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
             one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
@@ -88,7 +91,7 @@ class ModelOptions:
     measurement_variance: float | tuple[float, float] = 0.1
     noise: str | Noise = "gaussian"
     missed: float = 0.0
-    sensors: tuple[Sensor, ...] = ()
+    sensors: tuple[Sensor | Radar, ...] = ()
     likelihood: str | GaussianNoise | StudentNoise = "gaussian"
     initial_error: float | tuple[float, float] = (0.3, 0.02)
 
@@ -158,6 +161,11 @@ class ModelOptions:
         return isinstance(self.likelihood, StudentNoise)
 
     @property
+    def radar(self) -> bool:
+        """Whether a sensor is a radar."""
+        return any(isinstance(sensor, Radar) for sensor in self.sensors)
+
+    @property
     def variances(self) -> NDArray[np.float64]:
         """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
         return axis_variances(self.measurement_variance)
@@ -195,6 +203,7 @@ class ModelOptions:
         record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         record["sensor_count"] = len(self.sensors)
         record["irregular"] = self.missed > 0.0 or bool(self.sensors)
+        record["radar"] = self.radar
         return record
 
 
@@ -265,8 +274,8 @@ class WorldOptions(ModelOptions):
 
     @property
     def bank_class(self) -> type:
-        """Class of the bank."""
-        return BANKS[self.bank]
+        """Class of the bank: with a radar the axes of the published one are not independent."""
+        return AnchorAwareBank if self.radar else BANKS[self.bank]
 
     @property
     def action_count(self) -> int:
@@ -329,6 +338,7 @@ class WorldOptions(ModelOptions):
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
         record["oracle"] = self.bank == "oracle"
+        record["exact_anchor"] = self.bank != "anchor_aware"
         record["exact"] = self.correctness == "exact"
         record["declare_best"] = self.actions == "best"
         record["merged"] = self.follow == "bank"

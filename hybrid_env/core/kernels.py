@@ -64,9 +64,9 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
     if decided and not setting.merged:
-        follow_irregular(bank, 0, block.active_mode[0], block, setting)
+        follow_irregular(bank, 0, block.active_mode[0], block, arrays.sensors, setting)
     else:
-        step_irregular(bank, FIRST, LAST, block, setting)
+        step_irregular(bank, FIRST, LAST, block, arrays.sensors, setting)
     if not decided:
         scratch, row = arrays.scratch[0], arrays.observations[0]
         compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)
@@ -122,7 +122,7 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
         return 0
     if block.time[0] > 0:
         record_statement(block, 0, arrays.actions[0])
-    step_imm_irregular(bank, block, FIRST, LAST, arrays.radii, setting)
+    step_imm_irregular(bank, block, FIRST, LAST, arrays, setting)
     block.time[0] += 1
     write_quickest_row(arrays.observations[0], block, 0, bank, setting)
     return 0
