@@ -322,9 +322,12 @@ def sense_hypothesis(
 
     Args:
         kalman, innovation, first, last, model: see `step_hypothesis`.
-        block: a record with the fields of `records.MEASURED`.
+        block: a record with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
         sensors: (k,) records `records.SENSOR`, none for positions of variance R.
     """
+    if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
+        step_hypothesis(kalman, innovation, first, last, block.measurement, model)
+        return
     for lane in range(first, last):
         _predict_only(kalman, innovation, lane, model)
         if not math.isnan(block.measurement[0, lane]):

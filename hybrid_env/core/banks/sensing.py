@@ -18,12 +18,26 @@ from hybrid_env.core.banks.kalman import LOG_TWO_PI
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.polar import range_rate
+from hybrid_env.core.records import MOST_RATES
 
 Scalar = tuple[float, float, bool]
 """Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
 
 LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
 ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
+
+
+@internal
+def write_measured(block: Any, lane: int, measured: NDArray[np.float64]) -> None:
+    """Write what is measured to a lane of a record with the fields of `records.MEASURED`.
+
+    measured: (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+    """
+    block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
+    for k in range(3):
+        block.noise[k, lane] = measured[2 + k] if measured.size > 2 else (0.0 if k == 1 else 1.0)
+    for k in range(MOST_RATES):
+        block.rates[k, lane] = measured[5 + k] if measured.size > 2 else np.nan
 
 
 @inlined
