@@ -82,13 +82,13 @@ class OnlineTrack(World):
 
         Args:
             x, y: measured position [m].
-            fused: its covariance and the range rates; None is variance R.
+            fused: the same with its covariance and the range rates; None is variance R.
         """
         self._measurement[0] = x
         self._measurement[1] = y
         if self.options.sensors:
             self._noise[:], self._rates[:] = UNIT_NOISE, np.nan
-            if fused is not None:
+            if fused is not None and fused.covariance is not None:
                 self._noise[:] = np.array(fused.covariance) / self.options.variances[0]
                 self._rates[: len(fused.rates)] = fused.rates
         self._run(MEASURE)

@@ -125,12 +125,12 @@ class Fused(NamedTuple):
 
     Attributes:
         position: (x, y) [m].
-        covariance: xx, xy, yy of its error [m^2].
+        covariance: xx, xy, yy of its error [m^2]; None is variance R.
         rates: of each radar with a range rate, in the order of the list [m/s]; NaN if it did not measure.
     """
 
     position: tuple[float, float]
-    covariance: tuple[float, float, float]
+    covariance: tuple[float, float, float] | None = None
     rates: tuple[float, ...] = ()
 
 
@@ -156,7 +156,7 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
         if sensor.values == 3:
             rates.append(math.nan if found is None else float(found[2]))
     if origin is None or not values.keys() <= set(range(len(sensors))):
-        allowed = f"values of sensors by their place in the list, 0 to {len(sensors) - 1}"
+        allowed = f"values of some of the {len(sensors)} sensors by their place in the list, from 0"
         raise reject("measurement", dict(values), allowed)
     x, y, *covariance = fused_position(information)
     return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
