@@ -78,9 +78,9 @@ class Sensor(_Placed):
 class Radar(_Placed):
     """A sensor that measures range and bearing of the object, and by option its range rate (Doppler).
 
-    Range and bearing are converted to a position without bias, see `hybrid_env.core.polar`. The conversion is
-    good as long as the bearing deviation is small: the position along the line of sight, seen from the
-    measured bearing, is off by range * bearing_deviation^2 on average.
+    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters
+    are consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing
+    error, is smaller than the range deviation.
 
     Attributes:
         range_deviation: standard deviation of the range [m].

@@ -1,8 +1,10 @@
 """Range, bearing and range rate of a radar, and their conversion to a position.
 
-Longbin, Xiaoquan, Yiyu, Zhong Kang & Bar-Shalom 1998, "Unbiased converted measurements for tracking": a
-measured bearing has the mean direction exp(-s^2 / 2) times the true one for a normal error of standard
-deviation s, by which the position is divided. The covariance is the mean square given the measurement.
+The converted position is the mean of the true one given the measurement, and its covariance is that of the
+true one: Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the
+directions around a measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times
+the measured direction. A conversion that is unbiased given the true position instead, which divides by this
+factor (Longbin et al. 1998), has in the filter an error along the line of sight of range * s^2.
 """
 
 import math
@@ -36,11 +38,11 @@ def to_position(
         range_deviation, bearing_deviation: standard deviations [m, rad].
     """
     square = bearing_deviation * bearing_deviation
-    stretch, turn = math.expm1(square), -0.5 * math.expm1(-2.0 * square)
-    along = distance * distance * (stretch - turn) + range_deviation * range_deviation * (1.0 - turn)
+    shorter, turn = -math.expm1(-square), -0.5 * math.expm1(-2.0 * square)
+    along = distance * distance * (shorter - turn) + range_deviation * range_deviation * (1.0 - turn)
     across = turn * (distance * distance + range_deviation * range_deviation)
     along, across = max(along, FLATTEST * across), max(across, FLATTEST * along)
-    distance *= math.exp(0.5 * square)
+    distance *= math.exp(-0.5 * square)
     return (
         distance * along_x, distance * along_y,
         along * along_x * along_x + across * along_y * along_y,
