@@ -53,13 +53,20 @@ class TrackFilters:
         )  # fmt: skip
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
 
-    def advance(self, net: AnchorNet, rows: Observations, first: BoolArray) -> FloatArray:
+    def advance(
+        self,
+        net: AnchorNet,
+        rows: Observations,
+        first: BoolArray,
+        sensed: Sequence[FloatArray | None] | None = None,
+    ) -> FloatArray:
         """Process one row of every track; return the posterior of the hypotheses, (N, M).
 
         Args:
             net: predicts the anchors.
             rows: (N, width).
             first: (N,) True at the first tick of an episode, whose anchor is as the options say.
+            sensed: of each world what its sensors measured, see `sensed_of`; None without sensors.
         """
         layout = self.layout
         ticks = layout.read(rows, "ticks")
@@ -70,10 +77,10 @@ class TrackFilters:
             anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
         parts = zip(
             self.filters, np.split(rows, self.splits), np.split(begins, self.splits),
-            np.split(anchors, self.splits, axis=1), strict=True,
+            np.split(anchors, self.splits, axis=1), sensed or [None] * len(self.filters), strict=True,
         )  # fmt: skip
-        for filters, own_rows, own_begins, own_anchors in parts:
-            filters.advance(own_rows, own_begins, own_anchors)
+        for filters, own_rows, own_begins, own_anchors, own_sensed in parts:
+            filters.advance(own_rows, own_begins, own_anchors, own_sensed)
         log_likelihood = np.concatenate([filters.log_likelihood for filters in self.filters], axis=1)
         share = joint_posterior(log_likelihood, self.log_weights)
         posterior = share.sum(0)

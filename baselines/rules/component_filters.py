@@ -2,7 +2,8 @@
 
 The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
 frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
-everything that a filter needs except the model, which is that of the world.
+everything that a filter needs except the model, which is that of the world. With several sensors it does not
+contain the covariance of the measurement: then the filters also read what the sensors measured.
 """
 
 import math
@@ -11,12 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.rules.measurements import sensors_of
 from hybrid_env.checks import BoolArray, FloatArray, reject
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.compilation import compiled, inlined, internal, prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.banks.sensing import write_measured
+from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.records import LANES, MEASURED, MOST_RATES
 from hybrid_env.core.state import BANKS
+from hybrid_env.live import SQUARE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -25,6 +31,9 @@ TRIANGLE = np.triu_indices(4)
 OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
 OUTLIER_VARIANCE = 25.0  # assumed of outliers, relative to R
 LOG_OUTLIER_ODDS = -4.6  # logarithm of the assumed share of outliers, one in a hundred
+SENSED = 2 + 3 + MOST_RATES, 4, 2
+"""Columns of `sensed_of`: what `sensing.write_measured` reads, the anchor, and its heading."""
+
 ANCHOR_COLUMNS = 14
 """Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
 
@@ -39,13 +48,16 @@ class _Orientation(NamedTuple):
     innovations: FloatArray
 
 
-@inlined
-def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel) -> None:
+@internal
+def _step_lane(bank: Any, lane: int, measured: Any, sensors: NDArray[Any], model: FilterModel) -> None:
     """Advance the filters of one lane; a measurement NaN only predicts."""
-    if math.isnan(measurement[0, lane]):
-        operations.predict(bank, lane, model)
-    else:
-        operations.step(bank, lane, lane + 1, measurement, model)
+    missing = math.isnan(measured.measurement[0, lane])
+    if not missing and sensors.size == 0:
+        operations.step(bank, lane, lane + 1, measured.measurement, model)
+        return
+    operations.predict(bank, lane, model)
+    for h in range(0 if missing else bank.hypotheses.size):
+        operations.correct(bank, lane, h, measured, sensors, model)
 
 
 @internal
@@ -70,27 +82,28 @@ def _filter_tick(
     anchors: FloatArray,
     measurements: FloatArray,
     radii: FloatArray,
+    sensors: NDArray[Any],
     model: FilterModel,
     outlier_model: FilterModel,
     log_likelihood: FloatArray,
     innovations: FloatArray,
     saved: NDArray[Any],
-    measurement: FloatArray,
+    measured: NDArray[Any],
     outlier: BoolArray,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements (N, 2) are NaN
-    if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
+    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with
+    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
     memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own. Of its
-    lanes, `measurement`, (2, LANES), and `outlier`, (LANES,), are memory too.
+    lanes, `measured`, (1,) record, and `outlier`, (LANES,), are memory too.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
     for b in range(banks.hypotheses.shape[0]):
         bank = operations.bank_of_block(banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
-        missing = False
+        separate = sensors.size > 0
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             if begins[i]:
@@ -98,25 +111,22 @@ def _filter_tick(
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
                 operations.begin(bank, lane, anchor, covariance, radii, model)
-            measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
-            missing = missing or math.isnan(measurement[0, lane])
+            write_measured(measured[0], lane, measurements[i])
+            separate = separate or math.isnan(measurements[i, 0])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
-        if missing:
+        if separate:
             for lane in range(lanes):
-                _step_lane(bank, lane, measurement, model)
+                _step_lane(bank, lane, measured[0], sensors, model)
         else:
-            operations.step(bank, 0, lanes, measurement, model)
+            operations.step(bank, 0, lanes, measured[0].measurement, model)
         if saved.size > 0 and _any_outlier(bank, lanes, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
-                if outlier[lane]:
-                    operations.step(bank, lane, lane + 1, measurement, outlier_model)
-                    for h in range(saved.size):
-                        bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
-                else:
-                    _step_lane(bank, lane, measurement, model)
+                _step_lane(bank, lane, measured[0], sensors, outlier_model if outlier[lane] else model)
+                for h in range(saved.size if outlier[lane] else 0):
+                    bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
@@ -143,14 +153,9 @@ class ComponentFilters:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
         innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
             the logarithm of its variance [m^2].
-
-    Raises:
-        ArgumentError: the world has several sensors, whose variances the observation does not contain.
     """
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
-        if world.sensors:
-            raise reject("sensors", world.sensors, "none for a decider with filters of its own")
         self.bank, self.world, self.robust = bank, world, robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
@@ -159,37 +164,62 @@ class ComponentFilters:
         if robust and x != y:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
+        kind = AnchorAwareBank if world.sensors else BANKS[bank]
+        fields = {"tau": world.tau, "process_variance": world.process_variance}
+        fields["exact_anchor"] = bank == "published"
         self.orientations = [
             _Orientation(
-                bank_arrays(BANKS[bank], self.radii.size, 1 if x == y else 2, blocks),
-                FilterModel(world.tau, world.process_variance, x, y),
-                FilterModel(world.tau, world.process_variance, OUTLIER_VARIANCE * x, OUTLIER_VARIANCE * y),
+                bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
+                FilterModel(variance_x=x, variance_y=y, **fields),
+                FilterModel(variance_x=OUTLIER_VARIANCE * x, variance_y=OUTLIER_VARIANCE * y, **fields),
                 np.zeros(shape), np.zeros((*shape, 3)),
             )
             for x, y in variances
         ]  # fmt: skip
         saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
-        self.memory = saved, np.zeros((2, LANES)), np.zeros(LANES, np.bool_)
+        self.memory = saved, aligned_zeros((1,), MEASURED), np.zeros(LANES, np.bool_)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
+        self.sensors = sensors_of(world)
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
         banks, *rest = self.orientations[0]
-        prepare(_filter_tick, banks, *none, self.radii, *rest, *self.memory)
+        prepare(_filter_tick, banks, *none, self.radii, self.sensors, *rest, *self.memory)
 
-    def advance(self, rows: Observations, begins: BoolArray, anchors: FloatArray) -> None:
+    def advance(
+        self, rows: Observations, begins: BoolArray, anchors: FloatArray, sensed: FloatArray | None = None
+    ) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
 
         Args:
             rows: (N, width).
             begins: (N,) tracks whose filters start.
             anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
+            sensed: (N, 15) from `sensed_of`; None without sensors.
+
+        Raises:
+            ArgumentError: the world has sensors, and `sensed` is None.
         """
+        if self.world.sensors:
+            if sensed is None:
+                raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
+            measured, origin, heading = np.split(sensed, np.cumsum(SENSED[:2]), axis=1)
+            _, *rest = self.orientations[0]
+            _filter_tick(
+                self.orientations[0].banks, begins, in_world(anchors, origin, heading),
+                np.ascontiguousarray(measured), self.radii, self.sensors, *rest, *self.memory,
+            )  # fmt: skip
+            self.log_likelihood, found = self.orientations[0][3:]
+            self.innovations = found.copy()
+            c, s = heading.T[..., None]
+            self.innovations[..., 0] = c * found[..., 0] + s * found[..., 1]
+            self.innovations[..., 1] = c * found[..., 1] - s * found[..., 0]
+            return
         deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
         names = ("displacement_along", "displacement_across")
         measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
         if self.world.missed > 0.0:
             measurements[without_measurement(self.layout, rows)] = np.nan
         for banks, *rest in self.orientations:
-            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, *self.memory)
+            _filter_tick(banks, begins, anchors, measurements, self.radii, self.sensors, *rest, *self.memory)
         if len(self.orientations) == 1:
             self.log_likelihood, self.innovations = self.orientations[0][3:]
             return
@@ -222,6 +252,37 @@ class ComponentFilters:
                     for name in old.dtype.names:
                         new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
         return selected
+
+
+def sensed_of(tracks: Any) -> FloatArray | None:
+    """Return what the sensors of a `World` measured, anchors and headings, (N, 15); None without sensors."""
+    names = ("measurement", "noise", "rates", "anchor", "heading")
+    return np.hstack([tracks.field(name) for name in names]) if tracks.options.sensors else None
+
+
+def observe_sensed(tracks: Any) -> NDArray[Any]:
+    """Return the rows of a `World`, with sensors followed by `sensed_of`."""
+    rows, sensed = tracks.take_rows(), sensed_of(tracks)
+    return np.asarray(rows if sensed is None else np.hstack([rows, sensed]))
+
+
+def split_sensed(layout: Layout, observation: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
+    """Return the rows of an observation, and `sensed_of` if it has it."""
+    longer = observation.ndim == 2 and observation.shape[1] == layout.width + sum(SENSED)
+    return (observation[:, : layout.width], observation[:, layout.width :]) if longer else (observation, None)
+
+
+def in_world(anchors: FloatArray, origin: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return anchors (C, N, 14) in the heading frame of estimates (N, 4) as those in the frame of the world."""
+    c, s = heading.T
+    turn = np.zeros((len(heading), 4, 4))
+    turn[:, (0, 1, 2, 3), (0, 1, 2, 3)] = c[:, None]
+    turn[:, (0, 1), (2, 3)], turn[:, (2, 3), (0, 1)] = -s[:, None], s[:, None]
+    turned = np.empty_like(anchors)
+    turned[..., :4] = (turn @ anchors[..., :4, None])[..., 0] + origin * [1.0, 0.0, 1.0, 0.0]
+    P = turn @ anchors[..., 4:][..., SQUARE] @ turn.swapaxes(1, 2)
+    turned[..., 4:] = P[..., TRIANGLE[0], TRIANGLE[1]]
+    return turned
 
 
 def without_measurement(layout: Layout, rows: Observations) -> BoolArray:

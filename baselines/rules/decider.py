@@ -55,7 +55,7 @@ class Decider:
     options: ClassVar[Mapping[str, Any]] = {}
     colour: ClassVar[str] = ""
     marker: ClassVar[str] = ""
-    observes: ClassVar[Literal["rows", "tracks"]] = "rows"
+    observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
     needs_measurements: ClassVar[bool] = False
     informed: ClassVar[bool] = False

@@ -19,6 +19,8 @@ from baselines.rules.component_filters import (
     ComponentFilters,
     anchor_rows,
     joint_posterior,
+    observe_sensed,
+    split_sensed,
     stated_covariance,
 )
 from baselines.rules.decider import Actions, Decider, Observations
@@ -66,6 +68,11 @@ class RefilteringDecider(Decider):
             raise reject("alpha", alpha, "a number > 0 and <= 1")
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
+        self.observes = "tracks" if world.sensors else "rows"
+
+    def observe(self, tracks: Any) -> Observations:
+        """See `Decider.observe`: with sensors also what they measured."""
+        return observe_sensed(tracks)
 
     def anchors(
         self, rows: Observations, first: BoolArray, correct: FloatArray
@@ -81,8 +88,9 @@ class RefilteringDecider(Decider):
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
-        rows = np.asarray(observation)
-        tracks, layout = len(rows), self.layout
+        layout = self.layout
+        rows, sensed = split_sensed(layout, np.asarray(observation))
+        tracks = len(rows)
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
         begins = ticks == 1
         if state is None:
@@ -97,7 +105,7 @@ class RefilteringDecider(Decider):
             correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
-        state.filters.advance(rows, begins, anchors)
+        state.filters.advance(rows, begins, anchors, sensed)
         state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state
