@@ -3,14 +3,14 @@
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_number, reject
-from hybrid_env.core.polar import Position, add_information, fused_position, to_position
+from hybrid_env.core.polar import Position, add_information, fused_position, position_noise, to_position
 from hybrid_env.core.records import MOST_RATES, SENSOR
 from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 
@@ -118,6 +118,19 @@ class Radar(_Placed):
             distance, math.cos(bearing), math.sin(bearing), self.range_deviation, self.bearing_deviation
         )
         return self.position[0] + x, self.position[1] + y, *covariance
+
+
+    def noise(self, x: float, y: float) -> tuple[float, float, float]:
+        """Return the covariance xx, xy, yy of a converted position [m^2]."""
+        deviations = self.range_deviation, self.bearing_deviation
+        return position_noise(x - self.position[0], y - self.position[1], *deviations)
+
+    def scaled(self, length: float, velocity: float) -> "Radar":
+        """Return the same radar at the origin, in other units: the scales of lengths and velocities."""
+        rate = None if self.rate_deviation is None else velocity * self.rate_deviation
+        return replace(
+            self, position=(0.0, 0.0), range_deviation=length * self.range_deviation, rate_deviation=rate
+        )
 
 
 class Fused(NamedTuple):

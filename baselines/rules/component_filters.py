@@ -166,7 +166,7 @@ class ComponentFilters:
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
         kind = AnchorAwareBank if world.sensors else BANKS[bank]
         fields = {"tau": world.tau, "process_variance": world.process_variance}
-        fields["exact_anchor"] = bank == "published"
+        fields["exact_anchor"] = float(bank == "published")
         self.orientations = [
             _Orientation(
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),

@@ -52,6 +52,17 @@ def to_position(
 
 
 @inlined
+def position_noise(
+    x: float, y: float, range_deviation: float, bearing_deviation: float
+) -> tuple[float, float, float]:
+    """Return the covariance xx, xy, yy of a position (x, y) relative to the radar from `to_position`."""
+    length = max(math.hypot(x, y), 1e-300)
+    distance = length * math.exp(0.5 * bearing_deviation * bearing_deviation)
+    found = to_position(distance, x / length, y / length, range_deviation, bearing_deviation)
+    return found[2], found[3], found[4]
+
+
+@inlined
 def add_information(
     information: Information, error_x: float, error_y: float, covariance: tuple[float, float, float]
 ) -> Information:

@@ -42,8 +42,9 @@ _MEASURED = (
     ("rates", np.float64, (MOST_RATES,)),  # range rates [m/s], NaN where none is measured
 )
 
-MEASURED = lanes_of(("measurement", np.float64, (2,)), *_MEASURED)
-"""What the sensors measure in a tick: the first field is that of `TICK`."""
+MEASURED_FIELDS = ("measurement", np.float64, (2,)), *_MEASURED
+MEASURED = lanes_of(*MEASURED_FIELDS)
+"""What the sensors measure in a tick; the first field is that of `TICK`."""
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]

@@ -86,7 +86,7 @@ def begin_aware(
         model: a `FilterModel`, or a record with its fields.
     """
     for h in range(bank.hypotheses.size):
-        radius, exact = signed_radius(h, radii), model.exact_anchor
+        radius, exact = signed_radius(h, radii), model.exact_anchor > 0.0
         begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, radius, model.tau, exact)
 
 

@@ -35,7 +35,7 @@ class FilterModel(NamedTuple):
         stay_probability: diagonal entry of the transition matrix of unknown switches, 1 - hazard.
         switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
         freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
-        exact_anchor: whether the anchor-aware bank treats centre and turn rate as exact.
+        exact_anchor: 1 if the anchor-aware bank treats centre and turn rate as exact, else 0.
     """
 
     tau: float
@@ -45,7 +45,7 @@ class FilterModel(NamedTuple):
     stay_probability: float = 1.0
     switch_probability: float = 0.0
     freedom: float = 0.0
-    exact_anchor: bool = False
+    exact_anchor: float = 0.0
 
 
 @inlined
