@@ -1,4 +1,4 @@
-"""Position sensors and radars of different accuracy, rate and range, whose measurements of a tick are fused."""
+"""Position sensors and radars of any accuracy, period and range, whose measurements of a tick are fused."""
 
 import functools
 import math
@@ -17,8 +17,8 @@ from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 MOST_SENSORS = 100
 LARGEST_VARIANCE_RATIO = 1e12  # variance of a sensor over R, and R over it
 GRAMMAR = (
-    f"a list of at most {MOST_SENSORS} sensors: hybrid_env.Sensor or Radar, mappings of their attributes, or "
-    "texts such as '0.4 period 5 range 30 at 10 20' and 'radar 5 0.01 rate 0.3 at 100 0'"
+    f"a list of at most {MOST_SENSORS} sensors: hybrid_env.Sensor, Radar, mappings of attributes, or texts "
+    "such as '0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
 )
 
 
@@ -118,7 +118,6 @@ class Radar(_Placed):
             distance, math.cos(bearing), math.sin(bearing), self.range_deviation, self.bearing_deviation
         )
         return self.position[0] + x, self.position[1] + y, *covariance
-
 
     def noise(self, x: float, y: float) -> tuple[float, float, float]:
         """Return the covariance xx, xy, yy of a converted position [m^2]."""

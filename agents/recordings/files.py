@@ -50,10 +50,10 @@ class FileArguments:
     """Longest time between two measurements [s]; after a longer gap the track starts anew. By default 20
     ticks."""
     radar: str | None = None
-    """Standard deviations of range and bearing [unit of the range, rad] of the radar that measured columns
-    range and bearing, and what else holds: '30 0.01 rate 0.5 at 1000 200' if it also measured a range rate and is
-    not at 0 0. Bearings are degrees clockwise from north, in a column 'bearing [rad]' radians counter-clockwise
-    from the x axis."""
+    """Radar that measured columns range and bearing: their standard deviations [unit of the range, rad], that
+    of the range rate if there is a column of it, and the place, as in '30 0.01 rate 0.5 at 1000 200'.
+    Bearings are degrees clockwise from north, or in a column 'bearing [rad]' radians counter-clockwise from
+    the x axis."""
     out: Path | None = None
     """Output folder; by default <file name>_track in the folder of the file. With several files each has a
     folder of this name inside."""
@@ -82,7 +82,9 @@ class FileArguments:
         except ArgumentError:
             one = Sensor(variance=1.0)
         if isinstance(one, Sensor):
-            raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
+            raise reject(
+                "radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'"
+            )
         return one
 
     def column_names(self) -> dict[str, str]:

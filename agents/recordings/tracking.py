@@ -103,11 +103,12 @@ class TrackingArguments:
         """
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
-            raise reject("measurement_variance", self.measurement_variance, "none with radar, which has its own")
-        full = tick_grid(recording)
-        grid, outliers = full, 0
-        if full.radar is None:  # the noise of a radar depends on the range
-            grid, bursts = (full, 0) if self.lengths else without_jumps(full)
+            raise reject(
+                "measurement_variance", self.measurement_variance, "none with radar, which has its own"
+            )
+        grid, outliers = tick_grid(recording), 0
+        if grid.radar is None:  # the noise of a radar depends on the range
+            grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
             grid, outliers = without_outliers(grid)
             outliers += bursts
         lengths = self._lengths(grid)
@@ -122,12 +123,6 @@ class TrackingArguments:
             tracker = self._tracker(name, options, lengths, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        if tracker.decider.needs_measurements:
-            grid, outliers = full, 0
-            missing = grid.total - grid.measured
-            if missing:
-                allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement"
-                raise reject("decider", name, f"{allowed}, and it needs all")
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         return row_results(

@@ -248,7 +248,7 @@ def first_state(
         return None
     backwards = np.vstack([used[::-1], np.full((1, 2), np.nan)])  # the last tick only predicts
     chunks = make_chunks([backwards])
-    if options.sensors and rates is not None:
+    if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
         rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
         chunks = make_chunks([backwards], None, [rates], options.sensors[0])
     variances = np.broadcast_to(options.variances, 2)

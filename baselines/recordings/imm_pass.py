@@ -98,7 +98,10 @@ def make_chunks(
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
-    begins, own_rates = np.zeros((blocks, longest, LANES), np.bool_), np.full((blocks, longest, LANES), np.nan)
+    begins, own_rates = (
+        np.zeros((blocks, longest, LANES), np.bool_),
+        np.full((blocks, longest, LANES), np.nan),
+    )
     for k, part in enumerate(parts):
         measurements[k // LANES, : len(part), :, k % LANES] = part
         if switches is not None:
@@ -117,7 +120,11 @@ def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> N
     """Write the covariance of a position that a radar has measured, over R, and its range rate."""
     x, y = block.measurement[0, lane], block.measurement[1, lane]
     xx, xy, yy = position_noise(x, y, radar.deviation, radar.bearing_deviation)
-    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = xx / variance, xy / variance, yy / variance
+    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (
+        xx / variance,
+        xy / variance,
+        yy / variance,
+    )
     block.rates[0, lane] = rate
 
 
@@ -193,7 +200,13 @@ def imm_pass(
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
     renewed = FilterModel(
-        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom,
+        model.tau,
+        model.process_variance,
+        model.variance_x,
+        model.variance_y,
+        same,
+        same,
+        model.freedom,
         model.exact_anchor,
     )
     for b in range(chunks.measurements.shape[0]):

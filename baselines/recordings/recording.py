@@ -125,10 +125,20 @@ def make_recording(
     pieces = _pieces(
         instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
     )
+    unit_of_time = time_unit or "s"
     return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection, radar,
+        name,
+        frozen(instants),
+        frozen(values),
+        tick,
+        pieces,
+        unit,
+        unit_of_time,
+        epoch,
+        projection,
+        radar,
         rates,
-    )  # fmt: skip
+    )
 
 
 def _pieces(

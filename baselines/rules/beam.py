@@ -134,9 +134,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         memory = step_memory(self.hypotheses, state.branches)
-        run_compiled(
-            step_branches, state.branches, *memory, measurements, state.log_probability, self.model
-        )
+        run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""

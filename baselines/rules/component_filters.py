@@ -94,9 +94,10 @@ def _filter_tick(
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
     The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with
-    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
-    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own. Of its
-    lanes, `measured`, (1,) record, and `outlier`, (LANES,), are memory too.
+    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and
+    `innovations`, (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,)
+    if outliers do not have a model of their own. Of its lanes, `measured`, (1,) record, and `outlier`,
+    (LANES,), are memory too.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -200,7 +201,9 @@ class ComponentFilters:
         """
         if self.world.sensors:
             if sensed is None:
-                raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
+                raise reject(
+                    "observation", "a row of the environment", "what `observe` returns, with sensors"
+                )
             measured, origin, heading = np.split(sensed, np.cumsum(SENSED[:2]), axis=1)
             _, *rest = self.orientations[0]
             _filter_tick(
@@ -273,7 +276,7 @@ def split_sensed(layout: Layout, observation: NDArray[Any]) -> tuple[NDArray[Any
 
 
 def in_world(anchors: FloatArray, origin: FloatArray, heading: FloatArray) -> FloatArray:
-    """Return anchors (C, N, 14) in the heading frame of estimates (N, 4) as those in the frame of the world."""
+    """Return anchors (C, N, 14) in the heading frames of estimates (N, 4) as anchors in the world."""
     c, s = heading.T
     turn = np.zeros((len(heading), 4, 4))
     turn[:, (0, 1, 2, 3), (0, 1, 2, 3)] = c[:, None]

@@ -42,7 +42,6 @@ class Decider:
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
-        needs_measurements: it cannot do without a measurement at every tick.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
@@ -57,7 +56,6 @@ class Decider:
     marker: ClassVar[str] = ""
     observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
-    needs_measurements: ClassVar[bool] = False
     informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from baselines.rules.decider import Decider
 from baselines.rules.own import Asked, as_decider
-from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
+from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     FloatArray,
@@ -74,14 +74,13 @@ class OnlineTracker:
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
     k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
-    are asked in these ticks: their filters predict, too. Those whose `needs_measurements` is True need a
-    measurement at every tick.
+    are asked in these ticks: their filters predict, too.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
     `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
     them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
     of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
-    mode may be wrong or unknown. Deciders that need a measurement at every tick get every measurement.
+    mode may be wrong or unknown.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
@@ -116,7 +115,8 @@ class OnlineTracker:
         self.options, self.decider = options, as_decider(decider)
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else check_positive("gate", gate)
-        self._model, self._noise = (np.array(options.radii), options.tau), unit_noise(options)
+        self._model = np.array(options.radii), options.tau
+        self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
         prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
         self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
@@ -194,9 +194,6 @@ class OnlineTracker:
         moment = None if time is None else check_number("time", time)
         missing = self._missing_ticks(moment) + (point is None)
         missing = missing if self._measured else 0
-        if missing and self.decider.needs_measurements:
-            allowed = f"0: {self.decider.class_name} needs a measurement at every tick; begin() a new track"
-            raise reject("missing measurements", missing, allowed)
         if moment is not None:
             self._last_time = moment
         elif self._last_time is not None:
@@ -243,7 +240,7 @@ class OnlineTracker:
 
     def _agrees(self, point: Fused) -> bool:
         """Return whether a motion of the track explains a measurement."""
-        if self.gate is None or self.decider.needs_measurements:
+        if self.gate is None:
             return True
         estimate, covariance = self.world.estimate(), self.world.covariance()
         ticks = self.world.uncertain_ticks
@@ -341,9 +338,8 @@ def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
         return measurement
     if isinstance(measurement, dict):
         return fuse(options.sensors, measurement)
-    if isinstance(measurement, tuple) and len(measurement) == 2:
-        x, y = measurement
-        if isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER:  # not NaN
-            return Fused((x, y))
-    x, y = check_array("measurement", measurement, (2,)).tolist()
+    x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
+    # a sum that is not too large is not NaN
+    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER):
+        x, y = check_array("measurement", measurement, (2,)).tolist()
     return Fused((x, y))

@@ -121,9 +121,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 
 @inlined
-def step_irregular(
-    bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any
-) -> None:
+def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any) -> None:
     """Advance every filter where measurements may be missing or of different variances, lane by lane.
 
     Args:
@@ -163,9 +161,7 @@ def follow_irregular(
 
 
 @internal
-def step_lanes(
-    block: Any, bank: Any, first: int, last: int, sensors: NDArray[Any], setting: Any
-) -> None:
+def step_lanes(block: Any, bank: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
         step_irregular(bank, first, last, block, sensors, setting)

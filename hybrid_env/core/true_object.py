@@ -147,7 +147,8 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
             continue
         if sensor.bearing_deviation > 0.0:
             along_x, along_y = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
-            sine, cosine = math.sin(sensor.bearing_deviation * noise_y), math.cos(sensor.bearing_deviation * noise_y)
+            turned = sensor.bearing_deviation * noise_y
+            sine, cosine = math.sin(turned), math.cos(turned)
             found = to_position(
                 distance + sensor.deviation * noise_x, cosine * along_x - sine * along_y,
                 sine * along_x + cosine * along_y, sensor.deviation, sensor.bearing_deviation,
@@ -164,7 +165,8 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
     block.clock[lane] = clock + 1
     if information[0] > 0.0:
         error_x, error_y, xx, xy, yy = fused_position(information)
-        block.measurement[0, lane], block.measurement[1, lane] = truth[0, lane] + error_x, truth[2, lane] + error_y
+        block.measurement[0, lane] = truth[0, lane] + error_x
+        block.measurement[1, lane] = truth[2, lane] + error_y
         block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = xx, xy, yy
     else:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
