@@ -21,9 +21,9 @@ from torch import nn
 from agents.learned.anchor_net import AnchorNet, RegretNet, regret_inputs
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
-from baselines.rules.component_filters import observe_sensed, split_sensed
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
+from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
