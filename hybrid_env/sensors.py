@@ -17,8 +17,8 @@ from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 MOST_SENSORS = 100
 LARGEST_VARIANCE_RATIO = 1e12  # variance of a sensor over R, and R over it
 GRAMMAR = (
-    f"a list of at most {MOST_SENSORS} sensors: hybrid_env.Sensor, Radar, mappings of attributes, or texts "
-    "such as '0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
+    f"a list of at most {MOST_SENSORS}: hybrid_env.Sensor, Radar, mappings, or texts such as "
+    "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
 )
 
 
