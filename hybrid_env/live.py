@@ -46,7 +46,7 @@ class OnlineTrack(World):
         block = self.blocks[0]
         self._noise: FloatArray = block["noise"][:, 0]
         self._rates: FloatArray = block["rates"][:, 0]
-        self._noise[:], self._rates[:] = UNIT_NOISE, np.nan  # positions have variance R
+        self._noise[:] = UNIT_NOISE  # positions have variance R
         self._measurement: FloatArray = block["measurement"][:, 0]
         self._estimate: FloatArray = block["estimate"][:, 0]
         self._triangle: FloatArray = block["covariance"][:, 0]

@@ -39,7 +39,7 @@ MOST_RATES = 4
 
 _MEASURED = (
     ("noise", np.float64, (3,)),  # covariance xx, xy, yy of the fused measurement over R
-    ("rates", np.float64, (MOST_RATES,)),  # range rates [m/s], NaN where none is measured
+    ("rates", np.float64, (MOST_RATES,)),  # range rates of the sensors with one [m/s], NaN if not measured
 )
 
 MEASURED_FIELDS = ("measurement", np.float64, (2,)), *_MEASURED

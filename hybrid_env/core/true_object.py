@@ -14,7 +14,7 @@ from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
-from hybrid_env.core.records import MOST_RATES, SEGMENT_COLUMNS
+from hybrid_env.core.records import SEGMENT_COLUMNS
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
@@ -40,8 +40,6 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
     draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
     block.clock[lane] = 0
     block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = 1.0, 0.0, 1.0
-    for k in range(MOST_RATES):
-        block.rates[k, lane] = np.nan
     covariance = block.covariance
     for k in range(covariance.shape[0]):
         covariance[k, lane] = 0.0
