@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
-from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
@@ -20,7 +19,7 @@ from hybrid_env.limits import check_initial_error, check_ratios, check_variances
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.sensors import Radar, Sensor, check_sensors, parse_sensors, sensor_table
+from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
 
 CHOICES = {
     "bank": tuple(BANKS),
@@ -55,12 +54,9 @@ class ModelOptions:
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
             The filters then only predict; in the observation all innovations are zero, and
             `info["measurement"]` is NaN.
-        sensors: position sensors and radars (`hybrid_env.Sensor` and `Radar`, or texts: a variance, "0.4
-            period 5 range 30 at 10 20", or for a radar standard deviations of range and bearing [m, rad], and
-            of the range rate if it measures it, "radar 5 0.01 rate 0.3 at 100 0") that replace the one of
-            variance R; their measurements of a tick are fused, and a tick in which none measures is like a
-            missed one. R stays the unit of the observation and of `initial_error`, and is the same for both
-            axes.
+        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30
+            at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in
+            which none measures is like a missed one. R, one number, stays the unit of the observation.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
             one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
@@ -161,11 +157,6 @@ class ModelOptions:
         return isinstance(self.likelihood, StudentNoise)
 
     @property
-    def radar(self) -> bool:
-        """Whether a sensor is a radar."""
-        return any(isinstance(sensor, Radar) for sensor in self.sensors)
-
-    @property
     def variances(self) -> NDArray[np.float64]:
         """Measurement variances [m^2]: (1,) if x and y have the same variance, else (2,)."""
         return axis_variances(self.measurement_variance)
@@ -198,12 +189,11 @@ class ModelOptions:
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
         record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
         record["modes"], record["axes"] = self.hypotheses, self.variances.size
-        record["table_rows"] = len(self.table)
+        record["table_rows"], record["sensor_count"] = len(self.table), len(self.sensors)
         self.noise.write_parameters(record)
         record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
-        record["sensor_count"] = len(self.sensors)
         record["irregular"] = self.missed > 0.0 or bool(self.sensors)
-        record["radar"] = self.radar
+        record["radar"] = has_radar(self.sensors)
         return record
 
 
@@ -224,6 +214,10 @@ class WorldOptions(ModelOptions):
             the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
             the next anchor are the mean of the posterior over all hypotheses, with its covariance
             (`core.banks.mixture`), so that a wrong decision costs its reward and nothing else.
+        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode
+            (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the same.
+        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are
+            those of the likeliest hypothesis of the declared type (straight, left or right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
@@ -241,6 +235,8 @@ class WorldOptions(ModelOptions):
     bank: str = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
+    recalculation: bool = False
+    refine_radius: bool = False
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
     actions: Literal["all", "best"] = "all"
@@ -257,6 +253,12 @@ class WorldOptions(ModelOptions):
             fix("reset_covariance", check_flag("reset_covariance", self.reset_covariance))
         if self.reset_covariance and self.bank == "oracle":
             raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
+        for name in ("recalculation", "refine_radius"):
+            fix(name, check_flag(name, getattr(self, name)))
+            if getattr(self, name) and self.follow == "bank":
+                raise reject(name, True, "False with follow='bank', which merges all filters")
+        if self.refine_radius and len(self.radii) == 1:
+            raise reject("refine_radius", True, "False with a single radius: give several in radii")
         if self.robust and self.bank == "anchor_aware":
             raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
         self._check_radii_of_scheme()
@@ -275,7 +277,7 @@ class WorldOptions(ModelOptions):
     @property
     def bank_class(self) -> type:
         """Class of the bank: with a radar the axes of the published one are not independent."""
-        return AnchorAwareBank if self.radar else BANKS[self.bank]
+        return BANKS["anchor_aware" if has_radar(self.sensors) else self.bank]
 
     @property
     def action_count(self) -> int:
@@ -337,13 +339,11 @@ class WorldOptions(ModelOptions):
         record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
-        record["oracle"] = self.bank == "oracle"
-        record["exact_anchor"] = self.bank != "anchor_aware"
-        record["exact"] = self.correctness == "exact"
-        record["declare_best"] = self.actions == "best"
-        record["merged"] = self.follow == "bank"
+        record["oracle"], record["exact_anchor"] = self.bank == "oracle", self.bank != "anchor_aware"
+        record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
+        record["declare_best"], record["axes"] = self.actions == "best", self.axes
+        record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
         record["keep_undecided"] = self.undecided == "keep"
-        record["axes"] = self.axes
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

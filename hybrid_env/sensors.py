@@ -220,6 +220,11 @@ def _attributes(text: str) -> dict[str, Any]:
     return found
 
 
+def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
+    """Return whether a sensor is a radar."""
+    return any(isinstance(sensor, Radar) for sensor in sensors)
+
+
 def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float]) -> None:
     """Check the sensors against the measurement variances of the axes [m^2].
 

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, filter_model, likeliest, mode_type
+from hybrid_env.core.banks.bank import (
+    IDENTITY,
+    State,
+    estimate_of,
+    filter_model,
+    likeliest,
+    likeliest_of_type,
+    mode_type,
+)
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
@@ -24,7 +32,7 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
-from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
@@ -122,14 +130,9 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 @inlined
 def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by lane.
+    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance.
 
-    Args:
-        bank: bank of the block.
-        first, last: range of lanes, first .. last - 1.
-        block: a record with the fields of `records.MEASURED`, NaN without a measurement.
-        sensors: (k,) records `records.SENSOR`.
-        setting: a record `PARAMETERS`.
+    block: with the fields of `records.MEASURED`; sensors: (k,) records `records.SENSOR`.
     """
     for lane in range(first, last):
         missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
@@ -143,21 +146,18 @@ def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArra
 
 
 @inlined
-def follow_irregular(
-    bank: Any, lane: int, hypothesis: int, block: Any, sensors: NDArray[Any], setting: Any
-) -> None:
+def follow_irregular(bank: Any, lane: int, chosen: int, block: Any, sensors: Any, setting: Any) -> None:
     """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
     missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
     if missing or setting.radar:
-        kalman = bank.hypotheses[hypothesis]
-        before = kalman.log_likelihood[lane]
+        before = bank.hypotheses[chosen].log_likelihood[lane]
         operations.predict(bank, np.uint64(lane), model)
         if not missing:
-            operations.correct(bank, np.uint64(lane), hypothesis, block, sensors, model)
-        kalman.log_likelihood[lane] = before
+            operations.correct(bank, np.uint64(lane), chosen, block, sensors, model)
+        bank.hypotheses[chosen].log_likelihood[lane] = before
     else:
         model = filter_model(setting, block.noise[0, lane])
-        operations.follow(bank, lane, hypothesis, block.measurement, model)
+        operations.follow(bank, lane, chosen, block.measurement, model)
 
 
 @internal
@@ -215,6 +215,8 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
+    if setting.recalculated > 0 and action > 0:
+        block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
     model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
     while block.tick[lane] < block.length[lane]:
@@ -226,8 +228,11 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
         for column in range(ticks):
             if not irregular:
                 move_lane(block, lane, noise, column, setting)
-            if merged:
+            if merged or setting.refined:
                 step_lanes(block, bank, start, stop, arrays.sensors, setting)
+                if setting.refined:
+                    chosen = likeliest_of_type(bank.hypotheses, lane, chosen)
+                    block.active_mode[lane] = chosen
             elif irregular:
                 follow_irregular(bank, lane, chosen, block, arrays.sensors, setting)
             else:
@@ -313,6 +318,8 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
         for lane in range(first, last):
             i = b * LANES + lane
+            if setting.recalculated > 0:
+                sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.merged)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
