@@ -15,14 +15,14 @@ from agents.interface.parallel import Workers
 from agents.learned.radar_net import filter_with
 from agents.training.radar_net import radar_net
 from baselines.papers.novospaskyi.dataset import RadarData
-from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, THESIS, filter_tracks
+from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
 from baselines.papers.novospaskyi.radars import NOISES, Noise
 from baselines.papers.novospaskyi.scores import COLUMNS, HORIZONS, STATISTICS, score_estimates
 from baselines.papers.novospaskyi.study import tune_filters
 from baselines.papers.novospaskyi.tables import NOISE_NAMES
 from baselines.scoring.scores import Scores
 
-FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, COMBINED)
+FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, *SLOW, COMBINED)
 NETWORK = "recurrent network"
 MOST_PROCESSES = 8
 Found = Mapping[Noise, Sequence[Scores]]
@@ -45,7 +45,10 @@ def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found
         progress.update(bar, completed=done / total, note=stage)
 
     run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
-    parameters = tune_filters(data.tracks["training"], data.seed, folder, run=run, progress=show)
+    robust = (*ROBUST, *SLOW)
+    parameters = tune_filters(
+        data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust
+    )
     weights = folder / "network.safetensors"
     net = radar_net(data, weights, lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK))
     calls = {
