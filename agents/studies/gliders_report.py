@@ -1,0 +1,101 @@
+"""Tables, JSON and picture of the comparison on flights of gliders."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.markup import escape
+from rich.table import Table
+
+from agents.evaluation.cells import bounds_cell, filled_table
+from agents.evaluation.gliders import METRICS, glider_rule
+from agents.studies.comparison import finite
+from agents.studies.flights_report import flight_figure
+from agents.studies.gliders_study import LEVELS, GliderComparison
+from baselines.recordings.flights.metrics import STATISTICS
+from baselines.scoring.estimates import Estimate
+
+NOTE = (
+    "Second lines: 95 % interval, flights drawn with replacement.\n"
+    "Settings: of those with at most so many false changes on the other half, the best agreement there.\n"
+    "Enter, leave: mean time from a change of the label to the first right statement.\n"
+    "Misses: the next change of the label came first."
+)
+
+
+def glider_tables(result: GliderComparison) -> list[Table]:
+    """Return a table for the open logs, and one for the sealed ones."""
+    return [_table(result, group, rows) for group, rows in result.groups.items()]
+
+
+def _table(result: GliderComparison, group: str, rows: list[int]) -> Table:
+    hours = sum(float(result.labels[k].weights.sum()) for k in rows) / 3600.0
+    lines: list[tuple[str, ...]] = []
+    for level, by_name in result.scores.items():
+        for number, (name, scores) in enumerate(by_name.items()):
+            some = scores.some(rows)
+            cells = [
+                bounds_cell(some.estimate(metric.statistic), metric.digits, metric.scale)
+                for metric in METRICS
+            ]
+            less = difference(result, level, name, rows)
+            cells.append("" if less is None else bounds_cell(less, 1, 100.0))
+            lines.append((f"{level:g}" if number == 0 else "", escape(glider_rule(name).title), *cells))
+        lines.append(())
+    first = glider_rule(next(iter(result.stated))).title
+    heads = ("at most", "decider", *(metric.head for metric in METRICS), f"less {first}\npoints")
+    return filled_table(
+        f"{len(rows)} flights of gliders, {group}, {hours:.1f} scored hours", heads, lines, NOTE, 2
+    )
+
+
+def difference(result: GliderComparison, level: float, name: str, rows: list[int]) -> Estimate | None:
+    """Return the agreement of a rule on some flights less that of the first rule; None for that one."""
+    by_name = result.scores[level]
+    first = next(iter(by_name))
+    if name == first:
+        return None
+    return by_name[name].some(rows).difference(by_name[first].some(rows), STATISTICS["agreement"])
+
+
+def gliders_json(result: GliderComparison) -> dict[str, Any]:
+    """Contents of the tables, the settings, the figures of every flight, and the seal."""
+    groups: dict[str, Any] = {}
+    for group, rows in result.groups.items():
+        for level, by_name in result.scores.items():
+            for name, scores in by_name.items():
+                some = scores.some(rows)
+                figures: dict[str, Any] = {
+                    one.name: some.estimate(one.statistic).as_json() for one in METRICS
+                }
+                less = difference(result, level, name, rows)
+                figures["agreement_less_first"] = None if less is None else less.as_json()
+                figures["settings"] = {
+                    half: [one.model, *one.numbers] for half, one in result.chosen[level][name].items()
+                }
+                groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = figures
+    flights = [
+        {
+            "id": flight.identity,
+            "half": flight.tier.name,
+            "hours": flight.hours,
+            "scored_hours": float(labels.weights.sum()) / 3600.0,
+            "circles": sum(mode != 0 for *_, mode in labels.pieces),
+            "deciders": {
+                name: {one.name: finite(scores.some([k]).curve(one.statistic)[0]) for one in METRICS}
+                for name, scores in result.scores[LEVELS[1]].items()
+            },
+        }
+        for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
+    ]
+    return {"groups": groups, "flights": flights, "seal": result.seal}
+
+
+def glider_figure(result: GliderComparison) -> Figure:
+    """The flight on which the agreement of the first rule is the median: labels and all statements."""
+    first, scores = next(iter(result.scores[LEVELS[1]].items()))
+    each = [float(scores.some([k]).curve(STATISTICS["agreement"])[0]) for k in range(len(result.flights))]
+    k = int(np.argsort(each)[len(each) // 2])
+    stated = {glider_rule(name).title: one[k] for name, one in result.stated.items()}
+    title = f"{result.flights[k].identity}: {glider_rule(first).title} agrees {each[k]:.1%}"
+    return flight_figure(result.flights[k], result.labels[k], stated, title)
