@@ -1,14 +1,13 @@
 """Recorded flights of gliders: straight flight, or circles to a side, stated at every position."""
 
-import functools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
-from baselines.estimation.turns import TurnModel, run_turn_imm
+from baselines.estimation.turns import run_turn_imm
 from baselines.recordings.flights.circling import air_motion, decode, label_glider
 from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.gliders import digits, glider_flight
@@ -34,8 +33,7 @@ METRICS = (
 )
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(NamedTuple):
     """A rule at one of its settings.
 
     Attributes:
@@ -77,34 +75,18 @@ def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], l
     return flights, [label_glider(*one) for one in zip(flights, air_motion(flights), decoded, strict=True)]
 
 
-def glider_tracks(flights: Sequence[Flight]) -> Callable[[type[GliderRule], TurnModel], FlightTracks]:
-    """Return a function from a rule and the settings of its filters to what it observes on flights."""
-    batch = stack_flights(flights, PART, MARGIN)
-
-    @functools.lru_cache(maxsize=2)
-    def filtered(model: TurnModel) -> FlightTracks:
-        return FlightTracks(batch, run_turn_imm(batch, model))
-
-    def tracks(rule: type[GliderRule], model: TurnModel) -> FlightTracks:
-        if rule.histories is None:
-            return filtered(model)
-        estimates = filtered(GliderRule.models[0]).estimates
-        return FlightTracks(batch, estimates, run_turn_beam(batch, model, rule.histories))
-
-    return tracks
-
-
 def glider_statements(
     flights: Sequence[Flight], settings: Sequence[Setting]
 ) -> dict[Setting, list[IntArray]]:
     """Return the statements of rules at settings on each flight, (n,)."""
-    tracks, lengths = glider_tracks(flights), [len(flight.times) for flight in flights]
+    batch, lengths = stack_flights(flights, PART, MARGIN), [len(flight.times) for flight in flights]
     found: dict[Setting, list[IntArray]] = {}
-    for name, model in dict.fromkeys((one.name, one.model) for one in settings):
-        some = [one for one in settings if (one.name, one.model) == (name, model)]
+    for name, k in dict.fromkeys((one.name, one.model) for one in settings):
+        some = [one for one in settings if (one.name, one.model) == (name, k)]
         rule = glider_rule(name)
-        seen = tracks(rule, rule.models[model])
-        stated = seen.statements_together(rule(*(one.numbers for one in some)), lengths, len(some))
+        beam = None if rule.histories is None else run_turn_beam(batch, rule.models[k], rule.histories)
+        tracks = FlightTracks(batch, run_turn_imm(batch, rule.models[k]), beam)
+        stated = tracks.statements_together(rule(*(one.numbers for one in some)), lengths, len(some))
         found |= dict(zip(some, stated, strict=True))
     return found
 

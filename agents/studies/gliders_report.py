@@ -9,12 +9,14 @@ from rich.table import Table
 
 from agents.evaluation.cells import bounds_cell, filled_table
 from agents.evaluation.gliders import METRICS, glider_rule
+from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
-from agents.studies.flights_report import flight_figure
 from agents.studies.gliders_study import LEVELS, GliderComparison
+from baselines.recordings.flights.labels import MODE_NAMES
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.scoring.estimates import Estimate
 
+SHOWN = 1800.0  # time in the picture [s]
 NOTE = (
     "Second lines: 95 % interval, flights drawn with replacement.\n"
     "Settings: of those with at most so many false changes on the other half, the best agreement there.\n"
@@ -70,9 +72,7 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
                 }
                 less = difference(result, level, name, rows)
                 figures["agreement_less_first"] = None if less is None else less.as_json()
-                figures["settings"] = {
-                    half: [one.model, *one.numbers] for half, one in result.chosen[level][name].items()
-                }
+                figures["settings"] = result.chosen[level][name]
                 groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = figures
     flights = [
         {
@@ -92,10 +92,18 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
 
 
 def glider_figure(result: GliderComparison) -> Figure:
-    """The flight on which the agreement of the first rule is the median: labels and all statements."""
+    """The half hour with most changes of the flight with the median agreement of the first rule."""
     first, scores = next(iter(result.scores[LEVELS[1]].items()))
     each = [float(scores.some([k]).curve(STATISTICS["agreement"])[0]) for k in range(len(result.flights))]
     k = int(np.argsort(each)[len(each) // 2])
-    stated = {glider_rule(name).title: one[k] for name, one in result.stated.items()}
-    title = f"{result.flights[k].identity}: {glider_rule(first).title} agrees {each[k]:.1%}"
-    return flight_figure(result.flights[k], result.labels[k], stated, title)
+    flight, labels = result.flights[k], result.labels[k]
+    ends = np.searchsorted(flight.times, flight.times + SHOWN)
+    changes = np.cumsum(np.diff(labels.modes, prepend=labels.modes[0]) != 0)
+    first_row = int((changes[ends - 1] - changes).argmax())
+    rows = slice(first_row, ends[first_row])
+    shown = np.where(labels.scored, labels.modes, len(MODE_NAMES))[rows]
+    minutes = (flight.times[rows] - flight.times[first_row]) / 60.0
+    stated = {glider_rule(name).title: one[k][rows] for name, one in result.stated.items()}
+    title = f"{flight.identity}: {glider_rule(first).title} agrees {each[k]:.1%} of the whole flight"
+    kilometres = flight.positions[rows] / 1000.0
+    return recording_figure(kilometres, minutes, [(0, len(minutes))], shown, stated, MODE_NAMES, title)

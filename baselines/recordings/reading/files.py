@@ -17,6 +17,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from baselines.recordings.reading.cells import MISSING, Table, counted
+from baselines.recordings.reading.igc import IgcLog, is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
@@ -31,7 +32,7 @@ HEAD_ROWS = 50
 
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
-ALLOWED = "a CSV, TSV, Parquet or GPX file"
+ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}
 """Delimiters and their names in messages."""
 
@@ -52,9 +53,23 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         return _read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
+    if is_igc(start):
+        log = parse_igc(name, content)
+        frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
+        return Table(name, frame, ("time", "lat", "lon"), row_word="position")
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
     return _read_text(content, name)
+
+
+def read_igc(path: Path) -> IgcLog | None:
+    """Return the log if a file is one.
+
+    Raises:
+        ArgumentError: the file cannot be read, or the log has no positions.
+    """
+    content = _content(path, str(path))
+    return parse_igc(str(path), content) if is_igc(content) else None
 
 
 def _content(path: Path, name: str) -> bytes:

@@ -41,8 +41,8 @@ class IgcLog(NamedTuple):
 
 
 def is_igc(content: bytes) -> bool:
-    """Return whether the content of a file is an IGC log: an A record first, and B records."""
-    return content.removeprefix(b"\xef\xbb\xbf")[:1] in b"AH" and RECORD.search(content) is not None
+    """Return whether the content of a file is a log: a capital first, and B records."""
+    return content[:1].isupper() and RECORD.search(content) is not None
 
 
 def parse_igc(name: str, content: bytes) -> IgcLog:
@@ -86,6 +86,7 @@ def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[Floa
         for first, last in re.findall(rb"(\d\d)(\d\d)" + word, line):
             columns = slice(max(int(first) - 36, 0), int(last) - 35)
             cells, digits = np.array([tail[columns] for tail in tails]), int(last) - int(first) + 1
-            if digits > 0 and np.char.isdigit(cells).all() and (np.char.str_len(cells) == digits).all():
-                return cells.astype(np.float64) / 10.0**digits, digits
+            valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
+            if 2 * valid.sum() > len(tails):
+                return np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits, digits
     return np.zeros(len(tails)), 0
