@@ -69,9 +69,11 @@ class League(TrustArguments, ParallelArguments):
             progress.update(bar, note="")
         entries |= {entry["title"]: entry for entry in played}
         for entry in played:
-            reasons = {one["refused"] for one in entry["worlds"].values() if "refused" in one}
-            for reason in sorted(reasons):
-                console.print(f"Not played: {reason}", markup=False, highlight=False, soft_wrap=True)
+            refused = {world: one["refused"] for world, one in entry["worlds"].items() if "refused" in one}
+            for reason in dict.fromkeys(refused.values()):
+                worlds = "; ".join(world for world, other in refused.items() if other == reason)
+                line = f"{entry['title']} cannot decide in: {worlds}. The reason: {reason}"
+                console.print(line, markup=False, highlight=False, soft_wrap=True)
             console.print(world_table(entry, [*entries.values()]))
         console.print(league_table([*entries.values()]))
         with atomic_file(folder / "league.md") as part:

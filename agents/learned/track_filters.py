@@ -66,14 +66,17 @@ class TrackFilters:
         begins = ticks < 1.5
         anchors = np.zeros((COMPONENTS, len(rows), ANCHOR_COLUMNS))
         self.anchor_samples = None
+        log_weights = self.log_weights.copy()
         if begins.any():
             anchors[:, begins] = self._anchors(net, rows[begins], begins, first[begins])
         parts = zip(
-            self.filters, np.split(rows, self.splits), np.split(begins, self.splits),
-            np.split(anchors, self.splits, axis=1), strict=True,
-        )  # fmt: skip
-        for filters, own_rows, own_begins, own_anchors in parts:
-            filters.advance(own_rows, own_begins, own_anchors)
+            self.filters,
+            *(np.split(array, self.splits) for array in (rows, begins, anchors.swapaxes(0, 1))),
+            *(np.split(array, self.splits) for array in (log_weights, first)),
+            strict=True,
+        )
+        for filters, own_rows, own_begins, own_anchors, own_weights, own_first in parts:
+            filters.advance(own_rows, own_begins, own_anchors.swapaxes(0, 1), own_weights, own_first)
         log_likelihood = np.concatenate([filters.log_likelihood for filters in self.filters], axis=1)
         share = joint_posterior(log_likelihood, self.log_weights)
         posterior = share.sum(0)

@@ -45,7 +45,7 @@ def scores_table(
         notes += f"diff.: {task.goal} less that of {to} on the same episodes.\n"
     quantiles = "delay_quantiles" in rows[0][0].extra
     heads = ["decider     ", *(metric.head for metric in task.metrics)]
-    heads += ["delay,\n50, 90 %"] * quantiles + [f"{task.goal}\ndiff."] * compared
+    heads += ["delay\n50,90%"] * quantiles + [f"{task.goal}\ndiff."] * compared
     lines = []
     for scores, figures, difference in rows:
         cells = [metric_cell(metric, figures[metric.name]) for metric in task.metrics]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.core.banks import operations
@@ -22,19 +23,40 @@ from hybrid_env.options import WorldOptions
 
 Observations = NDArray[np.float32]
 TRIANGLE = np.triu_indices(4)
-OUTLIER_DISTANCE = 16.0  # squared whitened innovation from which a measurement counts as an outlier
-OUTLIER_VARIANCE = 25.0  # assumed of outliers, relative to R
-LOG_OUTLIER_ODDS = -4.6  # logarithm of the assumed share of outliers, one in a hundred
 ANCHOR_COLUMNS = 14
 """Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
 
 
-class _Orientation(NamedTuple):
-    """Filters that assume an orientation of the heading frame; see `_filter_tick` for the fields."""
+class NoiseLaw(NamedTuple):
+    """What filters assume of the noise.
+
+    Attributes:
+        log_prior: logarithm of the probability of the law before the first measurement, up to a constant.
+        variance: of most measurements, relative to R.
+        outlier_variance: of outliers, relative to R.
+        log_outlier_odds: logarithm of the share of outliers.
+        distance: squared whitened innovation from which a measurement counts as an outlier.
+    """
+
+    log_prior: float
+    variance: float
+    outlier_variance: float
+    log_outlier_odds: float
+    distance: float
+
+
+LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
+"""Normal errors with an outlier in thirty, and heavy tails."""
+
+
+class _Assumption(NamedTuple):
+    """Filters that assume a law of the noise and an orientation of the heading frame; see `_filter_tick`."""
 
     banks: Any
     model: FilterModel
     outlier_model: FilterModel
+    log_outlier_odds: float
+    distance: float
     log_likelihood: FloatArray
     innovations: FloatArray
 
@@ -49,16 +71,16 @@ def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel
 
 
 @internal
-def _any_outlier(bank: Any, lanes: int, outlier: BoolArray) -> bool:
+def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> bool:
     """Mark the lanes whose measurement no hypothesis explains; return whether there are any."""
     found = False
     for lane in range(lanes):
-        smallest = OUTLIER_DISTANCE
+        smallest = distance
         for h in range(bank.hypotheses.size):
             innovation = bank.innovations[h]
             x, y = innovation.white_x[lane], innovation.white_y[lane]
             smallest = min(smallest, x * x + y * y)
-        outlier[lane] = smallest >= OUTLIER_DISTANCE
+        outlier[lane] = smallest >= distance
         found = found or outlier[lane]
     return found
 
@@ -72,6 +94,8 @@ def _filter_tick(
     radii: FloatArray,
     model: FilterModel,
     outlier_model: FilterModel,
+    log_outlier_odds: float,
+    distance: float,
     log_likelihood: FloatArray,
     innovations: FloatArray,
     saved: NDArray[Any],
@@ -107,14 +131,14 @@ def _filter_tick(
                 _step_lane(bank, lane, measurement, model)
         else:
             operations.step(bank, 0, lanes, measurement, model)
-        if saved.size > 0 and _any_outlier(bank, lanes, outlier):
+        if saved.size > 0 and _any_outlier(bank, lanes, distance, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
                 if outlier[lane]:
                     operations.step(bank, lane, lane + 1, measurement, outlier_model)
                     for h in range(saved.size):
-                        bank.hypotheses[h].log_likelihood[lane] += LOG_OUTLIER_ODDS
+                        bank.hypotheses[h].log_likelihood[lane] += log_outlier_odds
                 else:
                     _step_lane(bank, lane, measurement, model)
         for lane in range(lanes):
@@ -136,13 +160,16 @@ class ComponentFilters:
         tracks: N.
         world: options of the world, whose model the filters use. They have one measurement variance, the
             geometric mean of the axes, because the orientation of the heading frame is unknown.
-        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance. If
-            the axes have different variances, there are filters for three orientations of the heading frame.
+        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance.
+            There are filters for every law of `LAWS`, weighted by the likelihood of all measurements of the
+            episode. If the axes have different variances, there are filters for three orientations of the
+            heading frame.
 
     Attributes:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
         innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
             the logarithm of its variance [m^2].
+        log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
 
     Raises:
         ArgumentError: the world has several sensors, whose variances the observation does not contain.
@@ -159,56 +186,90 @@ class ComponentFilters:
         if robust and x != y:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
-        self.orientations = [
-            _Orientation(
+        laws = LAWS if robust else LAWS[:1]
+        tau, q = world.tau, world.process_variance
+        self.assumptions = [
+            _Assumption(
                 bank_arrays(BANKS[bank], self.radii.size, 1 if x == y else 2, blocks),
-                FilterModel(world.tau, world.process_variance, x, y),
-                FilterModel(world.tau, world.process_variance, OUTLIER_VARIANCE * x, OUTLIER_VARIANCE * y),
-                np.zeros(shape), np.zeros((*shape, 3)),
+                FilterModel(tau, q, law.variance * x, law.variance * y),
+                FilterModel(tau, q, law.outlier_variance * x, law.outlier_variance * y),
+                law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
             )
+            for law in laws
             for x, y in variances
         ]  # fmt: skip
-        saved = np.zeros(world.hypotheses if robust else 0, self.orientations[0].banks.hypotheses.dtype)
+        self.prior = np.array([[law.log_prior] for law in laws])
+        self.log_laws = np.tile(self.prior, (1, tracks))
+        saved = np.zeros(world.hypotheses if robust else 0, self.assumptions[0].banks.hypotheses.dtype)
         self.memory = saved, np.zeros((2, LANES)), np.zeros(LANES, np.bool_)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
-        banks, *rest = self.orientations[0]
+        banks, *rest = self.assumptions[0]
         prepare(_filter_tick, banks, *none, self.radii, *rest, *self.memory)
 
-    def advance(self, rows: Observations, begins: BoolArray, anchors: FloatArray) -> None:
+    def advance(
+        self,
+        rows: Observations,
+        begins: BoolArray,
+        anchors: FloatArray,
+        log_weights: FloatArray,
+        first: BoolArray,
+    ) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
 
         Args:
             rows: (N, width).
             begins: (N,) tracks whose filters start.
             anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
+            log_weights: (N, C) of the components of the last segment, where filters start.
+            first: (N,) True where an episode starts.
         """
+        if len(self.log_laws) > 1 and begins.any():
+            self._weigh_laws(begins, log_weights, first)
         deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
         names = ("displacement_along", "displacement_across")
         measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
         if self.world.missed > 0.0:
             measurements[without_measurement(self.layout, rows)] = np.nan
-        for banks, *rest in self.orientations:
+        for banks, *rest in self.assumptions:
             _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, *self.memory)
-        if len(self.orientations) == 1:
-            self.log_likelihood, self.innovations = self.orientations[0][3:]
+        if len(self.assumptions) == 1:
+            self.log_likelihood, self.innovations = self.assumptions[0][5:]
             return
-        joint = np.stack([one.log_likelihood for one in self.orientations])
-        largest = joint.max(0)
+        joint = self._joint() + (self.log_laws - np.log(self._orientations))[:, None, None, :, None]
+        largest = joint.max((0, 1))
         share = np.exp(joint - largest)
-        self.log_likelihood = largest + np.log(share.mean(0))
-        share /= share.sum(0)
-        each = np.stack([one.innovations for one in self.orientations])
-        self.innovations = (share[..., None] * each).sum(0)
+        total = share.sum((0, 1))
+        self.log_likelihood = largest + np.log(total)
+        each = np.stack([one.innovations for one in self.assumptions]).reshape(*joint.shape, 3)
+        self.innovations = ((share / total)[..., None] * each).sum((0, 1))
+
+    @property
+    def _orientations(self) -> int:
+        return len(self.assumptions) // len(self.log_laws)
+
+    def _joint(self) -> FloatArray:
+        """Return the log-likelihoods (laws, orientations, C, N, M)."""
+        each = np.stack([one.log_likelihood for one in self.assumptions])
+        return each.reshape(len(self.log_laws), self._orientations, *each.shape[1:])
+
+    def _weigh_laws(self, begins: BoolArray, log_weights: FloatArray, first: BoolArray) -> None:
+        """Multiply the weights of the laws by the likelihood of the segment that has ended."""
+        joint = self._joint()[:, :, :, begins] + log_weights[begins].T[..., None]
+        laws = self.log_laws[:, begins] + logsumexp(joint, axis=(1, 2, 4))
+        laws = np.where(first[begins], self.prior, laws - laws.max(0))
+        self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next ticks; writing into them changes the filters."""
-        return {
+        banks = {
             f"{k}.{name}.{field}": records[field]
-            for k, one in enumerate(self.orientations)
+            for k, one in enumerate(self.assumptions)
             for name, records in one.banks._asdict().items()
             for field in records.dtype.names
         }
+        likelihoods = {f"{k}.log_likelihood": one.log_likelihood for k, one in enumerate(self.assumptions)}
+        return banks | likelihoods | {"log_laws": self.log_laws}
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
@@ -216,7 +277,9 @@ class ComponentFilters:
         selected = ComponentFilters(self.bank, components, int(tracks.sum()), self.world, self.robust)
         lanes = np.flatnonzero(np.tile(tracks, components))
         blocks, lane = np.divmod(np.arange(lanes.size), LANES)
-        for mine, others in zip(self.orientations, selected.orientations, strict=True):
+        selected.log_laws[:] = self.log_laws[:, tracks]
+        for mine, others in zip(self.assumptions, selected.assumptions, strict=True):
+            others.log_likelihood[:] = mine.log_likelihood[:, tracks]
             for old, new in zip(mine.banks, others.banks, strict=True):
                 if old.ndim > 1 and len(old) == len(mine.banks.hypotheses):  # the others are temporary memory
                     for name in old.dtype.names:

@@ -48,7 +48,8 @@ class RefilteringDecider(Decider):
     Args:
         world: options of the world; the filters use its model.
         alpha: threshold of the error probability, above 0 and at most 1.
-        robust: the filters reject outliers and allow for axes of different variances, see `ComponentFilters`.
+        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different
+            variances, see `ComponentFilters`.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
@@ -91,13 +92,13 @@ class RefilteringDecider(Decider):
             state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
-        anchors = np.zeros((self.components, tracks, ANCHOR_COLUMNS))
+        anchors, log_weights = np.zeros((self.components, tracks, ANCHOR_COLUMNS)), state.log_weights.copy()
         if begins.any():
             decided = layout.read(rows[begins], "previous").argmax(-1)
             correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
-        state.filters.advance(rows, begins, anchors)
+        state.filters.advance(rows, begins, anchors, log_weights, first)
         state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state

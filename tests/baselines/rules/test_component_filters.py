@@ -5,11 +5,10 @@ import copy
 import numpy as np
 import pytest
 from matrix_filters import MatrixExtendedKalmanFilter
+from scipy.special import log_softmax, logsumexp
 
 from baselines.rules.component_filters import (
-    LOG_OUTLIER_ODDS,
-    OUTLIER_DISTANCE,
-    OUTLIER_VARIANCE,
+    LAWS,
     ComponentFilters,
     anchor_rows,
     stated_covariance,
@@ -34,8 +33,9 @@ def recorded(options):
     return env.options, layout, rows
 
 
-def reference(world, layout, rows, R, robust):
+def reference(world, layout, rows, R, robust, law):
     """Return the log-likelihoods (TICKS, M) of one track, and how many measurements were outliers."""
+    R, outlier_R = (np.multiply(one, R) for one in (law.variance, law.outlier_variance))
     covariance = stated_covariance(layout, rows[0][None])[0]
     anchor = (0.0, float(layout.read(rows[0][None], "speed")[0]), 0.0, 0.0)
     signed = [0.0, *world.radii, *(-radius for radius in world.radii)]
@@ -59,12 +59,12 @@ def reference(world, layout, rows, R, robust):
         for one in tried:
             one.step(z)
             distances.append(one.distance)
-        if robust and min(distances) >= OUTLIER_DISTANCE:
-            outliers, penalty = outliers + 1, penalty + LOG_OUTLIER_ODDS
+        if robust and min(distances) >= law.distance:
+            outliers, penalty = outliers + 1, penalty + law.log_outlier_odds
             for one in filters:
-                one.R = np.array(R) * OUTLIER_VARIANCE
+                one.R = outlier_R
                 one.step(z)
-                one.R = np.array(R)
+                one.R = R
         else:
             filters = tried
         found.append([one.log_likelihood + penalty for one in filters])
@@ -79,9 +79,11 @@ def test_filters_equal_matrix_filters(variance, robust, missed):
     filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust)
     anchors = anchor_rows(layout, rows[0], 0.0, stated_covariance(layout, rows[0]))[None]
     found = []
+    none, alone = np.zeros(TRACKS, np.bool_), np.zeros((TRACKS, 1))
     for tick, row in enumerate(rows):
-        filters.advance(row, np.full(TRACKS, tick == 0), anchors)
+        filters.advance(row, np.full(TRACKS, tick == 0), anchors, alone, none)
         found.append(filters.log_likelihood[0].copy())
+    filters.advance(rows[0], ~none, anchors, alone, none)  # the next segment
     x, y = np.broadcast_to(variance, 2)
     axes = [(np.sqrt(x * y),) * 2]
     if robust and x != y:
@@ -89,8 +91,14 @@ def test_filters_equal_matrix_filters(variance, robust, missed):
     total = 0
     for track in range(4):
         of_track = [row[track] for row in rows]
-        each, counts = zip(*(reference(world, layout, of_track, R, robust) for R in axes), strict=True)
-        expected = np.logaddexp.reduce(each, axis=0) - np.log(len(axes))
+        by_law, counts = [], []
+        for law in LAWS if robust else LAWS[:1]:
+            each = [reference(world, layout, of_track, R, robust, law) for R in axes]
+            by_law.append(law.log_prior + logsumexp([one for one, _ in each], axis=0) - np.log(len(axes)))
+            counts += [count for _, count in each]
+        expected = logsumexp(by_law, axis=0)
+        laws = logsumexp([one[-1] for one in by_law], axis=-1)
+        np.testing.assert_allclose(filters.log_laws[:, track], log_softmax(laws), rtol=2e-3, atol=2e-3)
         mine = np.array(found)[:, track]
         np.testing.assert_allclose(
             mine - mine[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3, err_msg=str(track)

@@ -82,6 +82,20 @@ def test_robust_filters_earn_more_under_outliers_and_with_unequal_axes(options):
     assert gain.mean() > 2 * gain.std() / np.sqrt(gain.size)
 
 
+@pytest.mark.parametrize(("noise", "heavy"), [("gaussian", False), ("levy 1.5 1 44", True)])
+@pytest.mark.parametrize("length", [0.1, 1e4])
+def test_robust_filters_learn_whether_tails_are_heavy(noise, heavy, length):
+    env = HybridTrackVectorEnv(TRACKS, noise=noise, **unit_scales(SCALED, length, 1.0))
+    prior = fit_calibrated_anchor(env.options, 100, 7, robust=True)
+    decider = CalibratedAnchorDecider(env.options, prior, 0.02, robust=True)
+    (rows, _), state = env.reset(seed=5), None
+    for _ in range(80):
+        _, state = decider.predict(rows, state, None)
+        rows, *_ = env.step(declare_at_20(rows))
+    share = np.exp(state.filters.log_laws[1])
+    assert np.median(share) > 0.99 if heavy else np.median(share) < 0.01
+
+
 def reward_of_episodes(decider, env):
     """Return the reward of the first episode of every track, (N,)."""
     rows, _ = env.reset(seed=11)
