@@ -32,7 +32,7 @@ def fly(seed, plan=PLAN, wind=(3.0, -1.0), speed=10.0, rate=18.0, noise=0.3):
 
 def write_log(positions, altitudes, start=43_200, digits=2):
     """The content of a log, with more digits of the minutes in LAD and LOD."""
-    lines = ["AXXX001", "HFDTE010100", "HFPLTPILOT:Nobody, N. N."]
+    lines = ["AXXX001", "HFDTE010100", "HFPLTPILOT:Nobody, N. N.", *["HFXXXREMARK:long"] * 80]
     if digits:
         lines.append(f"I0236{35 + digits:02d}LAD{36 + digits:02d}{35 + 2 * digits:02d}LOD")
     places = PROJECTION.inverse(positions)

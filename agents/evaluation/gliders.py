@@ -29,7 +29,7 @@ METRICS = (
     Metric("leave", "leave\ns", STATISTICS["leave"], 1),
     Metric("misses_in", "misses\nin, %", STATISTICS["misses_in"], 1, 100.0),
     Metric("misses_out", "misses\nout, %", STATISTICS["misses_out"], 1, 100.0),
-    Metric("agreement", "agreement", STATISTICS["agreement"], 3),
+    Metric("agreement", "agrees\n%", STATISTICS["agreement"], 2, 100.0),
 )
 
 

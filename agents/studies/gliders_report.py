@@ -11,44 +11,37 @@ from agents.evaluation.cells import bounds_cell, filled_table
 from agents.evaluation.gliders import METRICS, glider_rule
 from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
+from agents.studies.flights_report import figure_cell
 from agents.studies.gliders_study import LEVELS, GliderComparison
 from baselines.recordings.flights.labels import MODE_NAMES
 from baselines.recordings.flights.metrics import STATISTICS
 from baselines.scoring.estimates import Estimate
 
-SHOWN = 1800.0  # time in the picture [s]
+SHOWN = 600.0  # time in the picture [s]
 NOTE = (
     "Second lines: 95 % interval, flights drawn with replacement.\n"
-    "Settings: of those with at most so many false changes on the other half, the best agreement there.\n"
+    "Settings: the best agreement on the other half with as few false changes there.\n"
     "Enter, leave: mean time from a change of the label to the first right statement.\n"
     "Misses: the next change of the label came first."
 )
 
 
 def glider_tables(result: GliderComparison) -> list[Table]:
-    """Return a table for the open logs, and one for the sealed ones."""
-    return [_table(result, group, rows) for group, rows in result.groups.items()]
+    """Return the tables of each level, for the open logs and for the sealed ones."""
+    return [_table(result, group, level) for group in result.groups for level in LEVELS]
 
 
-def _table(result: GliderComparison, group: str, rows: list[int]) -> Table:
+def _table(result: GliderComparison, group: str, level: float) -> Table:
+    rows, lines = result.groups[group], []
     hours = sum(float(result.labels[k].weights.sum()) for k in rows) / 3600.0
-    lines: list[tuple[str, ...]] = []
-    for level, by_name in result.scores.items():
-        for number, (name, scores) in enumerate(by_name.items()):
-            some = scores.some(rows)
-            cells = [
-                bounds_cell(some.estimate(metric.statistic), metric.digits, metric.scale)
-                for metric in METRICS
-            ]
-            less = difference(result, level, name, rows)
-            cells.append("" if less is None else bounds_cell(less, 1, 100.0))
-            lines.append((f"{level:g}" if number == 0 else "", escape(glider_rule(name).title), *cells))
-        lines.append(())
-    first = glider_rule(next(iter(result.stated))).title
-    heads = ("at most", "decider", *(metric.head for metric in METRICS), f"less {first}\npoints")
-    return filled_table(
-        f"{len(rows)} flights of gliders, {group}, {hours:.1f} scored hours", heads, lines, NOTE, 2
-    )
+    for name, scores in result.scores[level].items():
+        less = difference(result, level, name, rows)
+        cells = [figure_cell(scores.some(rows), metric) for metric in METRICS]
+        cells.append("" if less is None else bounds_cell(less, 1, 100.0))
+        lines.append((escape(glider_rule(name).title), *cells))
+    heads = ("decider", *(metric.head for metric in METRICS), f"less {lines[0][0]}\npoints")
+    title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
+    return filled_table(title, heads, lines, NOTE if level == LEVELS[-1] else "")
 
 
 def difference(result: GliderComparison, level: float, name: str, rows: list[int]) -> Estimate | None:
@@ -92,7 +85,7 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
 
 
 def glider_figure(result: GliderComparison) -> Figure:
-    """The half hour with most changes of the flight with the median agreement of the first rule."""
+    """The ten minutes with most changes of the flight with the median agreement of the first rule."""
     first, scores = next(iter(result.scores[LEVELS[1]].items()))
     each = [float(scores.some([k]).curve(STATISTICS["agreement"])[0]) for k in range(len(result.flights))]
     k = int(np.argsort(each)[len(each) // 2])

@@ -34,7 +34,7 @@ class GliderRule(SeveralThresholds):
 
     Attributes:
         numbers: names of the numbers.
-        usual: selected on all open logs for five false changes an hour.
+        usual: for about five false changes an hour on the open logs.
         grid: settings to select from.
         models: settings of the filters to select from; the first is the usual one.
         histories: settings of the beam; None for the IMM.

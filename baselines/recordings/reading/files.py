@@ -46,14 +46,13 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     Raises:
         ArgumentError: it cannot be read, or is none of the kinds of files.
     """
-    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
-    content = _content(Path(path), name)
+    name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
         return _read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
-    if is_igc(start):
+    if is_igc(content):
         log = parse_igc(name, content)
         frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
         return Table(name, frame, ("time", "lat", "lon"), row_word="position")
@@ -68,12 +67,13 @@ def read_igc(path: Path) -> IgcLog | None:
     Raises:
         ArgumentError: the file cannot be read, or the log has no positions.
     """
-    content = _content(path, str(path))
-    return parse_igc(str(path), content) if is_igc(content) else None
+    name, content = _content(path)
+    return parse_igc(name, content) if is_igc(content) else None
 
 
-def _content(path: Path, name: str) -> bytes:
-    """Return the bytes of a file, decompressed."""
+def _content(path: Path) -> tuple[str, bytes]:
+    """Return the name of a file for messages, and its bytes, decompressed."""
+    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
     try:
         if path.is_dir():
             raise reject("file", name, f"{ALLOWED}, not a folder")
@@ -90,7 +90,7 @@ def _content(path: Path, name: str) -> bytes:
         reason = getattr(error, "strerror", None) or str(error)
         raise reject("file", name, f"a file that can be read ({reason})") from None
     if content[:2] != b"\x1f\x8b":
-        return content
+        return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
             content = stream.read(MAX_BYTES + 1)
@@ -98,7 +98,7 @@ def _content(path: Path, name: str) -> bytes:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
     if len(content) > MAX_BYTES:
         raise reject("file", name, f"at most {most:.0f} MB when decompressed: split the recording")
-    return content
+    return name, content
 
 
 def _read_parquet(content: bytes, name: str) -> Table:

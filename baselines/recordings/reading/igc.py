@@ -42,7 +42,7 @@ class IgcLog(NamedTuple):
 
 def is_igc(content: bytes) -> bool:
     """Return whether the content of a file is a log: a capital first, and B records."""
-    return content[:1].isupper() and RECORD.search(content) is not None
+    return content[:100].lstrip(b"\xef\xbb\xbf \r\n")[:1].isupper() and RECORD.search(content) is not None
 
 
 def parse_igc(name: str, content: bytes) -> IgcLog:
