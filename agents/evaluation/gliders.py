@@ -67,7 +67,8 @@ def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], l
         group: half, or other name of the group.
 
     Raises:
-        ArgumentError: a log has no positions, or libigc is not installed.
+        ArgumentError: a log has no positions.
+        ModuleNotFoundError: libigc is not installed.
     """
     logs = {digits(content): parse_igc(digits(content), content) for content in contents}
     flights = [glider_flight(name, group, log) for name, log in logs.items()]

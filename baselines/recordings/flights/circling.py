@@ -69,9 +69,8 @@ def air_motion(flights: Sequence[Flight]) -> list[AirMotion]:
             motion.speeds[rows] = np.hypot(*air.T)
             across = air[:, 0] * acceleration[:, 1] - air[:, 1] * acceleration[:, 0]
             rates = across / np.maximum(motion.speeds[rows], SLOWEST) ** 2
-            motion.rates[rows] = window_sums(times, MEAN, rates) / window_sums(
-                times, MEAN, np.ones(len(times))
-            )
+            counts = window_sums(times, MEAN, np.ones(len(times)))
+            motion.rates[rows] = window_sums(times, MEAN, rates) / counts
         found.append(motion)
     return found
 
@@ -149,7 +148,7 @@ def decode(records: Sequence[bytes]) -> IntArray:
     """Return what libigc says of B records: (n,) 1 circling, 0 straight flight, -1 not in flight.
 
     Raises:
-        ArgumentError: libigc is not installed.
+        ModuleNotFoundError: libigc is not installed.
     """
     import libigc
 
