@@ -116,21 +116,6 @@ def test_the_seal_of_the_package_is_that_of_its_code():
     assert set(seal["settings"]["5"]) == set(study.default_names())
 
 
-@pytest.mark.parametrize(
-    ("flags", "text"),
-    [
-        (["--gliders"], "source"), (["--gliders", "--source", "none.tgz"], "source"),
-        (["--gliders", "--source", "x", "--deciders", "sprt"], "deciders"),
-        (["--gliders", "--episodes", "5"], "episodes"), (["--sealed"], "sealed"),
-    ],
-)  # fmt: skip
-def test_wrong_flags_are_refused(flags, text, capsys):
-    assert main(["compare", *flags]) == 2
-    error = capsys.readouterr().err
-    assert text in error
-    assert "Traceback" not in error
-
-
 def test_a_log_is_tracked_by_its_circles(tmp_path, capsys):
     path = tmp_path / "flight.igc"
     path.write_bytes(made_up_log(7))
