@@ -12,7 +12,7 @@ gliders in `circling`. `tracker`
 puts a rule behind a live sensor, `start` begins its track and has the gate of its measurements.
 
 Rules that filter have compiled filters of their own, beside the bank of the environment: `component_filters`,
-`restarted_filters` and `beam_filters`.
+`restarted_filters` and `beam_filters`; with several sensors the first also reads `sensed`.
 
 May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never `agents`.
 """
