@@ -33,8 +33,8 @@ class FileArguments:
     """How files are read and where the results go."""
 
     files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")]
-    """CSV, TSV, Parquet or GPX files, also compressed by gzip. Header, delimiter, decimal comma and index are
-    found; columns are known by names such as time, timestamp, t, x, y, easting, northing, lat, lon."""
+    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal comma and
+    index are found; columns are known by names such as time, timestamp, t, x, y, easting, lat, lon."""
     columns: tuple[str, ...] = ()
     """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date lat=B lon=L."""
     object: str | None = None

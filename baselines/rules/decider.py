@@ -16,8 +16,8 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probab
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
-ANNOUNCED, UNKNOWN, FLIGHTS = "announced", "unknown", "flights"
-"""Tasks: announced switches, unknown switches, recorded flights."""
+ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
+"""Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders."""
 
 
 DEFINED: list[type["Decider"]] = []
@@ -31,7 +31,7 @@ class Decider:
 
     Attributes:
         name: on the command line; empty for a decider that is not found by a name.
-        task: what it decides, `ANNOUNCED`, `UNKNOWN` or `FLIGHTS`.
+        task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
         title: in tables and figures.
         symbol: of its threshold.
         thresholds: to sweep, in order of increasing decision time.

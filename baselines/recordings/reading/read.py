@@ -1,4 +1,4 @@
-"""Reading a file of recorded positions: CSV, TSV, Parquet or GPX, also compressed by gzip."""
+"""Reading a file of recorded positions: CSV, TSV, Parquet, GPX or IGC, also compressed by gzip."""
 
 import os
 from collections.abc import Mapping, Sequence
