@@ -168,6 +168,7 @@ def recording_figure(
     stated: Mapping[str, IntArray],
     names: Sequence[str],
     title: str,
+    label: str = "label",
 ) -> Figure:
     """A recorded track by the modes of the first decider over the labels, and all modes over time.
 
@@ -179,6 +180,7 @@ def recording_figure(
         stated: statements (n,) of each decider by name; a thin line for the first.
         names: of the modes.
         title: above.
+        label: what the labels are called.
     """
     width, height = np.maximum(1000.0 * np.ptp(points, axis=0), 1.0)
     tall = float(np.clip(9.0 * height / width, 3.5, 8.0))
@@ -197,15 +199,16 @@ def recording_figure(
     inside = np.zeros(len(minutes), np.bool_)
     for first, end in pieces:
         inside[first : end - 1] = True  # the last position ends the last bar
-    rows = {one: np.where(inside, values, NO_BAR) for one, values in {"label": labels, **stated}.items()}
+    rows = {one: np.where(inside, values, NO_BAR) for one, values in {label: labels, **stated}.items()}
     edges = np.append(minutes, minutes[-1])
     draw_timelines(timeline, edges, rows, [*TYPE_COLOURS, UNSCORED], "t [min]", edge_width=0.0)
     canvas.suptitle(title)
     handles = [
         *(Line2D([], [], color=TYPE_COLOURS[k], linewidth=2.5, label=mode) for k, mode in enumerate(names)),
-        Line2D([], [], color=pale[1], linewidth=LABEL_WIDTH, label="pale: label"),
-        Line2D([], [], color=UNSCORED, linewidth=LABEL_WIDTH, label="not scored"),
+        Line2D([], [], color=pale[1], linewidth=LABEL_WIDTH, label=f"pale: {label}"),
     ]
+    if (labels == len(names)).any():
+        handles.append(Line2D([], [], color=UNSCORED, linewidth=LABEL_WIDTH, label="not scored"))
     canvas.legend(handles=handles, loc="outside right upper", frameon=False, title=f"line: {name}")
     return canvas
 

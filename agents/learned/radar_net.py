@@ -94,7 +94,7 @@ def acceleration_in(frame: Tensor, acceleration: Tensor) -> Tensor:
 
 
 def _frame(velocity: Tensor, innovation: Tensor) -> Tensor:
-    """Return rows along the horizontal heading, without one along the innovation, across and up, (B, 3, 3)."""
+    """Return rows along the horizontal heading, else along the innovation, across and up, (B, 3, 3)."""
     moving = torch.hypot(velocity[:, 0], velocity[:, 1]) > 1.0
     x, y = torch.where(moving[:, None], velocity, innovation)[:, :2].unbind(1)
     length = torch.hypot(x, y)

@@ -1,6 +1,6 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
     """Decide between straight motion, left and right turns on recordings, and estimate the trajectory.
 
     Writes modes.csv, estimates.csv and track.png. Rows are counted from 1. What is not given, such as noise
-    and turn radii, is found from the recording; lengths and times may have any unit.
+    and turn radii, is found from the recording; lengths and times may have any unit. Of a glider's flight log
+    (IGC), without further flags, it writes the circles instead: circles.csv and track.png.
     """
 
     picture: bool | None = None
@@ -59,6 +60,14 @@ class Track(TrackingArguments, TrustArguments, FileArguments):
             ArgumentError: the file is invalid, or a recording cannot be tracked.
         """
         check_free(folder, self.overwrite)
+        given = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
+        if not set(given) - {"files", "out", "overwrite", "jobs", "picture"}:
+            from agents.recordings.gliders import track_glider
+            from baselines.recordings.reading.files import read_igc
+
+            log = read_igc(path)
+            if log is not None:
+                return track_glider(path.name, log, folder, bool(self.picture))
         found = self.read(path)
         results = [self.track(recording) for recording in found.recordings]
         lines, tables, files = [found.summary], [], []

@@ -2,8 +2,9 @@
 
 - `evaluate_command`: `hybridtrack evaluate`; `shifts`: the same in shifted and random environments.
 - `compare_command`: `hybridtrack compare`; `continuation` has its plan and keeps what is finished,
-  `comparison` trains, selects thresholds and scores; `flights_study`, `flights_report` for recorded flights, `simulators_study`
-  for aircraft of JSBSim.
+  `comparison` trains, selects thresholds and scores; `flights_study`, `flights_report` for recorded flights;
+  `gliders_study`, `gliders_report` for those of gliders, whose sealed logs `sealed.json` guards;
+  `simulators_study` for aircraft of JSBSim.
 - `limits_command`: `hybridtrack limits`; `limits`, `limits_report`.
 - `play_command`: `hybridtrack play`; `episodes`.
 - `score_command`: `hybridtrack score`, statements of any origin; `score_report`.

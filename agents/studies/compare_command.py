@@ -16,22 +16,60 @@ from hybrid_env.extras import explained
 
 @dataclass(kw_only=True)
 class FlightArguments:
-    """Flags of recorded flights."""
+    """Flags of recorded flights of aircraft and of gliders."""
 
     flights: tuple[str, ...] | None = None
     """Compare on recorded flights of the package 'traffic': without a value on those of the tiers, else on
     these ids file:icao24:k."""
+    gliders: bool = False
+    """Compare on flights of paragliders: the logs in igc-xc-score-1.8.0.tgz, which --source names."""
+    sealed: bool = False
+    """With --gliders: open the sealed logs too; refused if labels, weights or settings are not those of the
+    seal."""
     source: Path | None = None
-    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed."""
+    """With --flights: folder or wheel of the package 'traffic'; by default where it is installed. With
+    --gliders: the archive or a folder with its logs."""
     tier: tuple[str, ...] = ("A", "B", "C", "D", "stress")
     """With --flights: tiers of quality, and flights with special manoeuvres, which no total contains."""
     form: Literal["native", "semi-real"] = "native"
     """With --flights: as reported, or the smoothed flight with white noise in the setting of
     HybridTrackQuickest-v0, whose deciders are then compared, 'shipped' among them."""
-
     simulators: bool = False
     """Compare on aircraft of the flight dynamics model JSBSim (extra 'simulators'), in 27 worlds of three
     aircraft, ticks and noises, the agent at its default threshold and rules that are tuned in each."""
+
+    def compare_gliders(self, deciders: tuple[str, ...], out: Path) -> None:
+        """Compare, print the tables and write gliders.json and gliders.png.
+
+        Args:
+            deciders: names; without any all rules for gliders, the IMM first.
+            out: output folder.
+
+        Raises:
+            ArgumentError: a name is unknown, there are no logs, or the seal is broken.
+        """
+        from rich.console import Console
+
+        from agents.figures.canvas import save_figure
+        from agents.interface.output_files import output_folder, write_json
+        from agents.interface.progress import progress_display
+        from agents.studies.gliders_report import glider_figure, glider_tables, gliders_json
+        from agents.studies.gliders_study import compare_on_gliders, default_names, steps
+
+        if self.source is None:
+            raise reject("source", None, "the archive igc-xc-score-1.8.0.tgz (npm pack igc-xc-score@1.8.0)")
+        names, console = deciders or default_names(), Console(emoji=False)
+        with progress_display(console) as progress:
+            bar = progress.add_task("Gliders", total=steps(names, self.sealed), note="")
+            result = compare_on_gliders(
+                self.source, names, lambda text: progress.update(bar, note=text, advance=1), self.sealed
+            )
+        folder = output_folder("out", out)
+        write_json(folder / "gliders.json", gliders_json(result))
+        save_figure(glider_figure(result), folder / "gliders.png")
+        for table in glider_tables(result):
+            console.print(table)
+        console.print(f"Files in {folder}: gliders.json, gliders.png", markup=False, highlight=False)
 
     def compare_flights(self, deciders: tuple[str, ...], out: Path) -> None:
         """Compare, print the tables and write flights.json and a picture of each flight.
@@ -102,7 +140,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
     """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference. Announced
     switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
-    ':threshold', or the folder of an agent."""
+    ':threshold', or the folder of an agent. With --gliders: {gliders}."""
     agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = (
         None
     )
@@ -126,7 +164,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     out: Path = Path("results")
     """Folder for compare.png (operating curves), episode.png (the episode on which the best agent and the
     reference differ most), compare.json, and agents (a run folder for each trained agent). With --flights
-    for flights.json and a picture of each flight."""
+    for flights.json and a picture of each flight, with --gliders for gliders.json and gliders.png."""
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json.
@@ -138,13 +176,16 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             parallel = {field.name for field in fields(ParallelArguments)}
             self._refuse({"simulators", "episodes", "seed"} | parallel, "no value with --simulators")
             self._compare_simulators()
+        elif self.gliders:
+            self._refuse({"gliders", "sealed", "source"}, "no value with --gliders")
+            self.compare_gliders(self.deciders or (), self.out)
         elif self.flights is not None:
             self._refuse({"flights", "source", "tier", "form"}, "no value with --flights")
             self.compare_flights(self.deciders or (), self.out)
         else:
             recorded = {field.name for field in fields(FlightArguments)}
             others = {field.name for field in fields(self)} - recorded
-            self._refuse(others, "no value without --flights")
+            self._refuse(others, "no value without --flights or --gliders")
             self._compare()
 
     def _refuse(self, allowed_flags: set[str], allowed: str) -> None:

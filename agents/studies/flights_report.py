@@ -46,7 +46,7 @@ def figures_table(result: FlightComparison) -> Table:
     for name, rows in result.groups.items():
         for number, (decider, label) in enumerate(result.names.items()):
             scores = result.scores[decider].some(rows)
-            cells = [_cell(scores, metric) for metric in SHOWN]
+            cells = [figure_cell(scores, metric, TURNS) for metric in SHOWN]
             twins = value(result.twins[decider].some(rows))
             head = f"{name}\n({len(rows)})" if number == 0 else ""
             lines.append((head, escape(label), *cells, f"{twins:.3f}"))
@@ -62,11 +62,12 @@ def figures_table(result: FlightComparison) -> Table:
     )  # fmt: skip
 
 
-def _cell(scores: Scores, metric: Metric) -> str:
-    """Return a figure, and below it its interval, in few characters."""
+def figure_cell(scores: Scores, metric: Metric, of_false: str = "") -> str:
+    """Return a figure, and below it its interval, in few characters; after false changes some of them."""
     estimate = scores.estimate(metric.statistic)
     shown = [_short(metric.scale * one, metric.digits) for one in vars(estimate).values()]
-    turns = f" ({_short(value(scores, TURNS), metric.digits)})" if metric.name == "false_per_hour" else ""
+    bracketed = of_false and metric.name == "false_per_hour"
+    turns = f" ({_short(value(scores, of_false), metric.digits)})" if bracketed else ""
     return f"{shown[0]}{turns}\n{shown[1]}-{shown[2]}"
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.estimation.imm import mixture
-from baselines.estimation.turns import STRAIGHT, Batch, TurnModel, start_turns, step_turns
+from baselines.estimation.turns import STRAIGHT, Batch, TurnModel, climb_evidence, start_turns, step_turns
 from hybrid_env.checks import FloatArray, IntArray
 
 
@@ -34,8 +34,8 @@ class Histories(NamedTuple):
     """K histories of each of B pieces of flights.
 
     Attributes:
-        state: (B, K, 4).
-        covariance: (B, K, 4, 4).
+        state: (B, K, n), see `turns.TurnStep`.
+        covariance: (B, K, n, n).
         model: (B, K) index of the turn rate.
         age: (B, K) time since the mode began [s].
         log_weight: (B, K) logarithm of the probability, -inf where there is no history.
@@ -65,7 +65,10 @@ def run_turn_beam(
                 batch, batch.positions[k], steps[k], now.state, now.covariance, omega[now.model],
                 np.exp(now.log_weight), settings,
             )  # fmt: skip
-            log_weight = now.log_weight + after.log_likelihood
+            climb = climb_evidence(batch, settings, k)
+            if climb.size > 1:
+                climb = np.take_along_axis(climb, now.model, axis=1)
+            log_weight = now.log_weight + after.log_likelihood + climb
             now = _keep(
                 now._replace(state=after.state, covariance=after.covariance, log_weight=log_weight),
                 beam.branches,
@@ -81,7 +84,7 @@ def _begin(batch: Batch, model: TurnModel, beam: TurnHistories) -> Histories:
     tracks, count = batch.times.shape[1], len(model.rates)
     age = np.where(model.modes == STRAIGHT, *beam.shortest)
     return Histories(
-        *start_turns(batch, count), np.tile(np.arange(count), (tracks, 1)), np.tile(age, (tracks, 1)),
+        *start_turns(batch, count, model), np.tile(np.arange(count), (tracks, 1)), np.tile(age, (tracks, 1)),
         np.tile(np.log(model.start), (tracks, 1)),
     )  # fmt: skip
 

@@ -1,7 +1,8 @@
 """Filters of coordinated turns with known turn rates, and the interacting multiple model of them.
 
-The states are [x, vx, y, vy]; see `motion_models.turn_transition`. The covariance of a measurement is
-across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t, see
+The states are [x, vx, y, vy]; see `motion_models.turn_transition`. With wind they are [x, vx, wx, y, vy, wy]:
+the velocity v in the air turns, and the wind w, a random walk, carries the object along. The covariance of a
+measurement is across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t, see
 `robust.WholeStudentT`. `turn_beam` runs the same filters. The pieces of several flights, between gaps, are
 columns of arrays, so that filters run over all of them at once.
 """
@@ -22,6 +23,8 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 STRAIGHT, LEFT, RIGHT = 0, 1, 2
 START_SPEED = 100.0  # standard deviation of each component of the velocity at the start [m/s]
+START_WIND = 5.0  # of the wind, if it is in the state [m/s]
+CLIMB_RANGE = 3.0  # climb rates further from `TurnModel.climb_level` count as at this distance [m/s]
 SMALLEST = 1e-12  # probability of a model
 
 
@@ -34,6 +37,8 @@ class Batch(NamedTuple):
         positions: (T, B, 2) [m], NaN after its end.
         across: (B,) standard deviation of a position across the velocity [m].
         timing: (B,) standard deviation of its time [s].
+        climbs: (T, B) climb rates until each position [m/s], where they are known.
+        own: first row and end of the part of each piece whose results count; None is all of it.
     """
 
     pieces: tuple[tuple[int, int, int], ...]
@@ -41,6 +46,8 @@ class Batch(NamedTuple):
     positions: FloatArray
     across: FloatArray
     timing: FloatArray
+    climbs: FloatArray | None = None
+    own: tuple[tuple[int, int], ...] | None = None
 
     @property
     def present(self) -> BoolArray:
@@ -53,15 +60,16 @@ class Batch(NamedTuple):
         return np.diff(self.times, axis=0, prepend=self.times[:1])
 
     def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
-        """Return values (T, B) as those of each flight, (n,); 0 outside of the pieces.
+        """Return values (T, B, ...) as those of each flight, (n, ...); 0 outside of the pieces.
 
         Args:
             values: at every position of every piece.
             lengths: number n of positions of each flight.
         """
-        flights = [np.zeros(length, values.dtype) for length in lengths]
+        flights = [np.zeros((length, *values.shape[2:]), values.dtype) for length in lengths]
         for column, (k, first, end) in enumerate(self.pieces):
-            flights[k][first:end] = values[: end - first, column]
+            begin, stop = (first, end) if self.own is None else self.own[column]
+            flights[k][begin:stop] = values[begin - first : stop - first, column]
         return flights
 
     def noise(self, velocities: FloatArray) -> FloatArray:
@@ -84,6 +92,9 @@ class TurnModel:
         straight, turn: mean time in straight motion and in a turn [s].
         within: mean time between two turn rates of one direction [s].
         freedom: degrees of freedom nu of the Student t.
+        wind: spectral density of the random walk of the wind [m^2/s^3]; 0 is a state without wind.
+        climb: logarithm of the likelihood of a turn that each metre above the level counts, 0 for none [1/m].
+        climb_level: climb rate that speaks neither for nor against a turn [m/s].
     """
 
     rates: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, -0.75, -1.5, -3.0)
@@ -92,6 +103,14 @@ class TurnModel:
     turn: float = 40.0
     within: float = 15.0
     freedom: float = 5.0
+    wind: float = 0.0
+    climb: float = 0.0
+    climb_level: float = 0.0
+
+    @property
+    def values(self) -> int:
+        """Number m of values of the state for each axis."""
+        return 3 if self.wind else 2
 
     @property
     def modes(self) -> IntArray:
@@ -128,9 +147,9 @@ class TurnStep(NamedTuple):
     """K filters of each of B pieces after a position; where there is none, they are only predicted.
 
     Attributes:
-        state, covariance: (B, K, 4) and (B, K, 4, 4).
+        state, covariance: (B, K, n) and (B, K, n, n), n = 4 or with wind 6.
         log_likelihood: (B, K) of the position, 0 without one.
-        mean: (B, 4) of all filters before the position.
+        mean: (B, n) of all filters before the position.
         spread: (B, 2, 2) covariance of the innovation of this mean, in each filter on average.
     """
 
@@ -141,14 +160,17 @@ class TurnStep(NamedTuple):
     spread: FloatArray
 
 
-def start_turns(batch: Batch, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return states (B, K, 4) and covariances (B, K, 4, 4) of K equal filters at the first positions."""
-    tracks = batch.times.shape[1]
+def start_turns(batch: Batch, count: int, model: TurnModel) -> tuple[FloatArray, FloatArray]:
+    """Return states (B, K, n) and covariances (B, K, n, n) of K equal filters at the first positions."""
+    tracks, m = batch.times.shape[1], model.values
     velocity = (batch.positions[1] - batch.positions[0]) / (batch.times[1] - batch.times[0])[:, None]
-    state = np.stack([batch.positions[0], velocity], axis=2).reshape(tracks, 1, 4)
-    covariance = np.zeros((tracks, count, 4, 4))
-    covariance[..., ::2, ::2] = batch.noise(velocity)[:, None]
-    covariance[..., 1, 1] = covariance[..., 3, 3] = START_SPEED**2
+    state = np.zeros((tracks, 1, 2 * m))
+    state[:, 0, ::m], state[:, 0, 1::m] = batch.positions[0], velocity
+    covariance = np.zeros((tracks, count, 2 * m, 2 * m))
+    covariance[..., ::m, ::m] = batch.noise(velocity)[:, None]
+    covariance[..., 1, 1] = covariance[..., m + 1, m + 1] = START_SPEED**2
+    if model.wind:
+        covariance[..., 2, 2] = covariance[..., 5, 5] = START_WIND**2
     return np.repeat(state, count, axis=1), covariance
 
 
@@ -168,18 +190,19 @@ def step_turns(
         batch: the pieces.
         position: (B, 2) [m], NaN after the end of a piece.
         dt: (B,) time since the last position [s].
-        state, covariance: after the position before, (B, K, 4) and (B, K, 4, 4).
+        state, covariance: after the position before, (B, K, n) and (B, K, n, n).
         rates: (K,) or (B, K) turn rates of the filters [rad/s].
         weights: (B, K) probabilities of the filters.
         model: settings.
     """
-    step = dt[:, None]
-    state, covariance = propagate(
-        state, covariance, turn_transition(rates, step), turn_noise(model.acceleration, step), np.ones(1)
-    )
+    step, m = dt[:, None], model.values
+    transition, process = turn_transition(rates, step), turn_noise(model.acceleration, step)
+    if model.wind:
+        transition, process = with_wind(transition, process, step, model.wind)
+    state, covariance = propagate(state, covariance, transition, process, np.ones(1))
     mean = (weights[..., None] * state).sum(1)
-    noise = batch.noise(mean[:, 1::2])
-    spread = (weights[..., None, None] * covariance[..., ::2, ::2]).sum(1) + noise
+    noise = batch.noise(ground_velocity(mean))
+    spread = (weights[..., None, None] * covariance[..., ::m, ::m]).sum(1) + noise
     used = ~np.isnan(position[:, :1])
     measured = np.where(used, position, 0.0)[:, None]
     after = correct(
@@ -190,6 +213,28 @@ def step_turns(
         np.where(used[..., None, None], after.covariance, covariance),
         np.where(used, after.log_likelihood, 0.0), mean, spread,
     )  # fmt: skip
+
+
+def with_wind(
+    transition: FloatArray, noise: FloatArray, dt: FloatArray, density: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return transition matrices and covariances (..., 6, 6) of turns in a wind, from those without."""
+    air, wind = np.array([0, 1, 3, 4]), np.array([2, 5])
+    found = []
+    for values in (transition, noise):
+        larger = np.zeros((*values.shape[:-2], 6, 6))
+        larger[..., air[:, None], air] = values
+        found.append(larger)
+    for position, k in zip((0, 3), wind, strict=True):
+        found[0][..., position, k], found[0][..., k, k] = dt, 1.0
+        found[1][..., k, k] = density * dt
+    return found[0], found[1]
+
+
+def ground_velocity(state: FloatArray) -> FloatArray:
+    """Return the velocity over the ground (..., 2) of states (..., 4), or with wind (..., 6)."""
+    m = state.shape[-1] // 2
+    return np.asarray(state[..., 1::m] + (state[..., 2::m] if m == 3 else 0.0))
 
 
 class TurnEstimates(NamedTuple):
@@ -216,7 +261,7 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
     omega, chain = np.radians(settings.rates), ModelChain(settings.generator)
     groups = (settings.modes == np.arange(3)[:, None]).astype(np.float64)  # (3, M)
     (total, tracks), steps, present = batch.times.shape, batch.steps, batch.present[..., None]
-    state, covariance = start_turns(batch, len(omega))
+    state, covariance = start_turns(batch, len(omega), settings)
     log_probability = np.tile(np.log(settings.start), (tracks, 1))
     output = TurnEstimates(
         np.empty((total, tracks, 3)), np.zeros((total, tracks, 3)), np.zeros((total, tracks)),
@@ -231,25 +276,34 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
                 batch, batch.positions[k], steps[k], state, covariance, omega, probability, settings
             )
             state, covariance = now.state, now.covariance
+            likelihood = now.log_likelihood + climb_evidence(batch, settings, k)
             prior = np.log(np.maximum(probability @ groups.T, SMALLEST))
-            joint = (log_probability + now.log_likelihood)[:, None] + np.where(groups > 0.0, 0.0, -np.inf)
+            joint = (log_probability + likelihood)[:, None] + np.where(groups > 0.0, 0.0, -np.inf)
             output.log_likelihoods[k] = np.where(present[k], log_sum(joint, 2) - prior, 0.0)
             output.innovations[k] = np.where(
                 present[k], _turned(now.mean, now.spread, batch.positions[k]), 0.0
             )
-            log_probability, _ = weigh_models(log_probability, now.log_likelihood, SMALLEST)
+            log_probability, _ = weigh_models(log_probability, likelihood, SMALLEST)
         probability = np.exp(log_probability)
         mean = (probability[..., None] * state).sum(1)
         output.probabilities[k] = probability @ groups.T
         output.rates[k] = probability @ omega
-        output.speeds[k] = np.hypot(mean[:, 1], mean[:, 3])
+        output.speeds[k] = np.hypot(*ground_velocity(mean).T)
     return output
+
+
+def climb_evidence(batch: Batch, model: TurnModel, k: int) -> FloatArray:
+    """Return what the climb rates of row k add to the log-likelihoods of the models, (B, M) or (1, 1)."""
+    if batch.climbs is None or not model.climb:
+        return np.zeros((1, 1))
+    metres = np.clip(batch.climbs[k] - model.climb_level, -CLIMB_RANGE, CLIMB_RANGE) * batch.steps[k]
+    return np.asarray(model.climb * metres[:, None] * (model.modes != STRAIGHT))
 
 
 def _turned(mean: FloatArray, spread: FloatArray, z: FloatArray) -> FloatArray:
     """Return the innovation of the mean along and across the velocity, (B, 2), in standard deviations."""
-    velocity = mean[:, 1::2]
+    velocity = ground_velocity(mean)
     along = velocity / np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-9)[:, None]
     frame = np.stack([along, np.stack([-along[:, 1], along[:, 0]], -1)], -2)
-    variances = np.einsum("bij,bjk,bik->bi", frame, spread, frame)
-    return np.asarray((frame @ (z - mean[:, ::2])[..., None])[..., 0] / np.sqrt(variances))
+    variances = np.maximum(np.einsum("bij,bjk,bik->bi", frame, spread, frame), 1e-300)  # 0 without a velocity
+    return np.asarray((frame @ (z - mean[:, :: mean.shape[1] // 2])[..., None])[..., 0] / np.sqrt(variances))

@@ -17,7 +17,7 @@ from baselines.rules.beam_filters import (
     step_memory,
 )
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
-from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
 from hybrid_env.checks import FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
@@ -92,7 +92,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
         if durations is not None:
             options = dataclasses.replace(options, durations=durations)
         laws = hazards(options.duration_laws)
-        self.model = BeamModel(np.array(options.radii), laws, check_flag("merged", merged), model)
+        merged, sensors = check_flag("merged", merged), sensors_of(options)
+        self.model = BeamModel(np.array(options.radii), laws, merged, model, sensors)
 
     @classmethod
     def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
@@ -132,11 +133,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
-        children, innovations = step_memory(self.hypotheses, state.branches)
-        run_compiled(
-            step_branches, state.branches, children, innovations, measurements, state.log_probability,
-            self.model,
-        )  # fmt: skip
+        memory = step_memory(self.hypotheses, state.branches)
+        run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""

@@ -16,8 +16,8 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probab
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
-ANNOUNCED, UNKNOWN, FLIGHTS = "announced", "unknown", "flights"
-"""Tasks: announced switches, unknown switches, recorded flights."""
+ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
+"""Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders."""
 
 
 DEFINED: list[type["Decider"]] = []
@@ -31,7 +31,7 @@ class Decider:
 
     Attributes:
         name: on the command line; empty for a decider that is not found by a name.
-        task: what it decides, `ANNOUNCED`, `UNKNOWN` or `FLIGHTS`.
+        task: what it decides, `ANNOUNCED`, `UNKNOWN`, `FLIGHTS` or `GLIDERS`.
         title: in tables and figures.
         symbol: of its threshold.
         thresholds: to sweep, in order of increasing decision time.
@@ -42,7 +42,6 @@ class Decider:
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
-        needs_measurements: it cannot do without a measurement at every tick.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
@@ -55,9 +54,8 @@ class Decider:
     options: ClassVar[Mapping[str, Any]] = {}
     colour: ClassVar[str] = ""
     marker: ClassVar[str] = ""
-    observes: ClassVar[Literal["rows", "tracks"]] = "rows"
+    observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
-    needs_measurements: ClassVar[bool] = False
     informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):

@@ -50,6 +50,9 @@ class TimelineCounts(NamedTuple):
         false: changes of the statement to a mode that is not true at any moment until the next change.
         false_alarms: of them, those away from the normal mode while it is true at all of these moments.
         changes: changes of the statement.
+        ends: of the switches, those to the normal mode.
+        missed_ends: of these, those that are missed.
+        delay_of_ends: sum of the delays of the others of these.
 
     Switches count if at least half of the moments until the next one are scored, changes of the statement if
     more than half are.
@@ -67,6 +70,9 @@ class TimelineCounts(NamedTuple):
     false: float
     false_alarms: float
     changes: float
+    ends: float
+    missed_ends: float
+    delay_of_ends: float
 
 
 def statistics(period: float) -> dict[str, Statistic]:
@@ -101,7 +107,7 @@ def statistics(period: float) -> dict[str, Statistic]:
 def count_timeline(
     timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None
 ) -> FloatArray:
-    """Return the `TimelineCounts` of B blocks of a track, (B, 12). Events belong to the block they begin in.
+    """Return the `TimelineCounts` of B blocks of a track, (B, 15). Events belong to the block they begin in.
 
     Args:
         timeline: the track.
@@ -120,7 +126,7 @@ def count_timeline(
     found = find_switches(switched[:, None], right[:, None])
     counted = 2 * (known[found.end] - known[found.begin]) >= found.end - found.begin
     begin, end, first = (one[counted] for one in (found.begin, found.end, found.stated))
-    detected, last = first < end, end == len(times)
+    detected, last, back = first < end, end == len(times), modes[begin] == normal
     waited = np.append(times, times[-1])[np.minimum(first, end)] - times[begin]
 
     changes = np.flatnonzero((np.diff(stated, prepend=stated[:1]) != 0) & (stated != NOTHING))
@@ -148,5 +154,8 @@ def count_timeline(
         "false": summed(changes[false]),
         "false_alarms": summed(changes[false & quiet & (stated[changes] != normal)]),
         "changes": summed(changes),
+        "ends": summed(begin[back & (detected | ~last)]),
+        "missed_ends": summed(begin[back & ~detected & ~last]),
+        "delay_of_ends": summed(begin[back & detected], waited[back & detected]),
     }
     return np.stack([counts[name] for name in TimelineCounts._fields], axis=1)

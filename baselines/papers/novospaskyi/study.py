@@ -1,6 +1,6 @@
 """The study: flights, tuning on 30 % of them, errors on the others, next to the published tables."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -139,23 +139,24 @@ def tune_filters(
     trials: int = TRIALS,
     run: Run = one_by_one,
     progress: Progress = lambda stage, done, total: None,
+    robust: Sequence[str] = tuple(ROBUST),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
     """Return the parameters of all filters by noise and name, tuned on the training flights.
 
     The robust ones are tuned after the plain CV filter, with which they are compared. Arguments as of
-    `reproduce`.
+    `reproduce`; `robust` are the names of the robust ones.
     """
     work = _Work(run, progress)
     tuning = partial(Tuning, training=training, trials=trials, seed=seed, folder=folder)
     names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
     tunings = {(noise, name): tuning(name, noise) for name in names for noise in NOISES}
-    count = len(tunings) + len(ROBUST)
+    count = len(tunings) + len(robust)
     found = _tune_in_parts(work, tunings, 0, count)
     parameters = {noise: {name: found[noise, name] for name in names} for noise in NOISES}
     plain = parameters["gaussian"]["CV"]
     reference = tuning("CV", "gaussian").cost(plain)
-    robust = {name: tuning(name, None, plain=plain, reference=reference) for name in ROBUST}
-    found = _tune_in_parts(work, robust, len(tunings), count)
+    later = {name: tuning(name, None, plain=plain, reference=reference) for name in robust}
+    found = _tune_in_parts(work, later, len(tunings), count)
     imm, student = parameters["gaussian"]["IMM (CV, CA)"], found["CV, Student-t"]
     found[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
     return {noise: parameters[noise] | found for noise in NOISES}

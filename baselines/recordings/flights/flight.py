@@ -24,6 +24,8 @@ FEWEST = 50  # positions of a flight
 LONGEST_STEP = 60.0
 """A flight is divided where two positions are further apart in time [s]. Filters begin anew."""
 
+NO_CUT = 2**31  # positions
+CLIMB_TIME, SHORTEST_CLIMB = 5.0, 1.0  # [s]
 SHORTEST_PIECE = 20  # positions; shorter ones are not used
 
 
@@ -102,6 +104,7 @@ class Flight:
         projection: from latitude and longitude.
         repeated: number of reports that were left out because they repeat a position.
         interpolated: number that were left out because they lie exactly between their neighbours.
+        altitudes: (n,) [m], where they are known.
     """
 
     identity: str
@@ -112,11 +115,22 @@ class Flight:
     projection: Projection
     repeated: int
     interpolated: int
+    altitudes: FloatArray | None = None
 
     @property
     def hours(self) -> float:
         """Duration [h]."""
         return float(self.times[-1] - self.times[0]) / 3600.0
+
+    @property
+    def climbs(self) -> FloatArray:
+        """(n,) climb rate in the last 5 s, or since the position before if that is longer ago [m/s]."""
+        if self.altitudes is None:
+            return np.zeros(len(self.times))
+        rows = np.arange(len(self.times))
+        before = np.minimum(np.searchsorted(self.times, self.times - CLIMB_TIME), np.maximum(rows - 1, 0))
+        passed = np.maximum(self.times - self.times[before], SHORTEST_CLIMB)
+        return np.asarray((self.altitudes - self.altitudes[before]) / passed)
 
     @property
     def pieces(self) -> list[tuple[int, int]]:
@@ -179,18 +193,37 @@ def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -
     return found
 
 
-def stack_flights(flights: Sequence[Flight]) -> Batch:
-    """Return the pieces of flights as one batch."""
-    pieces = tuple((k, *piece) for k, flight in enumerate(flights) for piece in flight.pieces)
+def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:
+    """Return the pieces of flights as one batch.
+
+    Args:
+        flights: the flights.
+        longest: pieces are cut into parts of so many positions, which are filtered side by side.
+        margin: so many positions before and after a part are filtered too, so that it is as without the cut.
+    """
+    parts = [
+        (
+            k,
+            max(begin - margin, first),
+            min(begin + longest + margin, end),
+            (begin, min(begin + longest, end)),
+        )
+        for k, flight in enumerate(flights)
+        for first, end in flight.pieces
+        for begin in range(first, end, longest)
+    ]
+    pieces = tuple(part[:3] for part in parts)
     total = max(end - first for _, first, end in pieces)
     times, positions = np.empty((total, len(pieces))), np.full((total, len(pieces), 2), np.nan)
+    climbs, rates = np.zeros_like(times), [flight.climbs for flight in flights]
     for column, (k, first, end) in enumerate(pieces):
         count = end - first
         times[:count, column], times[count:, column] = flights[k].times[first:end], flights[k].times[end - 1]
         positions[:count, column] = flights[k].positions[first:end]
+        climbs[:count, column] = rates[k][first:end]
     tiers = [flights[k].tier for k, _, _ in pieces]
     across, timing = np.array([[one.across, one.timing] for one in tiers]).T
-    return Batch(pieces, times, positions, across, timing)
+    return Batch(pieces, times, positions, across, timing, climbs, tuple(part[3] for part in parts))
 
 
 def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:

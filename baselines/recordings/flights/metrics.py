@@ -7,11 +7,12 @@ import numpy as np
 from baselines.estimation.turns import STRAIGHT
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.labels import Labels
-from baselines.scoring.scores import Scores, Statistic, ratio
+from baselines.scoring.scores import Scores, Statistic, quotient, ratio
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline, statistics
 from hybrid_env.checks import IntArray
 
 _COMMON = statistics(3600.0)
+_ENDS = ("switches", "missed", "delay", "ends", "missed_ends", "delay_of_ends")
 STATISTICS: dict[str, Statistic] = {
     "agreement": _COMMON["agreement"],
     "delay": _COMMON["delay"],
@@ -19,10 +20,15 @@ STATISTICS: dict[str, Statistic] = {
     "false_per_hour": _COMMON["false_changes"],
     "false_turns_per_hour": ratio("false_alarms", "scored", 3600.0),
     "changes_per_label": _COMMON["changes_per_switch"],
+    "enter": Statistic(_ENDS, lambda n, m, d, ends, me, de: quotient(d - de, n - m - ends + me)),
+    "leave": Statistic(_ENDS[3:], lambda ends, missed, delay: quotient(delay, ends - missed)),
+    "misses_in": Statistic(_ENDS, lambda n, m, d, ends, me, de: quotient(m - me, n - ends)),
+    "misses_out": ratio("missed_ends", "ends"),
 }
 """Figures of a set of flights: share of the scored time; mean delay of the detected changes [s]; share of the
 changes of the label that are missed; false changes in an hour of scored time; of them, those to a turn in
-straight motion; changes of the statement for each change of the label. NaN where nothing is counted."""
+straight motion; changes of the statement for each change of the label; delay and share of misses of the
+changes to turns (enter, in) and to straight motion (leave, out). NaN where nothing is counted."""
 
 
 def score_flights(

@@ -1,13 +1,15 @@
 """Recorded flights as an environment with unknown switches: the same rows, from filters for turn rates."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from baselines.estimation.turns import Batch, TurnEstimates
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import Actions, Observations, SeveralThresholds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import LOG_FLOOR, QuickestLayout
@@ -53,6 +55,20 @@ class FlightTracks:
         """The tracks themselves, for deciders that observe more than rows."""
         return self
 
+    @cached_property
+    def turned(self) -> FloatArray:
+        """(T, B) angle by which the ground track turned at each position [rad], anticlockwise."""
+        moves = np.diff(self.batch.positions, axis=0)
+        moved = np.hypot(moves[..., 0], moves[..., 1]) > 0.0  # not NaN
+        rows = np.where(moved, np.arange(len(moves))[:, None], 0)
+        last = np.maximum.accumulate(rows, axis=0)  # the track of an object that rests is the last one
+        angles = np.take_along_axis(np.arctan2(moves[..., 1], moves[..., 0]), last, axis=0)
+        known = np.take_along_axis(moved, last, axis=0)
+        change = np.diff(np.where(known, angles, 0.0), axis=0)
+        found = np.zeros(self.batch.times.shape)
+        found[2:] = np.where(known[:-1], np.remainder(change + np.pi, 2.0 * np.pi) - np.pi, 0.0)
+        return found
+
     def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
         """Begin at the first positions; recordings have no seed."""
         self.tick = 0
@@ -74,10 +90,19 @@ class FlightTracks:
             decider: states a mode at every position.
             lengths: number n of positions of each flight.
         """
-        stated = np.empty(self.batch.times.shape, np.int64)
+        (stated,) = self.statements_together(decider, lengths, 1)
+        return stated
+
+    def statements_together(
+        self, decider: Any, lengths: Sequence[int], count: int
+    ) -> list[list[NDArray[Any]]]:
+        """Return `statements` of each of the `count` deciders that are computed together."""
+        total = len(self.batch.times)
+        stated: NDArray[Any] = np.empty((count, *self.batch.times.shape), np.int8)
         for now in rollout(self, decider, 0):
             if now.step:
-                stated[now.step - 1] = now.actions
-            if now.step == len(stated):
+                several = isinstance(decider, SeveralThresholds)
+                stated[:, now.step - 1] = decider.chosen if several else now.actions
+            if now.step == total:
                 break
-        return self.batch.unstack(stated, lengths)
+        return [self.batch.unstack(one, lengths) for one in stated]

@@ -17,6 +17,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from baselines.recordings.reading.cells import MISSING, Table, counted
+from baselines.recordings.reading.igc import IgcLog, is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
@@ -31,7 +32,7 @@ HEAD_ROWS = 50
 
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
-ALLOWED = "a CSV, TSV, Parquet or GPX file"
+ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
 DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}
 """Delimiters and their names in messages."""
 
@@ -45,20 +46,34 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     Raises:
         ArgumentError: it cannot be read, or is none of the kinds of files.
     """
-    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
-    content = _content(Path(path), name)
+    name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
         return _read_parquet(content, name)
     if start[:1] == b"<":
         return _read_gpx(content, name)
+    if is_igc(content):
+        log = parse_igc(name, content)
+        frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
+        return Table(name, frame, ("time", "lat", "lon"), row_word="position")
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", name, f"{ALLOWED}, not a workbook or archive: export it as CSV")
     return _read_text(content, name)
 
 
-def _content(path: Path, name: str) -> bytes:
-    """Return the bytes of a file, decompressed."""
+def read_igc(path: Path) -> IgcLog | None:
+    """Return the log if a file is one.
+
+    Raises:
+        ArgumentError: the file cannot be read, or the log has no positions.
+    """
+    name, content = _content(path)
+    return parse_igc(name, content) if is_igc(content) else None
+
+
+def _content(path: Path) -> tuple[str, bytes]:
+    """Return the name of a file for messages, and its bytes, decompressed."""
+    name = str(path) if len(str(path)) <= LONGEST_NAME else f"...{str(path)[-LONGEST_NAME:]}"
     try:
         if path.is_dir():
             raise reject("file", name, f"{ALLOWED}, not a folder")
@@ -75,7 +90,7 @@ def _content(path: Path, name: str) -> bytes:
         reason = getattr(error, "strerror", None) or str(error)
         raise reject("file", name, f"a file that can be read ({reason})") from None
     if content[:2] != b"\x1f\x8b":
-        return content
+        return name, content
     try:
         with gzip.open(io.BytesIO(content)) as stream:
             content = stream.read(MAX_BYTES + 1)
@@ -83,7 +98,7 @@ def _content(path: Path, name: str) -> bytes:
         raise ArgumentError(f"{name}: the gzip file is damaged or cut off ({error})") from None
     if len(content) > MAX_BYTES:
         raise reject("file", name, f"at most {most:.0f} MB when decompressed: split the recording")
-    return content
+    return name, content
 
 
 def _read_parquet(content: bytes, name: str) -> Table:

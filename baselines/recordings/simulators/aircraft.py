@@ -8,6 +8,7 @@ turns, which are wider than those of its bank without slip. JSBSim is a module o
 """
 
 import contextlib
+import ctypes
 import functools
 import math
 import os
@@ -131,11 +132,14 @@ def draw_commands(craft: Aircraft, count: int, generator: np.random.Generator) -
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
     """Discard what JSBSim prints when a model is loaded, below Python's standard output."""
+    flush = ctypes.CDLL(None).fflush  # of C, whose buffer would be printed later
+    flush(None)
     kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
     try:
         yield
     finally:
+        flush(None)
         os.dup2(kept, 1)
         os.close(kept)
         os.close(nothing)

@@ -36,12 +36,17 @@ def literal_counts(one, normal):
         when = right[0] if right else min(end, n - 1)
         waited = one.times[when] - one.times[begin]
         total["undetected"] += waited
+        back = one.modes[begin] == normal
         if right:
             total["switches"] += 1
             total["delay"] += waited
+            total["ends"] += back
+            total["delay_of_ends"] += back * waited
         elif end < n:
             total["switches"] += 1
             total["missed"] += 1
+            total["ends"] += back
+            total["missed_ends"] += back
         else:
             total["pending"] += 1
     for begin, end in runs(one.stated):

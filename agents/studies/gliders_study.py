@@ -1,0 +1,173 @@
+"""Rules on flights of gliders at equal false changes: settings selected on one half, scored on the other."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.evaluation.gliders import (
+    FALSE,
+    Setting,
+    all_settings,
+    glider_rule,
+    glider_statements,
+    read_gliders,
+    score_settings,
+)  # fmt: skip
+from baselines.recordings.flights import circling, gliders
+from baselines.recordings.flights import labels as label_rules
+from baselines.recordings.flights.flight import Flight
+from baselines.recordings.flights.gliders import HALVES, SEALED, half_of, read_logs
+from baselines.recordings.flights.labels import Labels
+from baselines.recordings.flights.metrics import STATISTICS
+from baselines.recordings.reading import igc
+from baselines.rules import circling as rules_of_circling
+from baselines.rules.decider import GLIDERS, rules
+from baselines.scoring.scores import Scores
+from hybrid_env.checks import IntArray, reject
+
+LEVELS = (2.0, 5.0, 8.0)
+"""False changes an hour at which rules are compared."""
+
+REFERENCE = "imm"
+SEAL = Path(__file__).with_name("sealed.json")
+"""Digests of code and weights, and the settings, which are fixed before the sealed logs are opened."""
+
+FROZEN = {
+    "labels": circling, "smoothed turns": label_rules, "logs": gliders, "format": igc,
+    "rules": rules_of_circling,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class GliderComparison:
+    """Results.
+
+    Attributes:
+        flights, labels: of each log.
+        scores: by level and name of the rule; each flight has the setting that was selected without its half.
+        chosen: settings by level, name and half that they are scored on, or `SEALED`: selected on all halves.
+        stated: statements (n,) of the rules on each flight at the middle level.
+    """
+
+    flights: list[Flight]
+    labels: list[Labels]
+    scores: dict[float, dict[str, Scores]]
+    chosen: dict[float, dict[str, dict[str, Setting]]]
+    stated: dict[str, list[IntArray]]
+
+    @property
+    def groups(self) -> dict[str, list[int]]:
+        """Indices of the open flights, and of the sealed ones."""
+        sealed = np.array([flight.tier.name == SEALED for flight in self.flights])
+        groups = {"both halves": np.flatnonzero(~sealed).tolist(), SEALED: np.flatnonzero(sealed).tolist()}
+        return {name: rows for name, rows in groups.items() if rows}
+
+    @property
+    def seal(self) -> dict[str, Any]:
+        """What `SEAL` holds once these settings are to be fixed."""
+        return current_seal() | {
+            "settings": {
+                f"{level:g}": {name: one[SEALED] for name, one in by_name.items()}
+                for level, by_name in self.chosen.items()
+            }
+        }
+
+
+def select(scores: Scores, level: float) -> int:
+    """Return the setting with the best agreement among those with few enough false changes an hour."""
+    false, agreement = scores.curve(FALSE), scores.curve(STATISTICS["agreement"])
+    allowed = false <= max(level, float(false.min()))
+    return int(np.where(allowed, agreement, -1.0).argmax())
+
+
+def compare_on_gliders(
+    source: Path, names: Sequence[str], note: Callable[[str], None], sealed: bool = False
+) -> GliderComparison:
+    """Compare rules on flights of gliders.
+
+    Args:
+        source: archive or folder.
+        names: of the rules; the first is the reference.
+        note: called with what is done, `steps` times.
+        sealed: open the sealed logs too, with the settings of the seal.
+
+    Raises:
+        ArgumentError: there are no logs, a name is unknown, or the seal is broken.
+    """
+    frozen = unbroken_seal(names)["settings"] if sealed else {}
+    every = {name: all_settings(name) for name in names}
+    note("reading")
+    contents = read_logs(source)
+    flights: list[Flight] = []
+    labels: list[Labels] = []
+    for half in (*HALVES, SEALED) if sealed else HALVES:
+        some = [content for name, content in contents.items() if half_of(name) == half]
+        if not some:
+            raise reject("source", str(source), f"{gliders.EXPECTED}: it has no log of half {half}")
+        note(f"labels: {half}")
+        found = read_gliders(some, half)
+        flights, labels = flights + found[0], labels + found[1]
+    of = np.array([flight.tier.name for flight in flights])
+    result = GliderComparison(flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {})
+    for name, settings in every.items():
+        note(glider_rule(name).title)
+        told = glider_statements(flights, settings)
+        swept = score_settings(flights, labels, told)
+        for level in LEVELS:
+            best = {
+                half: select(swept.some(np.flatnonzero((of != half) & (of != SEALED)).tolist()), level)
+                for half in (*HALVES, SEALED)
+            }
+            if sealed:
+                _, model, numbers = frozen[f"{level:g}"][name]
+                best[SEALED] = settings.index(Setting(name, model, tuple(numbers)))
+            chosen = [best[half] for half in of]
+            values = swept.values[np.arange(len(of)), :, chosen][..., None]
+            result.scores[level][name] = Scores(swept.name, "", (0.0,), swept.columns, values)
+            result.chosen[level][name] = {half: settings[k] for half, k in best.items()}
+            if level == LEVELS[1]:
+                result.stated[name] = [told[settings[k]][row] for row, k in enumerate(chosen)]
+    return result
+
+
+def steps(names: Sequence[str], sealed: bool) -> int:
+    """Return the number of calls of `note` by `compare_on_gliders`."""
+    return 1 + len(HALVES) + len(names) + sealed
+
+
+def default_names() -> tuple[str, ...]:
+    """Return the names of all rules, the reference first."""
+    return tuple(dict.fromkeys((REFERENCE, *rules(GLIDERS))))
+
+
+def current_seal() -> dict[str, Any]:
+    """Return the digests of what labels and rules are computed with; there are no weights yet."""
+    code = {name: Path(str(file.__file__)).read_bytes() for name, file in FROZEN.items()}
+    digests = {name: sha256(content).hexdigest() for name, content in code.items()}
+    return {"code": digests | {"libigc": version("libigc")}, "weights": {}}
+
+
+def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
+    """Return the seal.
+
+    Raises:
+        ArgumentError: code or weights are not those of the seal, or it has no settings of a rule.
+    """
+    kept: dict[str, Any] = json.loads(SEAL.read_text(encoding="utf-8"))
+    differ = [
+        name
+        for part, found in current_seal().items()
+        for name in {**kept[part], **found}
+        if kept[part].get(name) != found.get(name)
+    ]
+    differ += [name for name in names if any(name not in one for one in kept["settings"].values())]
+    if differ:
+        allowed = f"no value: {', '.join(differ)} differ from {SEAL.name}, and the sealed logs stay closed"
+        raise reject("sealed", True, allowed)
+    return kept
