@@ -32,8 +32,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
     """
 
     deciders: Annotated[
-        tyro.conf.Positional[tuple[str, ...]],
-        shown_default("ate; threshold in HybridTrackQuickest-v0"),
+        tyro.conf.Positional[tuple[str, ...]], shown_default("ate; threshold in HybridTrackQuickest-v0")
     ] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
     thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx', 'mine.py:MyRule:0.1'.

@@ -118,13 +118,7 @@ def evaluate_shifts(
 
 
 def evaluate_world(
-    name: str,
-    world: str,
-    task: Task,
-    threshold: float | None,
-    episodes: int,
-    seed: int,
-    tuned: bool = True,
+    name: str, world: str, task: Task, threshold: float | None, episodes: int, seed: int, tuned: bool = True
 ) -> Shift:
     """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
 

@@ -164,9 +164,7 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
     def read(name: str) -> Any:
         return nodes.get_node(name).get_double_value
 
-    bank, roll, pitch = (
-        read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec")
-    )
+    bank, roll, pitch = (read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec"))
     height, climb = read("position/h-sl-ft"), read("velocities/h-dot-fps")
     speed, knots = read("velocities/vt-fps"), read("velocities/vc-kts")
     east, north = read("velocities/v-east-fps"), read("velocities/v-north-fps")
@@ -180,15 +178,11 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
         error = command - bank()
         if abs(error) < NEAR:
             side = _clip(side + BANK_GAINS[2] * error * CONTROL, LARGEST_TRIM[0])
-        aileron.set_double_value(
-            _clip(BANK_GAINS[0] * error - BANK_GAINS[1] * math.degrees(roll()) + side, 1.0)
-        )
+        aileron.set_double_value(_clip(BANK_GAINS[0] * error - BANK_GAINS[1] * math.degrees(roll()) + side, 1.0))
         wanted = _clip(HEIGHT_GAIN * (level - height()), LARGEST_CLIMB)
         angle = math.degrees((wanted - climb()) / speed())
         up = _clip(up + CLIMB_GAINS[1] * angle * CONTROL, LARGEST_TRIM[1])
-        elevator.set_double_value(
-            _clip(trimmed - CLIMB_GAINS[0] * angle - up + CLIMB_GAINS[2] * pitch(), 1.0)
-        )
+        elevator.set_double_value(_clip(trimmed - CLIMB_GAINS[0] * angle - up + CLIMB_GAINS[2] * pitch(), 1.0))
         thrust = min(max(power + THROTTLE_GAIN * (craft.airspeed - knots()), 0.0), 1.0)
         for throttle in throttles:
             throttle.set_double_value(thrust)
