@@ -45,6 +45,11 @@ def hazards(laws: FloatArray) -> FloatArray:
     return table.clip(0.0, 1.0)
 
 
+def usual_branches(options: QuickestOptions) -> int:
+    """Return the number of histories of the beams that are found by their names."""
+    return max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
+
+
 class BeamState(NamedTuple):
     """State of N tracks between two calls of `predict`, changed in place.
 
@@ -68,6 +73,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the options.
+        order: law of the next mode that it assumes, likewise.
 
     Raises:
         ArgumentError: an argument is out of range.
@@ -84,15 +90,20 @@ class BeamDecider(MeasurementDecider[BeamState]):
         branches: int = 64,
         merged: bool = True,
         durations: str | Durations | None = None,
+        order: Any = None,
     ):
         model = filter_model(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
-        if durations is not None:
-            options = dataclasses.replace(options, durations=durations)
-        laws = hazards(options.duration_laws)
-        self.model = BeamModel(np.array(options.radii), laws, check_flag("merged", merged), model)
+        assumed = {"durations": durations, "order": order}
+        options = dataclasses.replace(
+            options, **{name: law for name, law in assumed.items() if law is not None}
+        )
+        self.model = BeamModel(
+            np.array(options.radii), hazards(options.duration_laws), options.order_matrix,
+            check_flag("merged", merged), np.zeros((2, 1, 0)), np.zeros((3, 0)), 0.0, model,
+        )  # fmt: skip
 
     @classmethod
     def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
@@ -109,7 +120,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
     @classmethod
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
-        branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
+        branches = usual_branches(options)
         durations = cls.assumed_durations(options)
         return lambda threshold: cls(options, threshold, branches=branches, durations=durations)
 
@@ -120,7 +131,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
-        branches = branch_arrays(tracks, self.branches)
+        branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
         branches.counts[:] = 1
         log_probability = np.zeros((tracks, self.hypotheses))
         return BeamState(branches, log_probability, np.zeros(tracks, np.int64))

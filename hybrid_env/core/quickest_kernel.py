@@ -18,19 +18,19 @@ from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
-FIRST_DURATIONS, OTHER_DURATIONS = 0, 1  # rows of the table of durations
+FIRST_DURATIONS, OTHER_DURATIONS = 0, 2  # rows of the table of durations; those of turns follow
 
 
 @internal
 def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
-    """Return a duration from a uniform number in [0, 1), by bisection.
+    """Return a duration from a uniform number in [0, 1), by bisection; likewise a mode, plus 1.
 
     Args:
-        cumulative: (ticks,) probabilities of at most 1, 2, ..., `ticks`.
+        cumulative: (n,) probabilities of at most 1, 2, ..., n.
         number: uniform random number.
 
     Returns:
-        Duration from 1 to `ticks` + 1; the last one stands for all that are longer than `ticks`.
+        Number from 1 to n + 1; the last one stands for all that are larger than n.
     """
     low, high = 0, cumulative.size
     while low < high:
@@ -44,7 +44,8 @@ def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
 
 @internal
 def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: Any, setting: Any) -> None:
-    """Begin a segment of a mode, whose duration has the law of a row of the table of durations."""
+    """Begin a segment of a mode; row: the law of straight segments in the table of durations."""
+    row += 1 if mode > 0 else 0
     block.true_mode[lane] = mode
     block.length[lane] = draw_duration(arrays.durations[row], uniform(block.random_state, lane))
     block.tick[lane] = 0
@@ -66,9 +67,14 @@ def _begin_episode(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
 
 @inlined
 def _switch(block: Any, lane: int, arrays: Any, setting: Any) -> None:
-    """Begin the next segment, with one of the other modes, all equally likely."""
-    other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
-    mode = other + (1 if other >= block.true_mode[lane] else 0)
+    """Begin the next segment, with one of the other modes."""
+    if arrays.order.shape[0] > 0:
+        order = arrays.order[block.true_mode[lane]]
+        # by rounding the last sum may be below 1
+        mode = draw_duration(order, order[-1] * uniform(block.random_state, lane)) - 1
+    else:
+        other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
+        mode = other + (1 if other >= block.true_mode[lane] else 0)
     block.segment[lane] += 1
     _begin_segment(block, lane, mode, OTHER_DURATIONS, arrays, setting)
 

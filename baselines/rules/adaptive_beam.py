@@ -1,0 +1,119 @@
+"""The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.rules.beam import BeamDecider, hazards, usual_branches
+from baselines.rules.decider import Decider
+from hybrid_env.checks import FloatArray
+from hybrid_env.durations import (
+    GeometricDurations,
+    SimpleDurations,
+    UniformDurations,
+    duration_probabilities,
+    remaining_probabilities,
+)
+from hybrid_env.quickest_options import QuickestOptions
+
+SHORTEST, LONGEST = 10, 400  # ticks, of the shortest duration of a uniform law of the prior
+WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
+"""Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
+OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
+DEFAULT, GEOMETRIC, UNIFORM = 0.6, 0.2, 0.2  # probability of the environment's default law, and of each kind
+DIFFERENT = 0.05  # probability that straight motion and turns have laws of their own
+HABITUAL = 0.2  # probability that the next modes are not equally likely
+FLOOR, CEILING = 2e-4, 0.4  # of the hazards, so that no duration excludes a law
+OLDEST = 1200  # ticks, largest age of the tables
+
+
+class Prior(NamedTuple):
+    """Laws of the durations with their probabilities.
+
+    Attributes:
+        laws: L laws.
+        weights: (L,) their probabilities.
+        different: probability that straight motion and turns have laws of their own.
+        habitual: probability that the next modes are not equally likely.
+        floor, ceiling: smallest and largest hazard.
+    """
+
+    laws: Sequence[SimpleDurations]
+    weights: FloatArray
+    different: float = DIFFERENT
+    habitual: float = HABITUAL
+    floor: float = 0.0
+    ceiling: float = 1.0
+
+
+@functools.cache
+def default_prior() -> Prior:
+    """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
+    laws: list[SimpleDurations] = []
+    weights: list[float] = []
+    for width, step in WIDTHS.items():
+        shortest = np.unique(np.exp(np.arange(np.log(SHORTEST), np.log(LONGEST), step)).round().astype(int))
+        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in shortest.tolist()]
+        weights += [UNIFORM / len(WIDTHS) / len(shortest)] * len(shortest)
+    geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
+    weights += [GEOMETRIC / len(geometric)] * len(geometric)
+    laws += [*geometric, GeometricDurations(50.0, 25)]
+    weights.append(DEFAULT)
+    return Prior(tuple(laws), np.array(weights), floor=FLOOR, ceiling=CEILING)
+
+
+class AdaptiveBeamDecider(BeamDecider):
+    """The beam averaged over laws of durations by their evidence, with the order of the modes by counts.
+
+    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam.
+
+    Args:
+        options: of the environment.
+        threshold, release, branches: see `BeamDecider`.
+        prior: laws and their probabilities; None is `default_prior`.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+
+    name, title, informed = "beam-adaptive", "beam, adaptive", False
+    colour, marker = "#8c6d00", "v"
+
+    @classmethod
+    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
+        """See `Decider.maker`."""
+        branches = usual_branches(options)
+        return lambda threshold: cls(options, threshold, branches=branches)
+
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 0.6,
+        release: float = 1.0,
+        branches: int = 64,
+        *,
+        prior: Prior | None = None,
+    ):
+        super().__init__(options, threshold, release, branches)
+        known = default_prior() if prior is None else prior
+        self.model = self.model._replace(
+            tables=_tables(known, options), prior=_beliefs(known), habitual=known.habitual
+        )
+
+
+def _tables(prior: Prior, options: QuickestOptions) -> FloatArray:
+    """Return the hazards of the first segment and of later ones, (2, ages, L)."""
+    ages = min(options.ticks, OLDEST)
+    first = remaining_probabilities if options.start == "random" else duration_probabilities
+    tables = [
+        hazards(np.stack([of(law, ages) for law in prior.laws])) for of in (first, duration_probabilities)
+    ]
+    return np.ascontiguousarray(np.stack(tables).swapaxes(1, 2)).clip(prior.floor, prior.ceiling)
+
+
+def _beliefs(prior: Prior) -> FloatArray:
+    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
+    shares = np.array([1.0 - prior.different, prior.different, prior.different])
+    return shares[:, None] * prior.weights / prior.weights.sum()
