@@ -1,13 +1,12 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from baselines.rules.beam import BeamDecider, hazards, usual_branches
-from baselines.rules.decider import Decider
+from baselines.rules.beam import BeamDecider, hazards
 from hybrid_env.checks import FloatArray
 from hybrid_env.durations import (
     GeometricDurations,
@@ -18,7 +17,7 @@ from hybrid_env.durations import (
 )
 from hybrid_env.quickest_options import QuickestOptions
 
-SHORTEST, LONGEST = 10, 400  # ticks, of the shortest duration of a uniform law of the prior
+SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform law of the prior
 WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
 """Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
 OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
@@ -81,12 +80,6 @@ class AdaptiveBeamDecider(BeamDecider):
     name, title, informed = "beam-adaptive", "beam, adaptive", False
     colour, marker = "#8c6d00", "v"
 
-    @classmethod
-    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        branches = usual_branches(options)
-        return lambda threshold: cls(options, threshold, branches=branches)
-
     def __init__(
         self,
         options: QuickestOptions,
@@ -104,13 +97,16 @@ class AdaptiveBeamDecider(BeamDecider):
 
 
 def _tables(prior: Prior, options: QuickestOptions) -> FloatArray:
-    """Return the hazards of the first segment and of later ones, (2, ages, L)."""
+    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L)."""
     ages = min(options.ticks, OLDEST)
     first = remaining_probabilities if options.start == "random" else duration_probabilities
-    tables = [
-        hazards(np.stack([of(law, ages) for law in prior.laws])) for of in (first, duration_probabilities)
-    ]
-    return np.ascontiguousarray(np.stack(tables).swapaxes(1, 2)).clip(prior.floor, prior.ceiling)
+    tables = np.empty((2, ages, 2, len(prior.laws)))
+    for row, probabilities in enumerate((first, duration_probabilities)):
+        laws = np.stack([probabilities(law, ages) for law in prior.laws])
+        ends = hazards(laws).T.clip(prior.floor, prior.ceiling)
+        tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
+        tables[row, :, 1] = tables[row, :, 0] * ends
+    return tables
 
 
 def _beliefs(prior: Prior) -> FloatArray:

@@ -45,11 +45,6 @@ def hazards(laws: FloatArray) -> FloatArray:
     return table.clip(0.0, 1.0)
 
 
-def usual_branches(options: QuickestOptions) -> int:
-    """Return the number of histories of the beams that are found by their names."""
-    return max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
-
-
 class BeamState(NamedTuple):
     """State of N tracks between two calls of `predict`, changed in place.
 
@@ -102,13 +97,13 @@ class BeamDecider(MeasurementDecider[BeamState]):
         )
         self.model = BeamModel(
             np.array(options.radii), hazards(options.duration_laws), options.order_matrix,
-            check_flag("merged", merged), np.zeros((2, 1, 0)), np.zeros((3, 0)), 0.0, model,
+            check_flag("merged", merged), np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model,
         )  # fmt: skip
 
     @classmethod
-    def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
-        """Return the law of the durations that the decider found by its name assumes."""
-        return None
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """Return the laws that the decider found by its name assumes; others are the true ones."""
+        return {}
 
     @classmethod
     def family(cls, options: QuickestOptions) -> DeciderFamily:
@@ -120,9 +115,9 @@ class BeamDecider(MeasurementDecider[BeamState]):
     @classmethod
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
-        branches = usual_branches(options)
-        durations = cls.assumed_durations(options)
-        return lambda threshold: cls(options, threshold, branches=branches, durations=durations)
+        branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
+        assumed = cls.assumed(options)
+        return lambda threshold: cls(options, threshold, branches=branches, **assumed)
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> "Beams":
@@ -173,9 +168,22 @@ class GeometricBeamDecider(BeamDecider):
     colour, marker = "#00e196", "p"
 
     @classmethod
-    def assumed_durations(cls, options: QuickestOptions) -> Durations:
-        """See `BeamDecider.assumed_durations`."""
-        return GeometricDurations(min(options.law.mean_duration, float(MAX_LENGTH)))
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """See `BeamDecider.assumed`."""
+        mean = min(options.law.mean_duration, float(MAX_LENGTH))
+        return {"durations": GeometricDurations(mean), "order": "equal"}
+
+
+class DefaultBeamDecider(BeamDecider):
+    """The beam that always assumes the default law of the environment."""
+
+    name, title, informed = "beam-default", "beam, default law", False
+    colour, marker = "#7a7a7a", "P"
+
+    @classmethod
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """See `BeamDecider.assumed`."""
+        return {"durations": QuickestOptions.durations, "order": QuickestOptions.order}
 
 
 class Beams(SeveralThresholds):

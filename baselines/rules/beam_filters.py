@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from baselines.rules.beam_habits import (
     Habits,
     begin_habits,
-    condition,
     expected_hazard,
     free_slots,
     merge_habits,
@@ -77,7 +76,8 @@ class BeamModel(NamedTuple):
             straight motion and of turns. Older segments have the last one. Without meaning if learned.
         order: (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
         merged: whether branches that switch to the same mode at the same tick become one.
-        tables: (2, ages, L) the same as `hazards` for the laws that a learning beam knows; without, L is 0.
+        tables: (2, ages, 2, L) for the laws among which a beam learns, probabilities that a segment lasts to
+            each age, and that it ends after it; rows `FIRST` and `LATER`. Without laws, L is 0.
         prior: (3, L) of the laws, see `Habits`.
         habitual: prior probability that the next modes are not equally likely, likewise.
         filters: model of the filters.
@@ -267,7 +267,7 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
         if learns:
             slot = branches.slots[track, b]
             table = model.tables[row, min(age, model.tables.shape[1]) - 1]
-            hazard = expected_hazard(branches.habits.laws[track, slot], turns, table)
+            hazard = expected_hazard(branches.habits.laws[track, slot], turns, table[0], table[1])
         else:
             hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
@@ -279,7 +279,6 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
     free = switches.astype(np.int64)[:0]
-    continued = count
     if learns:
         free = free_slots(branches.slots[track, : switches.size], branches.habits)
     if model.merged:
@@ -287,12 +286,6 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
     else:
         for b in range(switches.size):
             count = _switch(branches, track, switches, (b, b + 1), children, count, free, model)
-    if learns:  # after the switches, which need what was known before
-        for c in range(continued):
-            row, age = children.rows[0, c], children.ages[0, c] - 1
-            table = model.tables[row, min(age, model.tables.shape[1]) - 1]
-            turns = 1 if children.modes[0, c] > 0 else 0
-            condition(branches.habits.laws[track, children.slots[0, c]], turns, table)
     return count
 
 

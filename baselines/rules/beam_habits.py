@@ -2,10 +2,10 @@
 
 The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another
 for turns, independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are
-exact by Bayes' rule: a segment that goes on or ends multiplies the belief in each law by the survival or
-hazard of that law. The filters of a branch do not depend on the laws, so that all laws share them. The next
-modes are equally likely, or they have a Dirichlet prior, whose posterior follows from counts. Branches that
-merge average their habits.
+exact by Bayes' rule: a segment that ends multiplies the belief in each law by the probability of its
+duration. The filters of a branch do not depend on the laws, so that all laws share them. The next modes are
+equally likely, or they have a Dirichlet prior, whose posterior follows from counts. Branches that merge
+average their habits.
 """
 
 from typing import NamedTuple
@@ -25,8 +25,8 @@ class Habits(NamedTuple):
     """Habits of N tracks, S slots for each.
 
     Attributes:
-        laws: (N, S, 3, L) joint probabilities of law and kind. Rows "straight" and "turns" have the same sum,
-            the probability that the two differ.
+        laws: (N, S, 3, L) joint probabilities of law and kind when the present segment began. Rows "straight"
+            and "turns" have the same sum, the probability that the two differ.
         orders: (N, S, M, M) expected number of switches from a mode (row) to another.
         habitual: (N, S) probability that the next modes are not equally likely.
     """
@@ -46,22 +46,23 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float
 
 
 @internal
-def expected_hazard(laws: NDArray[np.float32], turns: int, table: NDArray[np.float64]) -> float:
-    """Return the probability that a segment ends, by the beliefs (3, L) and the hazards (L,) at its age."""
-    total = 0.0
-    for law in range(table.size):
-        total += (laws[SAME, law] + laws[1 + turns, law]) * table[law]
-    return min(total, 1.0)
+def expected_hazard(
+    laws: NDArray[np.float32], turns: int, lasted: NDArray[np.float64], ended: NDArray[np.float64]
+) -> float:
+    """Return the probability that a segment ends after its present tick.
 
-
-@internal
-def condition(laws: NDArray[np.float32], turns: int, table: NDArray[np.float64]) -> None:
-    """Update the beliefs (3, L) of a branch whose segment goes on."""
-    updated = np.zeros(laws.shape)
-    _add_posterior(updated, laws, 1.0, turns, table, False)
-    for row in range(3):
-        for law in range(table.size):
-            laws[row, law] = updated[row, law] if updated[row, law] > SMALLEST else 0.0
+    Args:
+        laws: (3, L) beliefs when the segment began.
+        turns: 1 if it is a turn.
+        lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
+    """
+    total, ends = 0.0, 0.0
+    own = laws[1 + turns]
+    for law in range(lasted.size):
+        belief = np.float64(laws[SAME, law] + own[law])
+        total += belief * lasted[law]
+        ends += belief * ended[law]
+    return min(ends / total, 1.0) if total > 0.0 else 1.0
 
 
 @internal
@@ -70,23 +71,23 @@ def _add_posterior(
     laws: NDArray[np.float32],
     weight: float,
     turns: int,
-    table: NDArray[np.float64],
-    ends: bool,
+    ended: NDArray[np.float64],
 ) -> None:
-    """Add the beliefs (3, L) after a segment went on or ended, times a weight."""
+    """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
     same, own, before = 0.0, 0.0, 0.0
-    for law in range(table.size):
-        factor = table[law] if ends else 1.0 - table[law]
-        same += laws[SAME, law] * factor
-        own += laws[1 + turns, law] * factor
+    for law in range(ended.size):
+        same += laws[SAME, law] * ended[law]
+        own += laws[1 + turns, law] * ended[law]
         before += laws[1 + turns, law]
+    if same + own <= 0.0:
+        target += weight * laws
+        return
     scale = weight / (same + own)
     other = scale * own / before if before > 0.0 else 0.0
-    for law in range(table.size):
-        factor = scale * (table[law] if ends else 1.0 - table[law])
-        target[SAME, law] += laws[SAME, law] * factor
-        target[1 + turns, law] += laws[1 + turns, law] * factor
-        target[2 - turns, law] += laws[2 - turns, law] * other
+    for law in range(ended.size):
+        target[SAME, law] += scale * laws[SAME, law] * ended[law]
+        target[1 + turns, law] += scale * laws[1 + turns, law] * ended[law]
+        target[2 - turns, law] += other * laws[2 - turns, law]
 
 
 @internal
@@ -134,7 +135,7 @@ def merge_habits(
         slots, modes, rows, ages: of all branches of the track.
         tables: as in `beam_filters.BeamModel`.
     """
-    laws, orders = np.zeros((3, tables.shape[2])), np.zeros(habits.orders[track, slot].shape)
+    laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
     for b in range(weights.size):
         if weights[b] > least:
@@ -142,9 +143,9 @@ def merge_habits(
     for b in range(weights.size):
         if weights[b] > least:
             share = weights[b] / total
-            table = tables[rows[b], min(ages[b], tables.shape[1]) - 1]
+            ended = tables[rows[b], min(ages[b], tables.shape[1]) - 1, 1]
             turns = 1 if modes[b] > 0 else 0
-            _add_posterior(laws, habits.laws[track, slots[b]], share, turns, table, True)
+            _add_posterior(laws, habits.laws[track, slots[b]], share, turns, ended)
             probability, habit = next_mode(habits, track, slots[b], modes[b], mode)
             habitual += share * habit / probability
             orders += share * habits.orders[track, slots[b]]
