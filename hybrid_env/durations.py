@@ -3,7 +3,7 @@
 A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks,
 "25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks.
 "uniform 30-40 or uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100,
-turns geometric 30" differs between straight motion and turns.
+turns geometric 30" differs between straight motion and turns. "drawn" draws a law for every episode.
 """
 
 import re
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.limits import MAX_LENGTH, check_ticks
 
+DRAWN = "drawn"
 GRAMMAR = (
     "'geometric 75', '25 + geometric 50', 'uniform 50-100', 'uniform 30-40 or uniform 80-90', "
-    "'straight uniform 90-100, turns geometric 30', or a law of hybrid_env.durations"
+    "'straight uniform 90-100, turns geometric 30', 'drawn', or a law of hybrid_env.durations"
 )
 
 _INTEGER = "[0-9]{1,20}"
@@ -62,6 +63,20 @@ class GeometricDurations:
 
     def __str__(self) -> str:
         return (f"{self.offset} + " if self.offset else "") + f"geometric {self.mean:g}"
+
+
+@dataclass(frozen=True)
+class DrawnDurations(GeometricDurations):
+    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn".
+
+    Filters and rules that assume a law assume the default one, whose attributes these are.
+    """
+
+    mean: float = 50.0
+    offset: int = 25
+
+    def __str__(self) -> str:
+        return DRAWN
 
 
 @dataclass(frozen=True)
@@ -162,7 +177,7 @@ Durations: TypeAlias = SimpleDurations | ModeDurations
 
 def _check_simple(law: Any, *names: str, kinds: tuple[type, ...]) -> None:
     for name in names:
-        if not isinstance(getattr(law, name), kinds):
+        if type(getattr(law, name)) not in kinds:
             raise reject(name, getattr(law, name), " or ".join(kind.__name__ for kind in kinds))
 
 
@@ -176,6 +191,8 @@ def parse_durations(value: Any) -> Durations:
     if isinstance(value, (GeometricDurations, UniformDurations, TwoDurations, ModeDurations)):
         return value
     text = " ".join(value.split()) if isinstance(value, str) else ""
+    if text == DRAWN:
+        return DrawnDurations()
     if by_mode := _BY_MODE.fullmatch(text):
         return ModeDurations(*(_parse_simple(part, value) for part in by_mode.groups()))
     return _parse_simple(text, value)

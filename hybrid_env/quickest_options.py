@@ -13,6 +13,8 @@ from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
 from hybrid_env.durations import (
+    DRAWN,
+    DrawnDurations,
     Durations,
     duration_probabilities,
     laws_by_mode,
@@ -26,7 +28,7 @@ from hybrid_env.scheme import RandomScheme, segment_table
 
 STARTS = ("known", "random")
 """Values of the option `start`."""
-ORDERS = ("equal", "cycle")
+ORDERS = ("equal", "cycle", DRAWN)
 """Named values of the option `order`."""
 
 
@@ -40,7 +42,9 @@ def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
     """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
     if isinstance(order, str) and order in ORDERS:
         return order
-    allowed = f"equal, cycle, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
+    allowed = (
+        f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
+    )
     rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
     with suppress(TypeError, ValueError):
         matrix = np.array(rows, np.float64)
@@ -61,10 +65,11 @@ class QuickestOptions(ModelOptions):
     Attributes:
         ticks: length of an episode [ticks].
         durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
-            "geometric 75", "uniform 50-100", or a law object.
+            "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a law object.
         order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns,
             right turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the
-            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0".
+            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn",
+            another one in every episode.
         start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins
             at a random moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
@@ -161,8 +166,10 @@ class QuickestOptions(ModelOptions):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
-        order = np.zeros((0, 0)) if self.order == "equal" else np.cumsum(self.order_matrix, axis=1)
-        return super().arrays() | {"durations": np.cumsum(self.duration_laws, axis=1), "order": order}
+        laws = {"durations": np.cumsum(self.duration_laws, axis=1)}
+        return (
+            super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
+        )
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `ModelOptions.bounds`."""
@@ -188,7 +195,9 @@ class QuickestOptions(ModelOptions):
         record = super().parameters()
         record["ticks"], record["change_cost"] = self.ticks, self.change_cost
         record["start_known"] = self.start == "known"
-        record["order_rows"] = 0 if self.order == "equal" else self.hypotheses
+        record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
+        record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
+        record["drawn_laws"] = 2 if isinstance(self.durations, DrawnDurations) else 0
         matrix = self.transition_matrix
         record["stay_probability"], record["switch_probability"] = matrix[0, :2]
         return record

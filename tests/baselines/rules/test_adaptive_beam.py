@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from baselines.rules.adaptive_beam import AdaptiveBeamDecider, Prior
+from agents.evaluation.worlds import RHYTHMS
+from baselines.rules.adaptive_beam import AdaptiveBeamDecider, Prior, default_prior
 from baselines.rules.beam import BeamDecider
 from hybrid_env import HybridTrackQuickestVectorEnv
 from hybrid_env.durations import parse_durations
 
 
-def states_of(env, deciders, ticks, **start):
+def states_of(env, deciders, ticks):
     """Return the states of deciders on the same tracks, after some ticks."""
     env.reset(seed=3)
     states = [None] * len(deciders)
@@ -78,3 +79,10 @@ def test_a_cycle_is_learned():
         np.testing.assert_array_equal(counts.argmax(1), [1, 2, 0])
         assert (counts.max(1) > 0.9 * counts.sum(1)).all()
         assert 12 < counts.sum() < 24
+
+
+def test_no_reported_rhythm_is_in_the_prior():
+    laws = {str(law) for law in default_prior().laws}
+    fixed = {world.get("durations", "") for world in RHYTHMS.values()}
+    assert len(RHYTHMS) == 13
+    assert not laws & fixed
