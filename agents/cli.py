@@ -100,6 +100,7 @@ EXAMPLES = {
     ),
     "dataset": (
         "hybridtrack dataset --policies ate shipped random --out datasets",
+        "hybridtrack dataset radar --out radar --score      # flights past radars, and filters on them",
         "hybridtrack dataset --policies threshold shipped random --env HybridTrackQuickest-v0",
     ),
     "league": (

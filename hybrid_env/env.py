@@ -181,7 +181,8 @@ class HybridTrackEnv(TrackEnv):
     fast-forwarded: within the same step, the filter of the declared hypothesis runs to the end of the
     segment, and its estimate is the anchor of the next segment. A wrong decision therefore also degrades the
     estimates of the next segment. With `follow="bank"` all filters run on, and the next anchor is the mean of
-    their posterior, so that a wrong decision costs its reward only.
+    their posterior, so that a wrong decision costs its reward only. With `refine_radius=True` they run on,
+    and the likeliest one of the declared type gives estimate and anchor.
 
     ## Action Space
     The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion, followed by the
@@ -250,7 +251,7 @@ class HybridTrackEnv(TrackEnv):
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of the
     reward), `type_correct` (straight, left or right), `ticks` (the decision time since the switch), `forced`,
     `decided_length` (of the segment) and `decided_squared_error` (of the estimated position, summed over the
-    segment). Units are m, m/s and ticks.
+    segment, after `recalculation=True` of the recalculated estimates). Units are m, m/s and ticks.
 
     ## Arguments
     `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.WorldOptions`:

@@ -4,6 +4,7 @@ Arrays, parameters, kernels and observations are those of the environments; the 
 `core.kernels` have no object. `baselines.OnlineTracker` puts a decider in front of them.
 """
 
+import copy
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,10 +30,13 @@ class OnlineTrack(World):
     Attributes:
         announced: whether switches are announced by `begin_segment`.
         environment: id of the environment whose rows it writes.
+        recalculated: estimates (k, 4) and covariances (k, 4, 4) since the switch by the filter of the mode
+            that was declared last, with the option `recalculation`; None before it.
     """
 
     kernels = LIVE_KERNELS
     announced: ClassVar[bool] = False
+    recalculated: tuple[FloatArray, FloatArray] | None = None
     environment: ClassVar[str] = "HybridTrackQuickest-v0"
 
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
@@ -74,11 +78,14 @@ class OnlineTrack(World):
         """Advance by one tick with a measurement [m]; write the observation."""
         self._measurement[0] = x
         self._measurement[1] = y
-        self._run(MEASURE)
+        self._advance_tick()
 
     def skip(self) -> None:
         """Advance by one tick without a measurement: the filters predict; write the observation."""
         self._measurement[:] = np.nan
+        self._advance_tick()
+
+    def _advance_tick(self) -> None:
         self._run(MEASURE)
 
     @property
@@ -128,7 +135,8 @@ class AnnouncedTrack(OnlineTrack):
 
     The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
     bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
-    filter runs on, and they do not change until the next segment; with `follow="bank"` all run on. The
+    filter runs on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all
+    run on. The
     published bank with one measurement variance has one covariance for both axes: it starts from that of x.
 
     Args:
@@ -155,6 +163,14 @@ class AnnouncedTrack(OnlineTrack):
         """See `OnlineTrack.begin_segment`. A last segment without a decision is decided as in the options."""
         self.blocks["length"][0, 0] = ticks
         self._run(BEGIN)
+        if self.options.recalculation:
+            self._at_switch = {name: array.copy() for name, array in self.arrays().items()}
+            self._since: list[FloatArray] = []  # measurements since the switch
+
+    def _advance_tick(self) -> None:
+        self._run(MEASURE)
+        if self.options.recalculation and self.asks:
+            self._since.append(self._measurement.copy())
 
     @property
     def decided(self) -> bool:
@@ -177,6 +193,31 @@ class AnnouncedTrack(OnlineTrack):
             self.actions[0] = action
             self._run(MEASURE)
             self.actions[0] = 0
+            if self.options.recalculation:
+                self.recalculated = self._recalculate()
+
+    def _recalculate(self) -> tuple[FloatArray, FloatArray]:
+        """Go back to the switch, and forward again with the decided mode. Tsyganov 2019, lines 16 to 21."""
+        mode, row, ticks = self.mode, self.observations.copy(), len(self._since)
+        estimates, covariances = np.empty((ticks, 4)), np.empty((ticks, 4, 4))
+        self.restore(self._at_switch)
+        self.blocks["active_mode"][0, 0] = mode
+        for k, measurement in enumerate(self._since):
+            self._measurement[:] = measurement
+            self._run(MEASURE)
+            estimates[k], covariances[k] = self.estimate(), self.covariance()
+        self.decision_flags[HAS_DECISION, 0] = True
+        self.observations[:] = row
+        return estimates, covariances
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = {name: vars(self)[name] for name in ("_at_switch", "_since") if name in vars(self)}
+        return super().__getstate__() | {"kept": kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        kept = copy.deepcopy(state.pop("kept"))
+        super().__setstate__(state)
+        vars(self).update(kept)
 
     @property
     def uncertain_ticks(self) -> int:

@@ -215,6 +215,10 @@ class WorldOptions(ModelOptions):
             the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
             the next anchor are the mean of the posterior over all hypotheses, with its covariance
             (`core.banks.mixture`), so that a wrong decision costs its reward and nothing else.
+        recalculation: a declaration recalculates the estimates since the switch by the filter of its mode
+            (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the same.
+        refine_radius: after a declaration all filters run on; estimate, last decided mode and next anchor are
+            those of the likeliest hypothesis of the declared type (straight, left or right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         actions: "all" waits or declares one of M hypotheses; "best" waits or declares the most likely one.
@@ -232,6 +236,8 @@ class WorldOptions(ModelOptions):
     bank: str = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
+    recalculation: bool = False
+    refine_radius: bool = False
     delay_cost: float = 0.02
     correctness: Literal["exact", "type"] = "exact"
     actions: Literal["all", "best"] = "all"
@@ -248,6 +254,12 @@ class WorldOptions(ModelOptions):
             fix("reset_covariance", check_flag("reset_covariance", self.reset_covariance))
         if self.reset_covariance and self.bank == "oracle":
             raise reject("reset_covariance", True, "False or None with bank='oracle', whose anchor is exact")
+        for name in ("recalculation", "refine_radius"):
+            fix(name, check_flag(name, getattr(self, name)))
+            if getattr(self, name) and self.follow == "bank":
+                raise reject(name, True, "False with follow='bank', which merges all filters")
+        if self.refine_radius and len(self.radii) == 1:
+            raise reject("refine_radius", True, "False with a single radius: give several in radii")
         if self.robust and self.bank == "anchor_aware":
             raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
         self._check_radii_of_scheme()
@@ -328,12 +340,10 @@ class WorldOptions(ModelOptions):
         record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
-        record["oracle"] = self.bank == "oracle"
-        record["exact"] = self.correctness == "exact"
-        record["declare_best"] = self.actions == "best"
-        record["merged"] = self.follow == "bank"
-        record["keep_undecided"] = self.undecided == "keep"
-        record["axes"] = self.axes
+        record["oracle"], record["exact"] = self.bank == "oracle", self.correctness == "exact"
+        record["declare_best"], record["merged"] = self.actions == "best", self.follow == "bank"
+        record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
+        record["keep_undecided"], record["axes"] = self.undecided == "keep", self.axes
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

@@ -77,6 +77,7 @@ def draw(generator, longest):
     unequal = (variance, variance * 10.0 ** generator.uniform(-3, 3))
     unequal_axes = bool(generator.random() < 0.3)
     bank = str(generator.choice(BANKS))
+    follow = str(generator.choice(("declared", "bank")))
     return {
         "scheme": random_scheme(generator, radii, longest),
         "radii": radii,
@@ -91,7 +92,9 @@ def draw(generator, longest):
         "initial_error": (values["initial_position"], values["initial_velocity"]),
         "bank": bank,
         "reset_covariance": None if bank == "oracle" else generator.choice((None, True, False)),
-        "follow": str(generator.choice(("declared", "bank"))),
+        "follow": follow,
+        "recalculation": follow == "declared" and bool(generator.random() < 0.5),
+        "refine_radius": follow == "declared" and len(radii) > 1 and bool(generator.random() < 0.5),
         "delay_cost": values["delay_cost"],
         "correctness": str(generator.choice(("exact", "type"))),
         "actions": str(generator.choice(("all", "best"))),

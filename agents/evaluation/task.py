@@ -226,7 +226,9 @@ class Task(ABC):
     def figure(self, groups: Groups, complete: bool) -> Figure:
         """Return the figure of a comparison, see `panels`."""
         panels = self.panels(groups, complete)
-        return curve_figure([panels], FIGURE_SIZE, self.figure_title, self.figure_note)
+        rows = [panels[k : k + 2] for k in range(0, len(panels), 2)]
+        width, height = FIGURE_SIZE
+        return curve_figure(rows, (width, height * len(rows)), self.figure_title, self.figure_note)
 
     @property
     @abstractmethod

@@ -7,18 +7,30 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.markup import escape
 from rich.table import Table
 
+from agents.evaluation.cells import estimate_cell, filled_table
 from agents.evaluation.curves import Groups, Selected, chosen, curves
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
 from agents.evaluation.worlds import RHYTHMS
-from agents.figures.curves import Axis, Panel
+from agents.figures.curves import Axis, Curve, Panel
+from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import TrackRecord
 from baselines.rules.decider import UNKNOWN, rules
+from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import record_together
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, at_level, mean
-from baselines.scoring.statements import COLUMNS, STATISTICS, StatementMetrics, Statements, measure_statements
+from baselines.scoring.statements import (
+    COLUMNS,
+    IDENTIFICATION,
+    STATISTICS,
+    TYPE_COLUMNS,
+    StatementMetrics,
+    Statements,
+    measure_statements,
+)
 from hybrid_env.checks import check_integer
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
@@ -26,6 +38,7 @@ from hybrid_env.rendering.history import History
 LARGEST_BATCH = 1_000_000  # statements with 3 modes, which need about 500 MB with 20 thresholds
 LARGEST_RESULT = 100_000_000  # statements of one threshold
 MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stores their delays
+LONGEST_DELAY = 100  # ticks after a switch, of the curves of identification
 QUANTILES = (0.5, 0.9)  # of the delays of detected switches
 RATES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 EQUAL_WRONG_CHANGES = 2.0
@@ -50,7 +63,7 @@ class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
 
     switches: ClassVar = UNKNOWN
-    columns: ClassVar = COLUMNS
+    columns: ClassVar = COLUMNS + TYPE_COLUMNS
     metrics: ClassVar = (
         Metric("reward", "reward", STATISTICS["reward"], 4),
         Metric("right", "right\n%", STATISTICS["right"], 1, 100.0),
@@ -112,13 +125,26 @@ class UnknownTask(Task):
     def measured(self, statements: Statements) -> Recorded:
         """Return the figures of recorded statements."""
         metrics = measure_statements(statements, self.options.change_cost)
-        return Recorded(metrics.figures, {"delays": metrics.delays})
+        of_types = metrics
+        if self._several_radii:
+            types = Statements(*(mode_types(self.options.hypotheses)[modes] for modes in statements))
+            of_types = measure_statements(types, self.options.change_cost)
+        longest = min(LONGEST_DELAY, int(self.options.ticks))
+        within = np.stack([one.named_within(longest) for one in (of_types, metrics)])
+        figures = np.hstack([metrics.figures, of_types.figures])
+        return Recorded(figures, {"delays": metrics.delays, "named_within": within[None]})
+
+    @property
+    def _several_radii(self) -> bool:
+        return len(self.options.radii) > 1
 
     def extra(self, samples: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Return quantiles of the delays of the detected switches [ticks], NaN without one."""
-        delays = samples["delays"]
+        """Return quantiles of the delays of the detected switches [ticks], NaN without one, and the share of
+        switches whose type and mode are named within a time, (2, ticks + 1).
+        """
+        delays, counts = samples["delays"], samples["named_within"].sum(0)
         quantiles = np.quantile(delays, QUANTILES) if delays.size else np.full(len(QUANTILES), np.nan)
-        return {"delay_quantiles": quantiles}
+        return {"delay_quantiles": quantiles, "named_within": counts[:, :-1] / np.maximum(counts[:, -1:], 1)}
 
     def levels(self, reference: Scores, default: float) -> Levels:
         """Return delays and misses at an equal rate of wrong changes."""
@@ -136,6 +162,22 @@ class UnknownTask(Task):
         names = ("full_delay", "delay")
         ratios = {name: mine.scores.ratio(reference.scores, EQUAL[name]) for name in names}
         return {"ratio_to_reference": ratios}
+
+    def further_tables(self, scores: Sequence[Scores], remarks: Mapping[str, Any]) -> list[Table]:
+        """Return how often and when type and mode are named after a switch, with several radii."""
+        if not self._several_radii:
+            return []
+        heads = ("decider", "type\nnamed, %", "delay to\ntype", "mode\nnamed, %", "delay to\nmode")
+        rows = []
+        for one in scores:
+            cells = [
+                estimate_cell(one.estimate(statistic), 100.0 if name == "identified" else 1.0, 1)
+                for found in IDENTIFICATION.values()
+                for name, statistic in found.items()
+            ]
+            rows.append((escape(one.name), *cells))
+        notes = "type: straight, left or right; mode: with the radius. named: stated before the next switch."
+        return [filled_table("Type and radius after a switch", heads, rows, notes)]
 
     @property
     def figure_title(self) -> str:
@@ -184,6 +226,17 @@ class UnknownTask(Task):
             limits = min(shown) - margin, max(shown) + margin
             lines = curves(groups, wrong, STATISTICS[name], (0.0, -np.inf))
             found.append(Panel(title, axis, Axis(label, limits), lines))
+        if self._several_radii:
+            styles = decider_styles(groups)
+            for k, title in enumerate(("Straight, left or right named", "Type and radius named")):
+                lines = []
+                for name, group in groups.items():
+                    shares = np.mean(
+                        [one.scores.extra["named_within"][one.chosen, k] for one in group], axis=0
+                    )
+                    lines.append(Curve(name, styles[name], np.arange(shares.size), 100.0 * shares, size=0.0))
+                ticks = Axis("ticks after a switch", (0.0, float(shares.size)))
+                found.append(Panel(title, ticks, Axis("switches, %", (0.0, 100.0)), lines))
         return found
 
     @property

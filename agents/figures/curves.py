@@ -139,7 +139,7 @@ def _draw_panel(axes: Any, panel: Panel, outer_only: bool) -> list[tuple[Any, st
     place = axes.get_subplotspec()
     plain_axes(
         axes,
-        panel.x.label if place.is_last_row() else "",
+        panel.x.label if place.is_last_row() or not outer_only else "",
         panel.y.label if place.is_first_col() or not outer_only else "",
     )
     for name, axis in (("x", panel.x), ("y", panel.y)):

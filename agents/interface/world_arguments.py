@@ -47,7 +47,7 @@ def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
         f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options
     ]
     shown = shown_default("; ".join(defaults), help=only + text[0].upper() + text[1:])
-    return Annotated[plain | None, shown]
+    return Annotated[plain if plain is bool else plain | None, shown]
 
 
 def _flags() -> dict[str, Any]:
@@ -63,7 +63,9 @@ def _flags() -> dict[str, Any]:
 
 
 _Flags: Any = dataclasses.make_dataclass(
-    "_Flags", [(name, kind, None) for name, kind in _flags().items()], kw_only=True
+    "_Flags",
+    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()],
+    kw_only=True,
 )
 
 
@@ -86,8 +88,9 @@ class WorldArguments(_Flags):
             ArgumentError: the id is unknown, or its environment has no such option.
         """
         env_id = env_id or self.env_id
-        names = [field.name for field in dataclasses.fields(WorldArguments) if field.name != "env"]
-        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        flags = [field for field in dataclasses.fields(WorldArguments) if field.name != "env"]
+        values = {flag.name: getattr(self, flag.name) for flag in flags}
+        given = {flag.name: values[flag.name] for flag in flags if values[flag.name] is not flag.default}
         known = _names(env_id)
         for name in [name for name in given if name not in known]:
             environment = env_id.rpartition(":")[2]

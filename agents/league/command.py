@@ -39,12 +39,12 @@ class League(TrustArguments, ParallelArguments):
                 raise reject("deciders", name, "a name without a threshold; the protocol selects it")
         from rich.console import Console
 
-        from agents.evaluation.registry import is_brought
+        from agents.evaluation.registry import SHIPPED, find_family, is_brought
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
         from agents.league.entry import read_entry
-        from agents.league.protocol import WORLDS, play
+        from agents.league.protocol import WORLDS, play, world_task
         from agents.league.table import (
             league_figure,
             league_markdown,
@@ -52,10 +52,13 @@ class League(TrustArguments, ParallelArguments):
             shipped_entries,
             world_table,
         )
+        from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
-        for name in self.deciders:
-            is_brought(name)  # one that cannot be imported is refused before any work
+        known = {SHIPPED, *rules(ANNOUNCED), *rules(UNKNOWN)}
+        for name in self.deciders:  # one that cannot be found or imported is refused before any work
+            if name not in known and not is_brought(name):
+                find_family(name, world_task("R = 0.1").options)
         folder, console = output_folder("out", self.out), Console(emoji=False)
         played = []
         with progress_display(console) as progress:
@@ -69,9 +72,11 @@ class League(TrustArguments, ParallelArguments):
             progress.update(bar, note="")
         entries |= {entry["title"]: entry for entry in played}
         for entry in played:
-            reasons = {one["refused"] for one in entry["worlds"].values() if "refused" in one}
-            for reason in sorted(reasons):
-                console.print(f"Not played: {reason}", markup=False, highlight=False, soft_wrap=True)
+            refused = {world: one["refused"] for world, one in entry["worlds"].items() if "refused" in one}
+            for reason in dict.fromkeys(refused.values()):
+                worlds = "; ".join(world for world, other in refused.items() if other == reason)
+                line = f"{entry['title']} cannot decide in: {worlds}. The reason: {reason}"
+                console.print(line, markup=False, highlight=False, soft_wrap=True)
             console.print(world_table(entry, [*entries.values()]))
         console.print(league_table([*entries.values()]))
         with atomic_file(folder / "league.md") as part:

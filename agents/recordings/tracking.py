@@ -56,6 +56,12 @@ class TrackingArguments:
     """Filters for known switches; by default those of the decider."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
     """Mode of a piece without a decision: that of the previous piece (keep), or the most likely one."""
+    recalculation: bool = False
+    """With --lengths: after a decision, recalculate the estimates since the switch by the filter of the
+    decided mode. They then use measurements up to the decision."""
+    refine_radius: bool = False
+    """With --lengths: after a decision, go on with the likeliest radius of the decided type. Needs several
+    radii."""
     start: tuple[float, float, float, float] | None = None
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the measurements."""
 
@@ -79,6 +85,9 @@ class TrackingArguments:
             check_choice("bank", self.bank, ("published", "anchor_aware"))
             if not self.lengths:
                 raise reject("bank", self.bank, "none without lengths: the bank is the IMM")
+        for name in ("recalculation", "refine_radius"):
+            if getattr(self, name) and not self.lengths:
+                raise reject(name, True, "False without lengths: modes are then stated, not declared")
         if self.start is not None:
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
@@ -148,7 +157,10 @@ class TrackingArguments:
             scheme = f"random {segments}x{min(lengths)}-{max(lengths)}"
             bank = {} if self.bank is None else {"bank": self.bank}
             options |= {**needed_options(name, ANNOUNCED), **bank}
-            world = WorldOptions(**options, scheme=scheme, undecided=self.undecided)
+            world = WorldOptions(
+                **options, scheme=scheme, undecided=self.undecided, recalculation=self.recalculation,
+                refine_radius=self.refine_radius,
+            )  # fmt: skip
         else:
             law = GeometricDurations(model.duration) if self.durations is None else self.durations
             ticks = min(max(len(piece.measurements) for piece in grid.pieces), MAX_LENGTH)

@@ -1,4 +1,4 @@
-"""The command `hybridtrack dataset`: episodes of deciders as data sets of Minari, for offline learning."""
+"""The command `hybridtrack dataset`: episodes of deciders for offline learning, or radar tracks."""
 
 import os
 import re
@@ -6,10 +6,11 @@ import warnings
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import gymnasium as gym
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from agents.interface.help_texts import shown_default
@@ -43,20 +44,64 @@ class RandomPolicy:
 
 @dataclass(kw_only=True)
 class Dataset(WorldArguments, TrustArguments):
-    """Write episodes of deciders as data sets of Minari, for offline learning: one for each decider."""
+    """Write a data set: episodes of deciders, one data set of Minari for each, or radar tracks of flights."""
 
+    kind: Annotated[Literal["minari", "radar"], tyro.conf.Positional] = "minari"
+    """What is written: 'minari' or 'radar'."""
     policies: tuple[str, ...] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
     thresholds, or 'random'. Announced switches: {announced}. Unknown switches: {unknown}."""
     episodes: int = 200
     """Number of episodes of each, the same for all."""
-    seed: int = seeds.DATASET
+    seed: Annotated[int | None, shown_default(f"{seeds.DATASET}; 0 for radar")] = None
     """Seed of the first episode; later episodes use consecutive seeds."""
-    out: Annotated[Path | None, shown_default("where Minari keeps its data sets")] = None
+    out: Annotated[Path | None, shown_default("where Minari keeps its data sets; radar")] = None
     """Folder of the data sets, which Minari finds there by the variable MINARI_DATASETS_PATH."""
+    score: bool = False
+    """Only radar: score the filters of the thesis and better ones on the test flights, after tuning them on
+    the others; some ten minutes. The data set is written if the folder has none."""
 
     def run(self) -> None:
         """Write the data sets and print one line for each."""
+        if self.kind == "radar":
+            self._radar(self.out or Path("radar"))
+            return
+        if self.score:
+            raise reject("score", True, "no value with minari")
+        self._minari(seeds.DATASET if self.seed is None else self.seed)
+
+    def _radar(self, folder: Path) -> None:
+        """Write the radar data set, unless the folder has it and it is scored."""
+        from rich.console import Console
+
+        from agents.interface.output_files import atomic_folder, write_json
+        from agents.interface.progress import progress_display
+        from baselines.papers.novospaskyi.dataset import load_radar_data, write_radar_data
+
+        if self.policies:
+            raise reject("policies", self.policies, "no value with radar")
+        if not (self.score and (folder / "dataset.json").exists()):
+            with atomic_folder("out", folder) as part:
+                write_radar_data(part, 0 if self.seed is None else self.seed)
+        elif self.seed is not None:
+            raise reject("seed", self.seed, "no value where the folder has a data set")
+        data, console = load_radar_data(folder), Console(emoji=False)
+        counts = {split: len(tracks["levy"].times) for split, tracks in data.tracks.items()}
+        print(f"Data {folder}: " + ", ".join(f"{count} {split} flights" for split, count in counts.items()))
+        if not self.score:
+            return
+        from agents.figures.canvas import save_figure
+        from agents.studies.radar_study import radar_figure, radar_json, radar_tables, score_radar_data
+
+        with progress_display(console) as progress:
+            found = score_radar_data(data, folder / "scores", progress)
+        for table in radar_tables(found):
+            console.print(table)
+        write_json(folder / "scores.json", radar_json(found))
+        save_figure(radar_figure(found), folder / "scores.png")
+        print(f"Files in {folder}: scores.json, scores.png")
+
+    def _minari(self, seed: int) -> None:
         from minari.storage.datasets_root_dir import get_dataset_path
 
         from agents.evaluation.registry import find_decider
@@ -64,7 +109,7 @@ class Dataset(WorldArguments, TrustArguments):
         from agents.interface.output_files import atomic_folder
 
         check_integer("episodes", self.episodes, maximum=MOST_EPISODES)
-        check_integer("seed", self.seed, minimum=0)
+        check_integer("seed", seed, minimum=0)
         task = task_of(*self.world_of(""))
         folder = self.out or get_dataset_path()
         names = {f"{task.title}/{re.sub(r'[^a-zA-Z0-9]+', '_', name)}-v0": name for name in self.policies}
@@ -86,19 +131,21 @@ class Dataset(WorldArguments, TrustArguments):
             with atomic_folder("out", folder) as part:
                 os.environ[ROOT] = str(part.resolve())  # Minari writes to no relative path
                 for identity, title, changes, decider in found:
-                    print(self._write(task, identity, title, {**task.given, **changes}, decider))
+                    print(self._write(task, identity, title, {**task.given, **changes}, decider, seed))
         finally:
             os.environ.pop(ROOT)
             if before is not None:
                 os.environ[ROOT] = before
         print(f"Data {folder}")
 
-    def _write(self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any) -> str:
+    def _write(
+        self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any, seed: int
+    ) -> str:
         """Write one data set; return its line."""
         import minari
         from minari.data_collector import EpisodeBuffer
 
-        episodes = record(task.env_id, options, decider, self.episodes, self.seed)
+        episodes = record(task.env_id, options, decider, self.episodes, seed)
         returns = np.array([episode["rewards"].sum() for episode in episodes])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # without an e-mail address and a link

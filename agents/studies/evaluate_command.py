@@ -144,7 +144,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
             modes = [mode_name(mode, task.options.radii) for mode in range(task.options.hypotheses)]
             for _, scores, _ in group:
                 if "confusion" in scores.extra and len(modes) <= MOST_SHOWN_MODES:
-                    console.print(confusion_table(scores.name, scores.extra["confusion"][0], modes))
+                    console.print(confusion_table(scores, modes))
         return [
             {"decider": name, "name": scores.name}
             | {"threshold": {"symbol": scores.symbol, "value": scores.thresholds[0]}}

@@ -1,11 +1,11 @@
 """Tables of scores for the terminal: figures with their intervals, the same for every task."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
 from agents.evaluation.task import Metric, Task
@@ -45,7 +45,7 @@ def scores_table(
         notes += f"diff.: {task.goal} less that of {to} on the same episodes.\n"
     quantiles = "delay_quantiles" in rows[0][0].extra
     heads = ["decider     ", *(metric.head for metric in task.metrics)]
-    heads += ["delay,\n50, 90 %"] * quantiles + [f"{task.goal}\ndiff."] * compared
+    heads += ["delay\n50,90%"] * quantiles + [f"{task.goal}\ndiff."] * compared
     lines = []
     for scores, figures, difference in rows:
         cells = [metric_cell(metric, figures[metric.name]) for metric in task.metrics]
@@ -144,7 +144,8 @@ def unreached_lines(result: Comparison) -> list[str]:
     ]
 
 
-def confusion_table(name: str, counts: Any, modes: Sequence[str]) -> Table:
-    """Return a confusion matrix. counts: (M, M), true mode in rows, decided mode in columns."""
-    rows = [(mode, *map(str, row)) for mode, row in zip(modes, counts, strict=True)]
-    return filled_table(f"{name}: true mode in rows, decided mode in columns", ("", *modes), rows)
+def confusion_table(scores: Scores, modes: Sequence[str]) -> Table:
+    """Return the confusion matrix of a decider at a single threshold, see its title."""
+    rows = [(mode, *map(str, row)) for mode, row in zip(modes, scores.extra["confusion"][0], strict=True)]
+    title = Text.from_markup(decider_cell(scores)).plain.replace("\n", ", ")
+    return filled_table(f"{title}: true mode in rows, decided mode in columns", ("", *modes), rows)

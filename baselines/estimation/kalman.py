@@ -48,7 +48,7 @@ class KalmanFilter(TrackFilter):
         if not isinstance(model, MotionModel):
             raise reject("model", model, "a MotionModel")
         if robust is not None and not isinstance(robust, Robust):
-            raise reject("robust", robust, "Huber, StudentT or None")
+            raise reject("robust", robust, "Huber, StudentT, Correntropy or None")
         self.model, self.robust = model, robust
         self.axes, self.order = model.axes, model.order
         self.noise = measurement_covariance("noise", noise, self.axes)

@@ -20,6 +20,7 @@ from scipy.special import gammaln, ndtr
 
 from hybrid_env.checks import FloatArray, check_between, check_positive
 
+ITERATIONS = 10  # of the correntropy
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
@@ -143,6 +144,41 @@ class StudentT(Robust):
         mean = (share * precision).sum(-1) / norm
         spread = (share * (precision - mean[:, None]) ** 2).sum(-1) / norm
         return Factors(mean, mean - squares * spread, largest + np.log(norm))
+
+
+@dataclass(frozen=True)
+class Correntropy(Robust):
+    """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1.
+
+    Residuals of prediction and measurement, in their standard deviations, have weights exp(-residual^2 / (2
+    width^2)), which are found by fixed-point iterations. The covariance is that of the resulting gain with
+    the assumed variances, and the likelihood the Gaussian one with the weighted variance of the measurement.
+
+    Attributes:
+        width: of the kernel [standard deviations], > 0. A large one gives the Kalman filter.
+
+    Raises:
+        ArgumentError: the width is not positive.
+    """
+
+    width: float = 3.0
+
+    def __post_init__(self) -> None:
+        check_positive("width", self.width)
+
+    def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
+        """See `Robust.factors`."""
+        gain, squares, least = np.zeros_like(predicted), innovation**2, 1e-12  # from the prediction on
+        scale = 2.0 * self.width**2
+        for _ in range(ITERATIONS):
+            of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
+            of_measurement = np.exp(-squares * (1.0 - gain) ** 2 / (scale * variance))
+            ratio = np.maximum(of_measurement, least) / np.maximum(of_prediction, least)
+            gain = predicted * ratio / (predicted * ratio + variance)
+        state = gain / predicted
+        total = predicted + variance / np.maximum(ratio, least)
+        log_likelihood = -0.5 * (squares / total + np.log(total) + LOG_TWO_PI)
+        return Factors(state, state * (2.0 - state * (predicted + variance)), log_likelihood)
 
 
 @dataclass(frozen=True)

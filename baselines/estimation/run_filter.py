@@ -1,5 +1,7 @@
 """A filter over the recorded positions of many tracks, and what filters and smoothers return."""
 
+import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +44,12 @@ class Filtered(Estimates):
     Attributes:
         log_likelihoods: (T, B), see `TrackFilter.log_likelihood`.
         nis: (T, B), see `TrackFilter.nis`.
+        forecasts: estimates of the state some time ahead, see `horizons` of `run_filter`.
     """
 
     log_likelihoods: FloatArray
     nis: FloatArray
+    forecasts: tuple[Estimates, ...] = ()
 
 
 def run_filter(
@@ -56,6 +60,7 @@ def run_filter(
     noises: ArrayLike | None = None,
     start: tuple[ArrayLike, ArrayLike, float] | None = None,
     keep_covariances: bool = True,
+    horizons: Sequence[float] = (),
 ) -> Filtered:
     """Run a filter over recorded positions.
 
@@ -69,6 +74,7 @@ def run_filter(
         start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time
             [s]; None begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
+        horizons: times ahead of each tick for which the state is forecast [s].
 
     Returns:
         Estimates and likelihoods of all ticks.
@@ -103,6 +109,7 @@ def run_filter(
     size = track_filter.state.shape[1]
     states = np.empty((total, tracks, size))
     kept = np.empty((total, tracks, size, size)) if keep else None
+    ahead = [_empty(states, kept, track_filter.order) for _ in horizons]
     log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
     for k in range(total):
         step = steps[k]
@@ -114,10 +121,26 @@ def run_filter(
         )  # fmt: skip
         if kept is not None:
             kept[k] = track_filter.covariance
+        for horizon, one in zip(horizons, ahead, strict=True):
+            later = copy.deepcopy(track_filter)
+            later.predict(horizon)
+            one.states[k] = later.state
+            if one.covariances is not None:
+                one.covariances[k] = later.covariance
     if single:
         states, log_likelihoods, nis = states[:, 0], log_likelihoods[:, 0], nis[:, 0]
         kept = None if kept is None else kept[:, 0]
-    return Filtered(states, kept, track_filter.order, log_likelihoods, nis)
+        ahead = [
+            Estimates(one.states[:, 0], None if one.covariances is None else one.covariances[:, 0], one.order)
+            for one in ahead
+        ]
+    return Filtered(states, kept, track_filter.order, log_likelihoods, nis, tuple(ahead))
+
+
+def _empty(states: FloatArray, covariances: FloatArray | None, order: int) -> Estimates:
+    return Estimates(
+        np.empty_like(states), None if covariances is None else np.empty_like(covariances), order
+    )
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:

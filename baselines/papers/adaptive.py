@@ -216,7 +216,11 @@ class ConstantStepFilter(GainFilter):
         n = np.maximum(self._count, 2)[:, None]
         line = np.stack([2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * self.tau)])
         adapted = self._adapted()
-        return np.where(np.isnan(adapted), line, adapted)
+        return np.where(np.isnan(adapted), self._line_gains(line), adapted)
+
+    def _line_gains(self, line: FloatArray) -> FloatArray:
+        """The gains (2, B, 1) of a line fit, in the shape of those of the filter."""
+        return line
 
     @abstractmethod
     def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:

@@ -19,6 +19,7 @@ from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import run_filter
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
+from baselines.papers.matrix_adaptive import MatrixAdaptiveFilter
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row, with_own_interval
 from hybrid_env.checks import FloatArray, check_integer
 
@@ -52,6 +53,17 @@ RUN_INTERVAL = "The interval contains 95 % of single runs; the paper does not st
 SCANNED = (2.0, SLOW, 10.0, MEDIUM, FAST, 200.0, 600.0, 2000.0)  # sigma_w of the Kalman filter [m/s^2]
 SCANNED_RUNS = 50
 FITTED = {"20-30 s": "sigma_w was fitted to it"}
+MATRIX = "Matrix form over axis by axis, ratio of position RMSE in the plane"
+MATRIX_RUNS = 300
+CORRELATED = np.array([[0.0, 1.0], [1.0, 0.0]])
+ERRORS = {
+    "independent errors": VARIANCE * np.eye(2),
+    "correlation of x and y 0.9": VARIANCE * (np.eye(2) + 0.9 * CORRELATED),
+    "correlation of x and y -0.9": VARIANCE * (np.eye(2) - 0.9 * CORRELATED),
+    "two sensors, R = 25 and 100": np.kron(np.diag([VARIANCE, 4.0 * VARIANCE]), np.eye(2)),
+}
+"""Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter
+gets the mean."""
 
 
 class Flights(NamedTuple):
@@ -104,6 +116,29 @@ def adaptive_positions(flights: Flights, version: str) -> FloatArray:
     return filtered.positions
 
 
+def matrix_ratios(runs: int, seed: int) -> list[Cell]:
+    """Error of the adaptive filter in matrix form over that of each axis by itself, on the same flights."""
+    flights, cells = simulate_flights(1, seed), []
+    draw = np.random.default_rng(seed).multivariate_normal
+
+    def ratio(means: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(means[..., : len(LEGS)] / means[..., len(LEGS) :]))
+
+    for name, covariance in ERRORS.items():
+        n, m = len(covariance) // 2, len(covariance)
+        measured = flights.truth[:, None, None] + draw(np.zeros(m), covariance, (len(flights.times), runs))
+        mean = measured.reshape(-1, runs, n, 2).mean(2)
+        squares = [
+            mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(runs, 2, -1)
+            for one, values in (
+                (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean),
+            )
+        ]  # fmt: skip
+        values = with_own_interval(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
+        cells += table_row(MATRIX, name, LEGS, NOT_PUBLISHED, values, 2, RUN_INTERVAL)
+    return cells
+
+
 def mean_squares(flights: Flights, positions: FloatArray) -> FloatArray:
     """Mean squared error of each run and leg, (3 n, 4) [m^2]."""
     squares = (positions - flights.truth[:, None, None]) ** 2
@@ -143,6 +178,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         values = with_own_interval(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
         excuses = FITTED if name == slow else None
         cells += table_row(table, name, LEGS, published, values, 2, RUN_INTERVAL, excuses)
+    cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
     errors = {name: rmse(flights, positions) for name, (_, _, positions) in rows.items()}
     findings = [*_pattern(errors[adaptive], errors[slow]), *_doubtful_points(flights, seed)]
     examples = {"flights": flights, **{name: positions for name, (_, _, positions) in rows.items()}}

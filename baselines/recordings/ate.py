@@ -3,20 +3,21 @@
 At every switch the bank starts from the current estimate with P := I. Until the decision, the output is the
 estimate of the last decided mode; after the decision, only the chosen filter runs to the end of the segment.
 Tsyganov 2019 adds a recalculation: after a decision, the chosen filter recomputes the estimates since the
-switch. `sprt.SPRTDecider` applies the same test in the environment.
+switch. `sprt.SPRTDecider` applies the same test in the environment, whose options `recalculation` ("rewind")
+and `refine_radius` are those here.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.rules.measurements import run_compiled
 from baselines.rules.sprt import sprt_test, sprt_thresholds
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_flag
-from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, mode_type, set_estimate
+from hybrid_env.core.banks.bank import IDENTITY, State, likeliest, likeliest_of_type, set_estimate
 from hybrid_env.core.banks.published import PublishedBank, begin_published, follow_published, step_published
 from hybrid_env.core.compilation import compiled, internal
 from hybrid_env.core.records import LANES
@@ -63,18 +64,6 @@ class _Rule(NamedTuple):
     keep: bool
     recalculation: int
     refine: bool
-
-
-@internal
-def _likeliest_of_type(hypotheses: NDArray[Any], mode: int) -> int:
-    """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
-    n = hypotheses.size // 2
-    best = mode
-    for h in range(hypotheses.size):
-        likelier = hypotheses[h].log_likelihood[0] > hypotheses[best].log_likelihood[0]
-        if likelier and mode_type(h, n) == mode_type(mode, n):
-            best = h
-    return best
 
 
 @internal
@@ -159,7 +148,7 @@ def _track_run(
             measurement[:, 0] = measurements[j]
             if rule.refine:
                 step_published(bank, 0, 1, measurement, model)
-                active = _likeliest_of_type(bank.hypotheses, active)
+                active = likeliest_of_type(bank.hypotheses, 0, active)
             else:
                 follow_published(bank, 0, active, measurement, model)
             _write_tick(bank, active, j, output)

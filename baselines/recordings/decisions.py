@@ -75,8 +75,8 @@ class TickDecisions:
         estimates: (T, 4) [x, vx, y, vy].
         covariances: (T, 4, 4); infinite for the velocity after a single measurement.
         pieces: (K, 4) first tick, end, mode and tick of the decision of each piece, counted from 0; -1 for a
-            piece without a decision. With known switches a piece lies between two of them, otherwise it is a
-            run of one mode.
+            piece without a decision. With known switches a piece lies between two of them, and its mode is
+            that at its end; otherwise it is a run of one mode.
     """
 
     modes: IntArray
@@ -156,6 +156,10 @@ def _decide_piece(
         found.modes[k], found.decided[k] = now.mode, now.decided
         found.probabilities[k] = now.probabilities
         found.estimates[k], found.covariances[k] = now.estimate, now.covariance
+        if now.recalculated is not None:
+            first = k + 1 - len(now.recalculated[0])
+            found.estimates[first : k + 1], found.covariances[first : k + 1] = now.recalculated
+            found.modes[first : k + 1] = now.mode
     if lengths:
         _decide_pieces(found, tracker.options)
     found.estimates[:] = found.estimates / scales + origin
@@ -188,7 +192,7 @@ def _decide_pieces(found: TickDecisions, options: Any) -> None:
         decided = np.flatnonzero(found.decided[first:end])
         if decided.size:
             when = first + decided[0]
-            piece[2:] = found.modes[when], when
+            piece[2:] = found.modes[end - 1], when
         elif options.undecided == "likeliest":
             piece[2] = found.probabilities[end - 1].argmax()
         else:

@@ -45,6 +45,8 @@ class OnlineEstimate(NamedTuple):
             variances are infinite, as all are before the first measurement of a track that begins again.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
             then.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances
+            (k, 4, 4) of the k ticks since the switch by the filter of the declared mode; otherwise None.
     """
 
     mode: int
@@ -53,6 +55,7 @@ class OnlineEstimate(NamedTuple):
     estimate: FloatArray
     covariance: FloatArray
     agrees: bool = True
+    recalculated: tuple[FloatArray, FloatArray] | None = None
 
 
 class OnlineTracker:
@@ -69,7 +72,8 @@ class OnlineTracker:
     segment, the estimate is that of the filter of the last decided mode. From the declaration on, the filter
     of the declared mode follows the object to the next switch and gives its anchor; the decider is not asked
     and the probabilities do not change. A segment that ends undecided is decided as in the options. With
-    `follow="bank"` all filters run on, and the estimate is merged over them.
+    `follow="bank"` all filters run on, and the estimate is merged over them; with `refine_radius` mode and
+    estimate are those of the likeliest hypothesis of the declared type.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
     k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
@@ -201,6 +205,7 @@ class OnlineTracker:
                 return self._line_so_far(self._collected)
             missing = 0
         world = self.world
+        world.recalculated = None
         for k in range(missing):
             if point is None and k == missing - 1:
                 self._begin_announced()  # the tick of `update(None)` itself
@@ -220,8 +225,9 @@ class OnlineTracker:
                 self._refused += 1
                 self._skip()
         found = OnlineEstimate(
-            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees
-        )
+            world.mode, world.decided, world.probabilities(), world.estimate(), world.covariance(), agrees,
+            world.recalculated,
+        )  # fmt: skip
         if self._refused >= PATIENCE:  # the track begins anew; with announced switches in the same segment
             passed, left = self._last_time, world.ticks_left
             self.begin(mode=world.mode)

@@ -33,6 +33,21 @@ share of missed switches; mean delay of all switches [ticks], where one that is 
 end of its segment; wrong changes per 1,000 ticks; changes of the statement per switch."""
 
 
+TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
+"""The same of the types of motion: straight, left turn, right turn."""
+
+
+def _identified(prefix: str) -> dict[str, Statistic]:
+    """Return the share of switches whose new mode is named before the next one, and the mean delay."""
+    detected, missed, delay = f"{prefix}detected", f"{prefix}missed", f"{prefix}delay"
+    share = Statistic((detected, missed), lambda detected, missed: quotient(detected, missed + detected))
+    return {"identified": share, "delay": ratio(delay, detected)}
+
+
+IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}
+"""Statistics of the identification of types and of modes: "identified" and "delay"."""
+
+
 class Statements(NamedTuple):
     """What was true and what was stated on N tracks of T ticks.
 
@@ -93,6 +108,17 @@ class StatementMetrics:
         statistic = STATISTICS[name]
         means = self.figures.mean(0)
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
+
+    def named_within(self, longest: int) -> NDArray[np.int64]:
+        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches.
+
+        An undetected last switch of a track does not count.
+
+        Returns:
+            (longest + 2,) counts.
+        """
+        counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
+        return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
 
     def delay_quantiles(self, *levels: float) -> FloatArray:
         """Return quantiles of the delays of detected switches [ticks], NaN without one."""

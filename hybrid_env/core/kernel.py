@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import IDENTITY, State, estimate_of, filter_model, likeliest, mode_type
+from hybrid_env.core.banks.bank import (
+    IDENTITY,
+    State,
+    estimate_of,
+    filter_model,
+    likeliest,
+    likeliest_of_type,
+    mode_type,
+)
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
@@ -24,7 +32,7 @@ from hybrid_env.core.observation_row import (
     write_tick,
 )
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
-from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
 NO_COVARIANCE = (0.0,) * 10  # of the oracle bank, whose anchor is exact
 MODE, LENGTH = SEGMENT_COLUMNS.index("mode"), SEGMENT_COLUMNS.index("length")
@@ -204,6 +212,8 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
     decisions[TICKS, i] = block.tick[lane]
     decisions[DECIDED_LENGTH, i] = block.length[lane]
     block.active_mode[lane] = chosen
+    if setting.recalculated > 0 and action > 0:
+        block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, irregular, merged = arrays.scratch[0].noise, setting.irregular, setting.merged
     model, start, stop = filter_model(setting, 1.0), np.uint64(lane), np.uint64(lane + 1)
     while block.tick[lane] < block.length[lane]:
@@ -215,8 +225,11 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
         for column in range(ticks):
             if not irregular:
                 move_lane(block, lane, noise, column, setting)
-            if merged:
+            if merged or setting.refined:
                 step_lanes(block, bank, start, stop, setting)
+                if setting.refined:
+                    chosen = likeliest_of_type(bank.hypotheses, lane, chosen)
+                    block.active_mode[lane] = chosen
             elif irregular:
                 follow_irregular(bank, lane, chosen, block, setting)
             else:
@@ -302,6 +315,8 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         _tick(block, bank, scratch, np.uint64(first), np.uint64(last), arrays.sensors, setting)
         for lane in range(first, last):
             i = b * LANES + lane
+            if setting.recalculated > 0:
+                sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
             _record_estimate(block, lane, bank.hypotheses, arrays.trace[i], setting.merged)
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)

@@ -16,6 +16,7 @@ from hybrid_env.core import kernel, quickest_kernel
 from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
+from hybrid_env.core.banks.bank import likeliest_of_type
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
@@ -63,10 +64,12 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
     decided = arrays.decision_flags[HAS_DECISION, 0]
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
-    if decided and not setting.merged:
+    if decided and not (setting.merged or setting.refined):
         follow_irregular(bank, 0, block.active_mode[0], block, setting)
     else:
         step_irregular(bank, FIRST, LAST, block, setting)
+    if decided and setting.refined:
+        block.active_mode[0] = likeliest_of_type(bank.hypotheses, 0, block.active_mode[0])
     if not decided:
         scratch, row = arrays.scratch[0], arrays.observations[0]
         compare_hypotheses(scratch, bank.hypotheses, FIRST, LAST)

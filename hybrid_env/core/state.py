@@ -17,6 +17,7 @@ from hybrid_env.core.records import (
     BLOCK,
     DECISION,
     DECISION_FLAGS,
+    LANES,
     SCRATCH,
     SEGMENT_COLUMNS,
     SENSOR,
@@ -48,6 +49,8 @@ class Arrays(NamedTuple):
     decision_flags: Annotated[Flags, Array(np.bool_, (len(DECISION_FLAGS), "tracks"))]
     # the decisions again: one row has the bits of a float64
     decided_numbers: Annotated[Floats, Array(np.float64, (len(DECISION), "tracks"), at="decisions")]
+    # squared position error of every filter, summed over the segment, if it may be recalculated [m^2]
+    errors: Annotated[Floats, Array(np.float64, ("blocks_count", "recalculated", LANES))]
     scratch: Annotated[NDArray[Any], Array(SCRATCH, (1,), "thread")]
     radii: Annotated[Floats, Array(np.float64, ("radii_count",), "options")]  # [m]
     # see `scheme.segment_table`
@@ -106,6 +109,8 @@ PARAMETERS = np.dtype(
         ("declare_best", np.bool_),  # action 1 declares the most likely hypothesis
         ("keep_undecided", np.bool_),
         ("merged", np.bool_),  # all filters run on after a decision, and the estimate is that of the bank
+        ("recalculated", np.int64),  # M if a declaration recalculates the estimates since the switch, or 0
+        ("refined", np.bool_),  # all filters run on, and the estimate is that of the likeliest declared type
         ("reset_covariance", np.bool_),
         ("oracle", np.bool_),  # the bank is anchored at the true state
         ("random_scheme", np.bool_),

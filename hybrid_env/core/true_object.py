@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
@@ -145,6 +146,16 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
         block.variance_ratio[lane] = 1.0 / precision
     else:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
+
+
+@inlined
+def sum_errors(block: Any, lane: int, hypotheses: NDArray[Any], errors: NDArray[np.float64]) -> None:
+    """Add the squared position errors of all filters to their sums since the switch, (M, LANES) [m^2]."""
+    for h in range(hypotheses.size):
+        x, _, y, _ = estimate_of(hypotheses, h, lane)
+        error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
+        before = 0.0 if block.tick[lane] == 1 else errors[h, lane]
+        errors[h, lane] = before + error_x * error_x + error_y * error_y
 
 
 @internal

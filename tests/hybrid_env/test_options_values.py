@@ -99,7 +99,7 @@ NUMBERS = [
 ]  # fmt: skip
 WORDS = [
     "scheme", "noise", "likelihood", "bank", "reset_covariance", "follow", "correctness",
-    "actions", "undecided",
+    "actions", "undecided", "recalculation", "refine_radius",
 ]  # fmt: skip
 
 
@@ -110,7 +110,9 @@ def test_every_option_is_tested():
 @pytest.mark.parametrize("name", NUMBERS + WORDS)
 def test_values_of_other_types_are_refused_in_one_line(name):
     for value in NASTY:
-        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True)}.get(name, ())
+        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(
+            name, ()
+        )
         if any(value is one for one in allowed):
             continue
         message = refused(WorldOptions, **{name: value})
@@ -187,6 +189,8 @@ OUTSIDE = [
     {"noise": "outliers 1"}, {"noise": "levy 3"}, {"sensors": "radar"}, {"sensors": [5]}, {"missed": 1.0},
     {"delay_cost": -0.01}, {"bank": "aware"}, {"bank": 1}, {"reset_covariance": 1}, {"follow": "both"},
     {"correctness": "approximate"}, {"actions": "some"}, {"undecided": "forget"},
+    {"refine_radius": True}, {"recalculation": True, "follow": "bank"},
+    {"refine_radius": True, "follow": "bank", "radii": (2.0, 5.0)},
 ]  # fmt: skip
 
 

@@ -4,7 +4,7 @@ Novospaskyi 2025, section 2.2. Each has a function of its parameters and the spa
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +15,9 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.robust import Huber, Robust, StudentT
-from baselines.estimation.run_filter import run_filter
+from baselines.estimation.particles import ParticleFilter
+from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
+from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.estimation.track_filter import TrackFilter, check_measurements
 from baselines.papers.adaptive import GHFilter
 from baselines.papers.novospaskyi.flights import SPEED
@@ -33,6 +34,9 @@ VERTICAL = "vertical q"
 
 START_VARIANCE = 1e4
 """P0 = 10000 I of the thesis, for every component of the state."""
+
+PARTICLES = 500
+"""Of the particle filter."""
 
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 """Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
@@ -82,29 +86,40 @@ class Contender:
         space: distribution of each tuned parameter.
         start: parameters of the first trial.
         averages: whether the measurements are averaged before the filter (parameters `window`, `ratio`).
+        trials: most trials of a tuning; None has no limit.
     """
 
     build: Callable[[Parameters], TrackFilter]
     space: Mapping[str, BaseDistribution]
     start: Parameters
     averages: bool = False
+    trials: int | None = None
 
 
 def run_contender(
     contender: Contender, parameters: Parameters, tracks: Tracks
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3).
+    """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
+    filtered = filter_tracks(contender, parameters, tracks)
+    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+
+
+def filter_tracks(
+    contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
+) -> Filtered:
+    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts.
 
     Args:
         contender: the filter.
         parameters: of the filter.
         tracks: measurements of N flights.
+        horizons: of forecasts [s].
     """
     measurements = np.swapaxes(tracks.measurements, 0, 1)
     if contender.averages:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
-    filtered = run_filter(contender.build(parameters), measurements, tracks.times.T, keep_covariances=False)
-    return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)
+    built, kept = contender.build(parameters), bool(horizons)
+    return run_filter(built, measurements, tracks.times.T, keep_covariances=kept, horizons=horizons)
 
 
 class ThesisKalmanFilter(KalmanFilter):
@@ -140,6 +155,8 @@ def _robust(parameters: Parameters) -> Robust | None:
         return Huber(threshold=parameters["threshold"])
     if "degrees of freedom" in parameters:
         return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
+    if "width" in parameters:
+        return Correntropy(width=parameters["width"])
     return None
 
 
@@ -163,6 +180,13 @@ def _sound_filter(*names: Any) -> Callable[[Parameters], TrackFilter]:
         return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
     return build
+
+
+def _particle_filter(parameters: Parameters) -> TrackFilter:
+    deviation = math.sqrt(parameters["scale"]) * SIGMA
+    model = MotionModel("CV", axes=3, noise=parameters["q CV"])
+    freedom = parameters["degrees of freedom"]
+    return ParticleFilter(model, deviation, START_DEVIATIONS[:1], freedom, PARTICLES)
 
 
 def _log(low: float, high: float) -> FloatDistribution:
@@ -212,15 +236,28 @@ SOUND: dict[str, Contender] = {
 """Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
 are treated alike, as by the g-h filter, except in the last one."""
 
+_STUDENT: dict[str, BaseDistribution] = {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}
 ROBUST: dict[str, Contender] = {
     "CV, Huber": _sound({"threshold": _log(1.0, 5.0)}, "CV"),
-    "CV, Student-t": _sound({"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}, "CV"),
+    "CV, Student-t": _sound(_STUDENT, "CV"),
+    "CV, correntropy": _sound({"width": _log(1.0, 30.0)}, "CV"),
 }
 """One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
+
+SLOW: dict[str, Contender] = {
+    "particles, Student-t": Contender(
+        _particle_filter,
+        _STUDENT | {"q CV": _log(1.0, 1e3)},
+        {"degrees of freedom": 10.0, "scale": 0.8, "q CV": 60.0},
+        trials=16,
+    )
+}
+"""Robust as well, but slow: on the data set only. The process noise is tuned, because particles are lost in
+manoeuvres that are rare under it."""
 
 COMBINED = "IMM, Student-t"
 """The IMM and the robust update of the Student-t CV, with the parameters that each has alone."""
 
 CONTENDERS: dict[str, Contender] = {
-    **THESIS, **SOUND, **ROBUST, COMBINED: Contender(_sound_filter("CV", "CA"), {}, {}),
+    **THESIS, **SOUND, **ROBUST, **SLOW, COMBINED: Contender(_sound_filter("CV", "CA"), {}, {}),
 }  # fmt: skip

@@ -57,6 +57,12 @@ unfiltered RMSE comes out as well.
 PHASES = 1024
 """Possible phases of a pair of radars in a period."""
 
+TRAINING_SHARE = 0.3
+"""Of the flights, the first ones."""
+
+TRAINING_NOISE, TEST_NOISE = 2, 3
+"""Streams of random numbers of a seed; 0 draws the paths and 1 the radars."""
+
 _PLACEMENTS = 100  # attempts to keep the smallest distance
 
 

@@ -1,6 +1,6 @@
 """The study: flights, tuning on 30 % of them, errors on the others, next to the published tables."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,17 @@ import numpy as np
 from baselines.papers.novospaskyi import tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
+from baselines.papers.novospaskyi.radars import (
+    NOISES,
+    TEST_NOISE,
+    TRAINING_NOISE,
+    TRAINING_SHARE,
+    Noise,
+    Scan,
+    Tracks,
+    measure,
+    scan_flight,
+)
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
@@ -22,15 +32,11 @@ Calls = Mapping[Any, Callable[[], Any]]
 Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
 """Runs independent calls by name, and calls back with the name of each that has ended."""
 
-TRAINING_SHARE = 0.3
 TRIALS = 60
 """Trials of each tuning."""
 
 RUNS = 10
 """Seeds of the noise on the test flights."""
-
-TRAINING_NOISE, TEST_NOISE = 2, 3
-"""Streams of random numbers of a seed; 0 draws the paths and 1 the radars."""
 
 PART = 10  # trials of a tuning in one call
 
@@ -98,7 +104,7 @@ def reproduce(
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     count = round(TRAINING_SHARE * flights)
     training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
-    parameters = _tune(work, partial(Tuning, training=training, trials=trials, seed=seed, folder=folder))
+    parameters = tune_filters(training, seed, folder, trials, run, progress)
     results = tables.Results(_evaluate(work, parameters, scans[count:], runs, seed), parameters)
     return Reproduction(
         PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, count),
@@ -126,17 +132,31 @@ class _Work:
         return dict(self.run(calls, show))
 
 
-def _tune(work: _Work, tuning: Callable[..., Tuning]) -> dict[Noise, dict[str, dict[str, Any]]]:
-    """Tune all filters, the robust ones after the plain CV filter, with which they are compared."""
+def tune_filters(
+    training: dict[Noise, Tracks],
+    seed: int,
+    folder: Path,
+    trials: int = TRIALS,
+    run: Run = one_by_one,
+    progress: Progress = lambda stage, done, total: None,
+    robust: Sequence[str] = tuple(ROBUST),
+) -> dict[Noise, dict[str, dict[str, Any]]]:
+    """Return the parameters of all filters by noise and name, tuned on the training flights.
+
+    The robust ones are tuned after the plain CV filter, with which they are compared. Arguments as of
+    `reproduce`; `robust` are the names of the robust ones.
+    """
+    work = _Work(run, progress)
+    tuning = partial(Tuning, training=training, trials=trials, seed=seed, folder=folder)
     names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
     tunings = {(noise, name): tuning(name, noise) for name in names for noise in NOISES}
-    count = len(tunings) + len(ROBUST)
+    count = len(tunings) + len(robust)
     found = _tune_in_parts(work, tunings, 0, count)
     parameters = {noise: {name: found[noise, name] for name in names} for noise in NOISES}
     plain = parameters["gaussian"]["CV"]
     reference = tuning("CV", "gaussian").cost(plain)
-    robust = {name: tuning(name, None, plain=plain, reference=reference) for name in ROBUST}
-    found = _tune_in_parts(work, robust, len(tunings), count)
+    later = {name: tuning(name, None, plain=plain, reference=reference) for name in robust}
+    found = _tune_in_parts(work, later, len(tunings), count)
     imm, student = parameters["gaussian"]["IMM (CV, CA)"], found["CV, Student-t"]
     found[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
     return {noise: parameters[noise] | found for noise in NOISES}

@@ -96,7 +96,8 @@ class Tuning:
     def run(self) -> dict[str, Any]:
         """The best parameters; finished trials are read from the file."""
         space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
-        best = tune(space, start, self.cost, self.trials, self.seed, self.file, self.fingerprint)
+        trials = min(self.trials, CONTENDERS[self.name].trials or self.trials)
+        best = tune(space, start, self.cost, trials, self.seed, self.file, self.fingerprint)
         return {**self.plain, **best}
 
 

@@ -114,6 +114,18 @@ def likeliest(hypotheses: NDArray[Any], lane: int) -> int:
 
 
 @internal
+def likeliest_of_type(hypotheses: NDArray[Any], lane: int, mode: int) -> int:
+    """Return the most likely hypothesis of the same type (straight, left or right) as a mode."""
+    n = hypotheses.size // 2
+    best = mode
+    for h in range(hypotheses.size):
+        likelier = hypotheses[h].log_likelihood[lane] > hypotheses[best].log_likelihood[lane]
+        if likelier and mode_type(h, n) == mode_type(mode, n):
+            best = h
+    return best
+
+
+@internal
 def estimate_of(hypotheses: NDArray[Any], hypothesis: int, lane: int) -> State:
     """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]

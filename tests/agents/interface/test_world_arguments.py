@@ -38,6 +38,7 @@ def test_given_flags_become_options_of_the_environment():
             r"^durations='geometric 9' is .*, because HybridTrack-v0 has no such option$",
         ),
         ({"env": "hybrid_env:HybridTrackBank-v0", "ticks": 9}, r"^ticks=9 is .*HybridTrackBank-v0 has no"),
+        ({"env": QUICKEST, "recalculation": True}, r"^recalculation=True is .*HybridTrackQuickest-v0 has no"),
         ({"env": QUICKEST, "scheme": "S5"}, r"^scheme='S5' is .*HybridTrackQuickest-v0 has no"),
         ({"env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
     ],

@@ -103,6 +103,11 @@ def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, cap
         with pytest.raises(ArgumentError, match=message):
             entry.read_entry(file)
         assert main(f"league --table {file} --out out".split()) == 2
+    monkeypatch.setattr(protocol, "play", lambda *_: pytest.fail("played"))
+    for name in ("mine.py", "runs/none"):  # refused before any work, and no folder is left
+        assert main(["league", "mine.py:first", name, "--out", "none"]) == 2
+        assert f"decider='{name}' is not allowed" in capsys.readouterr().err
+    assert not (folder / "none").exists()
 
 
 def _signed(found):

@@ -12,6 +12,7 @@ from hybrid_env.core.records import TRACE_COLUMNS
 
 MEASURED = [TRACE_COLUMNS.index("measured_x"), TRACE_COLUMNS.index("measured_y")]
 ESTIMATED = [TRACE_COLUMNS.index("estimate_x"), TRACE_COLUMNS.index("estimate_y")]
+TRUE = [TRACE_COLUMNS.index("x"), TRACE_COLUMNS.index("y")]
 
 
 def record_episodes(tracks: int, alpha: float = 1e-3, **options):
@@ -29,9 +30,8 @@ def record_episodes(tracks: int, alpha: float = 1e-3, **options):
         for i in np.flatnonzero(running):
             traces[i].append(env.world.read_trace(i))
             if info.get("_ticks", running & False)[i]:
-                decisions[i].append(
-                    [info[key][i] for key in ("decided_mode", "ticks", "forced", "decided_length")]
-                )
+                keys = ("decided_mode", "ticks", "forced", "decided_length", "decided_squared_error")
+                decisions[i].append([info[key][i] for key in keys])
         running &= ~terminated
     return starts, [np.concatenate(rows) for rows in traces], [np.array(rows) for rows in decisions]
 
@@ -54,13 +54,34 @@ def test_ate_on_recordings_makes_the_same_decisions_as_the_decider_in_the_enviro
     starts, traces, decisions = record_episodes(count, alpha, **options)
     for start, trace, made in zip(starts, traces, decisions, strict=True):
         found = track_ate(
-            trace[:, MEASURED], made[:, 3], start, undecided="likeliest", alpha=alpha,
+            trace[:, MEASURED], made[:, 3].astype(int), start, undecided="likeliest", alpha=alpha,
             **({"measurement_variance": 0.1} | options),
         )  # fmt: skip
         np.testing.assert_array_equal(found.decided, made[:, 0])
         np.testing.assert_array_equal(found.ticks, made[:, 1])
         np.testing.assert_array_equal(found.undecided, made[:, 2])
         np.testing.assert_allclose(found.estimates[:, [0, 2]], trace[:, ESTIMATED], atol=1e-9)
+
+
+@pytest.mark.parametrize("recalculation", [False, True])
+@pytest.mark.parametrize("refine_radius", [False, True])
+def test_recalculated_and_refined_estimates_are_those_of_the_environment(recalculation, refine_radius):
+    changes = {"recalculation": recalculation, "refine_radius": refine_radius, "undecided": "keep"}
+    refined = 0
+    for start, trace, made in zip(*record_episodes(50, 1e-3, **BANK, **changes), strict=True):
+        lengths = made[:, 3].astype(int)
+        found = track_ate(
+            trace[:, MEASURED], lengths, start, **BANK,
+            **changes | {"recalculation": "rewind" if recalculation else "none"},
+        )  # fmt: skip
+        np.testing.assert_array_equal(found.ticks, made[:, 1])
+        squares = ((found.estimates[:, [0, 2]] - trace[:, TRUE]) ** 2).sum(1)
+        first = np.cumsum(lengths) - lengths
+        np.testing.assert_allclose(np.add.reduceat(squares, first), made[:, 4], rtol=1e-9)
+        refined += (found.decided != made[:, 0]).sum()
+        # the type is the declared one
+        np.testing.assert_array_equal((found.decided + 9) // 10, (made[:, 0] + 9) // 10)
+    assert (refined > 50) == refine_radius
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,17 @@ def test_known_switch_moments(name, bank, follow):
     assert len({mode for mode, _ in decided}) > 1
 
 
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+@pytest.mark.parametrize("name", ["R 0.1", "axes", "aircraft"])
+@pytest.mark.parametrize("refined", [False, True])
+def test_recalculated_and_refined_estimates(name, bank, refined):
+    options = {"radii": (3.0, 5.0)} | COMMON[name]
+    decided = same_as_announced(
+        MSPRTDecider(0.3), seed=4, bank=bank, recalculation=True, refine_radius=refined, **options
+    )
+    assert not all(forced for _, forced in decided)
+
+
 DECIDERS = {
     "sprt": lambda world: SPRTDecider(),
     "gap": lambda world: GapDecider(),

@@ -27,6 +27,7 @@ def test_metrics_of_two_short_tracks():
     assert metrics.delay_tracks.tolist() == [0, 0]
     assert metrics.missed.tolist() == [0, 0]  # the last switch of the second track may still be detected
     assert metrics.value("delay") == 1.5
+    assert metrics.named_within(3).tolist() == [0, 1, 2, 2, 2]
     assert metrics.value("change_ratio") == pytest.approx(5 / 3)
 
 

@@ -1,0 +1,138 @@
+"""Filters on the radar data set: errors and forecasts of the test flights."""
+
+import os
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from rich.progress import Progress
+from rich.table import Table
+
+from agents.evaluation.cells import bounds_cell, estimate_cell, filled_table
+from agents.figures.canvas import new_canvas, plain_axes
+from agents.interface.parallel import Workers
+from agents.learned.radar_net import filter_with
+from agents.training.radar_net import radar_net
+from baselines.papers.novospaskyi.dataset import RadarData
+from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SLOW, THESIS, filter_tracks
+from baselines.papers.novospaskyi.radars import NOISES, Noise
+from baselines.papers.novospaskyi.scores import COLUMNS, HORIZONS, STATISTICS, score_estimates
+from baselines.papers.novospaskyi.study import tune_filters
+from baselines.papers.novospaskyi.tables import NOISE_NAMES
+from baselines.scoring.scores import Scores
+
+FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, *SLOW, COMBINED)
+NETWORK = "recurrent network"
+MOST_PROCESSES = 8
+Found = Mapping[Noise, Sequence[Scores]]
+
+
+def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
+    """Return the scores of all filters by noise; those of the thesis come first.
+
+    Everything is tuned and trained on the training flights.
+
+    Args:
+        data: the data set.
+        folder: for finished trials and the weights, from which a killed run goes on; it is created.
+        progress: display.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    bar = progress.add_task("Scoring", total=3.0, note="tuning")
+
+    def show(stage: str, done: int, total: int) -> None:
+        progress.update(bar, completed=done / total, note=stage)
+
+    run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
+    robust = (*ROBUST, *SLOW)
+    parameters = tune_filters(
+        data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust
+    )
+    weights = folder / "network.safetensors"
+    net = radar_net(data, weights, lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK))
+    calls = {
+        (noise, name): partial(score_filter, name, parameters[noise][name], data, noise)
+        for noise in NOISES
+        for name in FILTERS
+    }
+    found = dict(run(calls, lambda call: progress.update(bar, advance=1.0 / len(calls), note=call[1])))
+    scores = {}
+    for noise in NOISES:
+        tracks = data.tracks["test"][noise]
+        filtered = filter_with(net, tracks.measurements.swapaxes(0, 1), tracks.times.T)
+        of_net = score_estimates(NETWORK, filtered, data, noise)
+        scores[noise] = [*(found[noise, name] for name in FILTERS), of_net]
+    progress.remove_task(bar)
+    return scores
+
+
+def score_filter(name: str, parameters: Mapping[str, float], data: RadarData, noise: Noise) -> Scores:
+    """Return the scores of one filter."""
+    filtered = filter_tracks(CONTENDERS[name], parameters, data.tracks["test"][noise], HORIZONS)
+    return score_estimates(name, filtered, data, noise)
+
+
+def best_of_thesis(scores: Sequence[Scores]) -> Scores:
+    """Return the filter of the thesis with the smallest position error."""
+    position = STATISTICS["position"]
+    return min(scores[: len(THESIS)], key=lambda one: float(one.curve(position)[0]))
+
+
+def radar_tables(found: Found) -> list[Table]:
+    """Return a table for each noise."""
+    heads = ["filter", "position\nm", "velocity\nm/s", *(f"{h:g} s\nahead, m" for h in HORIZONS)]
+    heads += ["covered\n%", "position,\nratio"]
+    tables = []
+    for noise, scores in found.items():
+        best = best_of_thesis(scores)
+        rows = []
+        for one in scores:
+            figures = [one.estimate(STATISTICS[name]) for name in COLUMNS]
+            plain, covered = figures[: -len(HORIZONS)], figures[-len(HORIZONS) :]
+            cells = [estimate_cell(figure, 1.0, 1 if k > 1 else 2) for k, figure in enumerate(plain)]
+            shares = " ".join(
+                "-" if share.value != share.value else f"{100 * share.value:.0f}" for share in covered
+            )
+            ratio = "" if one is best else bounds_cell(one.ratio(best, STATISTICS["position"]), 2)
+            rows.append((one.name, *cells, shares, ratio))
+        notes = (
+            f"RMSE and half width of its 95 % interval, {scores[0].episodes} flights; covered: true "
+            "positions in the stated 95 % region 1, 2 and 5 s ahead; ratio: to the best filter of the "
+            f"thesis, {best.name}, on the same flights, with its 95 % interval."
+        )
+        tables.append(filled_table(f"Radar tracks, {NOISE_NAMES[noise]}", heads, rows, notes))
+    return tables
+
+
+def radar_json(found: Found) -> dict[str, dict[str, dict[str, dict[str, float | None]]]]:
+    """Return the figures by noise, filter and column."""
+    return {
+        noise: {
+            one.name: {name: one.estimate(STATISTICS[name]).as_json() for name in COLUMNS} for one in scores
+        }
+        for noise, scores in found.items()
+    }
+
+
+def radar_figure(found: Found) -> Figure:
+    """Return the errors of all filters now and ahead, one panel for each noise."""
+    figure = new_canvas((11.5, 5.6))
+    panels = figure.subplots(1, len(found))
+    marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
+    for axes, (noise, scores) in zip(panels, found.items(), strict=True):
+        names = [one.name for one in scores][::-1]
+        for name, marker in marks.items():
+            figures = [one.estimate(STATISTICS[name]) for one in scores][::-1]
+            bars = [[one.value - one.low for one in figures], [one.high - one.value for one in figures]]
+            label = "now" if name == "position" else f"{name.split()[1]} s ahead"
+            values = [one.value for one in figures]
+            axes.errorbar(
+                values, range(len(names)), xerr=bars, fmt=marker, markersize=5, label=label, linewidth=1
+            )
+        axes.set_yticks(range(len(names)), names if noise == NOISES[0] else [""] * len(names))
+        axes.set_xscale("log")
+        axes.set_title(NOISE_NAMES[noise])
+        plain_axes(axes, "RMSE of the position, m, with its 95 % interval")
+    panels[0].legend(frameon=False, ncol=4, loc="upper center", bbox_to_anchor=(1.0, 1.13))
+    return figure

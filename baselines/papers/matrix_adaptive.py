@@ -1,0 +1,136 @@
+"""The adaptive filter of Zimchuk & Kankin 2006 in matrix form, for n sensors with correlated errors.
+
+`adaptive.AdaptiveFilter` filters every axis by itself. Here the state is that of all d axes, [x, vx, y, vy]
+in the plane, and the measurement g = C x + f holds the positions of n sensors. With the pseudo-inverse C+ of
+C, which for one sensor is the C' of eq. (17), and F+ in the rows of the velocities:
+
+    P_e C' = M[(-D^3 x_e + C+ (3 nu_1 - 3 nu_2 + nu_3) + F+ (3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T) nu']
+    K      = P_e C' H_0^-1                                       eq. (5), with C P_e C' + R = H_0 = M[nu nu']
+
+where nu_i is the innovation i ticks ago. With diagonal matrices these are the gains of the axes.
+"""
+
+import numpy as np
+
+from baselines.papers.adaptive import LAGS, ConstantStepFilter, third_difference
+from hybrid_env.checks import FloatArray, check_flag, check_integer, reject
+
+LAGS_OF_POSITION = np.array([0.0, 3.0, -3.0, 1.0, 0.0])
+LAGS_OF_VELOCITY = np.array([0.0, 3.0, -6.0, 4.0, -1.0])
+"""Coefficients of the innovations in eq. (17) with N = 3, newest first."""
+
+
+def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:
+    """Gains of positions [-] and velocities [1/s], (2, ..., d, m).
+
+    The limits are those of `adaptive.AdaptiveFilter`, in the directions in which the gain of a common
+    position is diagonal: with L L' = C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of
+    the identified covariance of the predicted position.
+
+    Args:
+        covariances: (..., m, m) H_0 [m^2], invertible; m values are the d axes of one sensor after another.
+        spread: (2, ..., d, m) position and velocity rows of P_e C' [m^2, m^2/s].
+        tau: tick [s].
+        limited: False takes eq. (5) as it is.
+    """
+    inverse = np.linalg.inv(covariances)
+    if not limited:
+        return spread @ inverse
+    d, m = spread.shape[-2:]
+    sensors = np.tile(np.eye(d), (m // d, 1))  # C without the columns of the velocities
+    of_position = sensors.T @ inverse  # C' H_0^-1
+    factor = np.linalg.cholesky(of_position @ sensors)
+    position, velocity = np.swapaxes(factor, -1, -2) @ (spread @ sensors / (m // d)) @ factor
+    gains, directions = np.linalg.eigh(0.5 * (position + np.swapaxes(position, -1, -2)))
+    gains = np.clip(gains, 0.0, 1.0)
+    rates = np.einsum("...ik,...ij,...jk->...k", directions, velocity, directions)
+    rates = np.clip(rates, 0.0, gains**2 / ((2.0 - gains) * tau))
+    limited_gains = (directions * np.stack([gains, rates])[..., None, :]) @ np.swapaxes(directions, -1, -2)
+    unfactor = np.linalg.inv(factor)
+    return np.asarray(np.swapaxes(unfactor, -1, -2) @ limited_gains @ unfactor @ of_position)
+
+
+class MatrixAdaptiveFilter(ConstantStepFilter):
+    """The adaptive filter with one gain matrix for all axes and sensors.
+
+    A tick in which a sensor has no measurement has none, and products around it are left out of the means.
+
+    Args:
+        dimensions: d, number of axes of the state.
+        tau: length of a tick [s].
+        sensors: n; a measurement has the n d positions of one sensor after another.
+        limited: limits the gains, see `matrix_gain`.
+        start: number of products for each of the n d values before the filter adapts.
+
+    Attributes:
+        axes: n d.
+        gains: (2, B, d, n d) of positions [-] and velocities [1/s] at the last measurement.
+    """
+
+    def __init__(
+        self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10
+    ):
+        self.dimensions = check_integer("dimensions", dimensions)
+        self.sensors = check_integer("sensors", sensors)
+        super().__init__(self.dimensions * self.sensors, tau)
+        self.limited, self.start = check_flag("limited", limited), check_integer("start", start)
+
+    def _begin(self, tracks: int) -> None:
+        super()._begin(tracks)
+        d, m = self.dimensions, self.axes
+        self.state = np.full((tracks, 2 * d), np.nan)
+        self._predictions = np.full((2, LAGS, tracks, d), np.nan)
+        self._innovations = np.full((LAGS, tracks, m), np.nan)
+        self._means = np.zeros((tracks, m + 2 * d, m))  # H_0, then P_e C'
+        self._products = np.zeros(tracks)
+
+    def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
+        if self.sensors > 1:
+            raise reject("state", state.tolist(), "none with several sensors: begin(tracks)")
+        super()._set(state, covariance)
+
+    def _mean_of_sensors(self, values: FloatArray) -> FloatArray:
+        """C+ of measurements or innovations, (..., m) to (..., d)."""
+        return values.reshape(*values.shape[:-1], self.sensors, self.dimensions).mean(-2)
+
+    def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
+        measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
+        first, later = measured & ~begun, measured & begun
+        self._count = np.where(first, 1, self._count + (later & (self._elapsed > 0.0)))
+        self.gains = self._find_gains(measurement)
+        change = self.gains @ self._innovations[0][..., None]
+        for row in range(2):
+            self.state[later, row::2] += change[row, later, :, 0]
+        self.state[first, ::2], self.state[first, 1::2] = self._mean_of_sensors(measurement[first]), 0.0
+        self._elapsed[measured] = 0.0
+
+    def _line_gains(self, line: FloatArray) -> FloatArray:
+        return line[..., None] * np.tile(np.eye(self.dimensions), self.sensors) / self.sensors
+
+    def _remember(self, measurement: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
+        innovation = measurement - np.tile(position, self.sensors)
+        newest = np.stack([position, velocity])[:, None]
+        self._predictions = np.concatenate([newest, self._predictions[:, :-1]], axis=1)
+        self._innovations = np.concatenate([innovation[None], self._innovations[:-1]])
+        lags = self._mean_of_sensors(self._innovations)
+        spread = [
+            np.tensordot(coefficients, lags, axes=1) / unit - third_difference(predictions)
+            for coefficients, unit, predictions in zip(
+                (LAGS_OF_POSITION, LAGS_OF_VELOCITY), (1.0, self.tau), self._predictions, strict=True
+            )
+        ]
+        new = np.concatenate([innovation, *spread], axis=-1)[..., None] * innovation[:, None, :]
+        known = np.logical_not(np.isnan(new).any(axis=(1, 2)))
+        self._products += known
+        weight = (known / np.maximum(self._products, 1.0))[:, None, None]
+        self._means += np.where(known[:, None, None], weight * (new - self._means), 0.0)
+
+    def _adapted(self) -> FloatArray:
+        d, m = self.dimensions, self.axes
+        gains = np.full((2, self.tracks, d, m), np.nan)
+        covariances = self._means[:, :m]
+        ready = self._products > self.start * m
+        ready &= np.linalg.matrix_rank(covariances, hermitian=True) == m  # exact values identify nothing
+        spread = np.stack([self._means[ready, m : m + d], self._means[ready, m + d :]])
+        gains[:, ready] = matrix_gain(covariances[ready], spread, self.tau, self.limited)
+        return gains

@@ -1,0 +1,203 @@
+"""The data set of the study: flights, radars and measurements with both noises, as Parquet files."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.papers.novospaskyi import radars
+from baselines.papers.novospaskyi.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
+from hybrid_env.checks import ArgumentError, FloatArray, check_integer
+from hybrid_env.extras import explained
+
+FORMAT = 1
+TABLES = ("flights", "radars", "measurements")
+SPLITS = ("training", "test")
+
+CARD = """# Radar tracks of flights
+
+{flights} simulated flights past two radars, after A. Novospaskyi, "Analysis of the efficiency of GH and
+Kalman filters for tracking moving objects under different noise models", master's thesis (in Ukrainian),
+National University of Kyiv-Mohyla Academy, 2025. Made by HybridTrack {version} with seed {seed}; the same
+version and seed give the same files.
+
+| file | rows | columns |
+|---|---|---|
+| flights.parquet | states every {step:g} s | flight; time [s]; x, y, z [m]; vx, vy, vz [m/s] |
+| radars.parquet | radars | flight; radar; x, y, z [m] |
+| measurements.parquet | measurements | flight; split; radar; time [s]; gaussian_x ... levy_z [m] |
+
+- A radar measures the position once every {period:g} s while the object is within {range:g} m; elsewhere the
+  track has a gap.
+- Noise on each axis: normal with a deviation of {sigma:g} m, or symmetric alpha-stable (Lévy) with index
+  {stability:g} and scale {sigma:g} m, clipped at {clip:g} m, in columns of their own.
+- Split: `training` are the first {training} flights, `test` the others. Choose nothing on the latter.
+- Departures from the thesis: a point mass in place of its quadrotor; the radars scan half a period apart;
+  clipped noise. What the thesis does not state was inferred from its tables.
+- Load: `baselines.load_radar_data(folder)`, or any reader of Parquet.
+- Score of filters: `hybridtrack dataset radar --out FOLDER --score`.
+- Licence: that of HybridTrack.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class RadarData:
+    """The data set.
+
+    Attributes:
+        seed: it was made with.
+        flights: F flights, the training flights first.
+        tracks: measurements by split ("training", "test") and noise ("gaussian", "levy").
+    """
+
+    seed: int
+    flights: list[Flight]
+    tracks: dict[str, dict[Noise, Tracks]]
+
+    def flights_of(self, split: str) -> list[Flight]:
+        """Return the flights of a split."""
+        count = len(self.tracks["training"]["gaussian"].times)
+        return self.flights[:count] if split == "training" else self.flights[count:]
+
+
+def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
+    """Write the data set into an empty folder.
+
+    Args:
+        folder: exists.
+        seed: of flights, radars and noise.
+        flights: number of flights, at least 4.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+        MissingExtraError: pyarrow is not installed.
+    """
+    seed, flights = check_integer("seed", seed, minimum=0), check_integer("flights", flights, 4, 10_000)
+    flown = point_mass_flights(flights, seed)
+    scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
+    training = round(radars.TRAINING_SHARE * flights)
+    _write(folder / "flights.parquet", _joined([_flight_columns(k, one) for k, one in enumerate(flown)]))
+    _write(folder / "radars.parquet", _joined([_radar_columns(k, scan) for k, scan in enumerate(scans)]))
+    parts = []
+    streams = (seed, radars.TRAINING_NOISE), (seed, radars.TEST_NOISE, 0)
+    for split, some, stream in zip(SPLITS, (slice(training), slice(training, None)), streams, strict=True):
+        measured = {noise: measure(scans[some], noise, stream).measurements for noise in NOISES}
+        for k, scan in enumerate(scans[some]):
+            count = len(scan.times)
+            columns = {
+                "flight": np.full(count, k + (some.start or 0)), "split": np.full(count, split),
+                "radar": scan.radar, "time": scan.times,
+            }  # fmt: skip
+            for noise, values in measured.items():
+                columns |= {f"{noise}_{axis}": values[k, :count, i] for i, axis in enumerate("xyz")}
+            parts.append(columns)
+    _write(folder / "measurements.parquet", _joined(parts))
+    card = CARD.format(
+        flights=flights, version=version("hybrid-track"), seed=seed, step=RECORD_STEP, training=training,
+        period=radars.PERIOD, range=radars.RANGE, sigma=radars.SIGMA, stability=radars.STABILITY,
+        clip=radars.CLIP,
+    )  # fmt: skip
+    (folder / "README.md").write_text(card, encoding="utf-8")
+    digests = {name: _digest(folder / f"{name}.parquet") for name in TABLES}
+    about = {"format": FORMAT, "seed": seed, "flights": flights, "training": training, "sha256": digests}
+    (folder / "dataset.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+
+
+def load_radar_data(folder: str | Path) -> RadarData:
+    """Load the data set that `hybridtrack dataset radar` has written.
+
+    Args:
+        folder: of the files.
+
+    Raises:
+        ArgumentError: the folder has no such data set, or a file is damaged.
+        MissingExtraError: pyarrow is not installed.
+    """
+    folder = Path(folder)
+    try:
+        about = json.loads((folder / "dataset.json").read_text(encoding="utf-8"))
+        damaged = [name for name in TABLES if _digest(folder / f"{name}.parquet") != about["sha256"][name]]
+        known = about["format"] == FORMAT
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArgumentError(f"{folder} has no radar data set: {error}") from None
+    if not known or damaged:
+        fault = f"{damaged[0]}.parquet was changed" if damaged else "it has another format"
+        raise ArgumentError(f"{folder} cannot be loaded: {fault}; write the data set anew")
+    tables = {name: _read(folder / f"{name}.parquet") for name in TABLES}
+    states, measured = tables["flights"], tables["measurements"]
+    flights = [
+        Flight(
+            *(
+                np.stack([part[axis] for axis in axes], axis=-1)
+                for axes in (("x", "y", "z"), ("vx", "vy", "vz"))
+            )
+        )
+        for part in _groups(states)
+    ]
+    parts = _groups(measured)
+    first = {"training": 0, "test": about["training"]}
+    tracks: dict[str, dict[Noise, Tracks]] = {}
+    for split in SPLITS:
+        some = [part for part in parts if part["split"][0] == split]
+        chosen = flights[first[split] : first[split] + len(some)]
+        tracks[split] = {noise: _tracks(some, chosen, noise) for noise in NOISES}
+    return RadarData(about["seed"], flights, tracks)
+
+
+def _tracks(parts: list[dict[str, Any]], flights: list[Flight], noise: Noise) -> Tracks:
+    longest = max(len(part["time"]) for part in parts)
+    arrays = np.full((3, len(parts), longest, 3), np.nan)
+    times = np.stack([np.pad(part["time"], (0, longest - len(part["time"])), mode="edge") for part in parts])
+    for k, (part, flight) in enumerate(zip(parts, flights, strict=True)):
+        count = len(part["time"])
+        arrays[0, k, :count] = np.stack([part[f"{noise}_{axis}"] for axis in "xyz"], axis=-1)
+        arrays[1, k, :count], arrays[2, k, :count] = flight.states_at(part["time"])
+    return Tracks(times, *arrays)
+
+
+def _flight_columns(k: int, flight: Flight) -> dict[str, FloatArray]:
+    columns: dict[str, Any] = {"flight": np.full(len(flight.times), k), "time": flight.times}
+    for i, axis in enumerate("xyz"):
+        columns |= {axis: flight.positions[:, i]}
+    return columns | {f"v{axis}": flight.velocities[:, i] for i, axis in enumerate("xyz")}
+
+
+def _radar_columns(k: int, scan: Scan) -> dict[str, Any]:
+    count = len(scan.radars)
+    columns: dict[str, Any] = {"flight": np.full(count, k), "radar": np.arange(count)}
+    return columns | {axis: scan.radars[:, i] for i, axis in enumerate("xyz")}
+
+
+def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of each flight, which lie together."""
+    starts = np.flatnonzero(np.diff(columns["flight"], prepend=-1))
+    bounds = [*starts.tolist(), len(columns["flight"])]
+    return [{name: values[begin:end] for name, values in columns.items()} for begin, end in pairwise(bounds)]
+
+
+def _write(file: Path, columns: dict[str, Any]) -> None:
+    with explained():
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    pq.write_table(pa.table(columns), file, compression="zstd")
+
+
+def _read(file: Path) -> dict[str, Any]:
+    with explained():
+        import pyarrow.parquet as pq
+    table = pq.read_table(file)
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
