@@ -1,7 +1,6 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,14 +32,14 @@ class Prior(NamedTuple):
 
     Attributes:
         laws: L laws.
-        weights: (L,) their probabilities.
+        weights: L numbers in proportion to their probabilities.
         different: probability that straight motion and turns have laws of their own.
         habitual: probability that the next modes are not equally likely.
         floor, ceiling: smallest and largest hazard.
     """
 
-    laws: Sequence[SimpleDurations]
-    weights: FloatArray
+    laws: tuple[SimpleDurations, ...]
+    weights: tuple[float, ...]
     different: float = DIFFERENT
     habitual: float = HABITUAL
     floor: float = 0.0
@@ -60,7 +59,7 @@ def default_prior() -> Prior:
     weights += [GEOMETRIC / len(geometric)] * len(geometric)
     laws += [*geometric, GeometricDurations(50.0, 25)]
     weights.append(DEFAULT)
-    return Prior(tuple(laws), np.array(weights), floor=FLOOR, ceiling=CEILING)
+    return Prior(tuple(laws), tuple(weights), floor=FLOOR, ceiling=CEILING)
 
 
 class AdaptiveBeamDecider(BeamDecider):
@@ -92,14 +91,16 @@ class AdaptiveBeamDecider(BeamDecider):
         super().__init__(options, threshold, release, branches)
         known = default_prior() if prior is None else prior
         self.model = self.model._replace(
-            tables=_tables(known, options), prior=_beliefs(known), habitual=known.habitual
+            tables=_tables(known, min(options.ticks, OLDEST), options.start == "random"),
+            prior=_beliefs(known),
+            habitual=known.habitual,
         )
 
 
-def _tables(prior: Prior, options: QuickestOptions) -> FloatArray:
-    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L)."""
-    ages = min(options.ticks, OLDEST)
-    first = remaining_probabilities if options.start == "random" else duration_probabilities
+@functools.lru_cache(4)
+def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
+    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds share."""
+    first = remaining_probabilities if random_start else duration_probabilities
     tables = np.empty((2, ages, 2, len(prior.laws)))
     for row, probabilities in enumerate((first, duration_probabilities)):
         laws = np.stack([probabilities(law, ages) for law in prior.laws])
@@ -112,4 +113,5 @@ def _tables(prior: Prior, options: QuickestOptions) -> FloatArray:
 def _beliefs(prior: Prior) -> FloatArray:
     """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
     shares = np.array([1.0 - prior.different, prior.different, prior.different])
-    return shares[:, None] * prior.weights / prior.weights.sum()
+    weights = np.array(prior.weights)
+    return np.asarray(shares[:, None] * weights / weights.sum())

@@ -25,9 +25,7 @@ def states_of(env, deciders, ticks):
 
 def prior_of(*texts, weights=None, **more):
     laws = tuple(map(parse_durations, texts))
-    return Prior(
-        laws, np.ones(len(laws)) if weights is None else np.array(weights), **{"different": 0.0} | more
-    )
+    return Prior(laws, tuple(np.ones(len(laws)) if weights is None else weights), **{"different": 0.0} | more)
 
 
 def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_their_beams():
