@@ -38,12 +38,12 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
     expected = np.log(weights.sum(1)), weights / weights.sum(1, keepdims=True)
     branches = learned.branches
     shares = np.exp(branches.filters["log_likelihood"].reshape(6, -1))
-    found = [
-        sum(
-            shares[i, b] * branches.habits.laws[i, branches.slots[i, b], 0] for b in range(branches.counts[i])
-        )
-        for i in range(6)
-    ]
+    found = np.zeros((6, 3))
+    for i in range(6):
+        for b in range(branches.counts[i]):
+            belief = branches.habits.laws[i, branches.slots[i, b], 0]  # when the segment began
+            belief = belief * adaptive.model.tables[branches.rows[i, b], branches.ages[i, b] - 1, 0]
+            found[i] += shares[i, b] * belief / belief.sum()
     np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
     np.testing.assert_allclose(found, expected[1], atol=1e-4)
     probabilities = np.array([np.exp(state.log_probability) for state in known])
