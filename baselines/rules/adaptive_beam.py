@@ -20,7 +20,8 @@ SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform 
 WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
 """Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
 OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
-DEFAULT, GEOMETRIC, UNIFORM = 0.6, 0.2, 0.2  # probability of the environment's default law, and of each kind
+DEFAULT, GEOMETRIC, UNIFORM = 0.5, 0.1, 0.4  # probability of the environment's default law, and of each kind
+USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm
 DIFFERENT = 0.05  # probability that straight motion and turns have laws of their own
 HABITUAL = 0.2  # probability that the next modes are not equally likely
 FLOOR, CEILING = 2e-4, 0.4  # of the hazards, so that no duration excludes a law
@@ -49,17 +50,21 @@ class Prior(NamedTuple):
 @functools.cache
 def default_prior() -> Prior:
     """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
-    laws: list[SimpleDurations] = []
+    laws: list[GeometricDurations | UniformDurations] = []
     weights: list[float] = []
     for width, step in WIDTHS.items():
         shortest = np.unique(np.exp(np.arange(np.log(SHORTEST), np.log(LONGEST), step)).round().astype(int))
         laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in shortest.tolist()]
-        weights += [UNIFORM / len(WIDTHS) / len(shortest)] * len(shortest)
+        weights += [1.0 / len(shortest)] * len(shortest)
     geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
-    weights += [GEOMETRIC / len(geometric)] * len(geometric)
-    laws += [*geometric, GeometricDurations(50.0, 25)]
-    weights.append(DEFAULT)
-    return Prior(tuple(laws), tuple(weights), floor=FLOOR, ceiling=CEILING)
+    means = np.log([law.mean_duration for law in (*laws, *geometric)])
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(
+        -0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2
+    )
+    kinds = np.split(usual, [len(laws)])
+    shares = [share * kind / kind.sum() for share, kind in zip((UNIFORM, GEOMETRIC), kinds, strict=True)]
+    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
+    return Prior(everything, (*np.concatenate(shares).tolist(), DEFAULT), floor=FLOOR, ceiling=CEILING)
 
 
 class AdaptiveBeamDecider(BeamDecider):
