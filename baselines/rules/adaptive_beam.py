@@ -81,13 +81,13 @@ class AdaptiveBeamDecider(BeamDecider):
         ArgumentError: an argument is out of range.
     """
 
-    name, title, informed = "beam-adaptive", "beam, adaptive", False
+    name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
     colour, marker = "#8c6d00", "v"
 
     def __init__(
         self,
         options: QuickestOptions,
-        threshold: float = 0.6,
+        threshold: float = 0.65,
         release: float = 1.0,
         branches: int = 64,
         *,
