@@ -221,6 +221,9 @@ class HybridTrackEnv(TrackEnv):
     | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
     | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
 
+    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position;
+    innovations and their variance are those of the position.
+
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
     innovations are exactly zero, which they are in no other tick, the ratios do not change, and the
     displacement is the one that the most likely filter predicts.

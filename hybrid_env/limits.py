@@ -21,6 +21,9 @@ RANGES = {
     "tau": (1e-9, 1e9),  # [s]
     "process_variance": (0.0, 1e18),  # [m^2/s^2]
     "measurement_variance": (1e-18, 1e18),  # [m^2]
+    "range_deviation": (1e-9, 1e9),  # [m]
+    "bearing_deviation": (1e-6, 1.0),  # [rad]
+    "rate_deviation": (1e-9, 1e9),  # [m/s]
     "delay_cost": (0.0, 1e6),
     "initial_position": (0.0, 1e12),  # variance / R
     "initial_velocity": (0.0, 1e18),  # variance [m^2/s^2]

@@ -15,11 +15,16 @@ from hybrid_env.core.kernel import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, LIVE_KERNELS, MEASURE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Fused
 from hybrid_env.world import World
 
 TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
+
+
+UNIT_NOISE = np.array([1.0, 0.0, 1.0])
+"""Covariance xx, xy, yy over R of a measured position."""
 
 
 class OnlineTrack(World):
@@ -43,7 +48,9 @@ class OnlineTrack(World):
         parameters["irregular"] = True  # any measurement may be missing
         super()._bind(parameters, *arrays)
         block = self.blocks[0]
-        block["variance_ratio"] = 1.0  # those that are not have variance R
+        self._noise: FloatArray = block["noise"][:, 0]
+        self._rates: FloatArray = block["rates"][:, 0]
+        self._noise[:] = UNIT_NOISE  # positions have variance R
         self._measurement: FloatArray = block["measurement"][:, 0]
         self._estimate: FloatArray = block["estimate"][:, 0]
         self._triangle: FloatArray = block["covariance"][:, 0]
@@ -74,10 +81,20 @@ class OnlineTrack(World):
     def begin_segment(self, ticks: int) -> None:
         """Begin a segment of a number of ticks, before its first measurement."""
 
-    def measure(self, x: float, y: float) -> None:
-        """Advance by one tick with a measurement [m]; write the observation."""
+    def measure(self, x: float, y: float, fused: Fused | None = None) -> None:
+        """Advance by one tick with a measurement [m]; write the observation.
+
+        Args:
+            x, y: measured position [m].
+            fused: the same with its covariance and the range rates; None is variance R.
+        """
         self._measurement[0] = x
         self._measurement[1] = y
+        if self.options.sensors:
+            self._noise[:], self._rates[:] = UNIT_NOISE, np.nan
+            if fused is not None and fused.covariance is not None:
+                self._noise[:] = np.array(fused.covariance) / self.options.variances[0]
+                self._rates[: len(fused.rates)] = fused.rates
         self._advance_tick()
 
     def skip(self) -> None:
@@ -165,12 +182,12 @@ class AnnouncedTrack(OnlineTrack):
         self._run(BEGIN)
         if self.options.recalculation:
             self._at_switch = {name: array.copy() for name, array in self.arrays().items()}
-            self._since: list[FloatArray] = []  # measurements since the switch
+            self._since: list[list[FloatArray]] = []  # what was measured since the switch
 
     def _advance_tick(self) -> None:
         self._run(MEASURE)
         if self.options.recalculation and self.asks:
-            self._since.append(self._measurement.copy())
+            self._since.append([one.copy() for one in (self._measurement, self._noise, self._rates)])
 
     @property
     def decided(self) -> bool:
@@ -202,8 +219,8 @@ class AnnouncedTrack(OnlineTrack):
         estimates, covariances = np.empty((ticks, 4)), np.empty((ticks, 4, 4))
         self.restore(self._at_switch)
         self.blocks["active_mode"][0, 0] = mode
-        for k, measurement in enumerate(self._since):
-            self._measurement[:] = measurement
+        for k, measured in enumerate(self._since):
+            self._measurement[:], self._noise[:], self._rates[:] = measured
             self._run(MEASURE)
             estimates[k], covariances[k] = self.estimate(), self.covariance()
         self.decision_flags[HAS_DECISION, 0] = True

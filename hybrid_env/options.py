@@ -19,7 +19,7 @@ from hybrid_env.limits import check_initial_error, check_ratios, check_variances
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.sensors import Sensor, check_sensors, parse_sensors, sensor_table
+from hybrid_env.sensors import Radar, Sensor, check_sensors, has_radar, parse_sensors, sensor_table
 
 CHOICES = {
     "bank": tuple(BANKS),
@@ -54,10 +54,9 @@ class ModelOptions:
         missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
             The filters then only predict; in the observation all innovations are zero, and
             `info["measurement"]` is NaN.
-        sensors: position sensors (`hybrid_env.Sensor`, or texts: a variance, "0.4 period 5 range 30 at 10
-            20") that replace the one of variance R; their measurements of a tick are fused, and a tick in
-            which none measures is like a missed one. R stays the unit of the observation and of
-            `initial_error`, and is the same for both axes.
+        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30
+            at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in
+            which none measures is like a missed one. R, one number, stays the unit of the observation.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
             one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
@@ -88,7 +87,7 @@ class ModelOptions:
     measurement_variance: float | tuple[float, float] = 0.1
     noise: str | Noise = "gaussian"
     missed: float = 0.0
-    sensors: tuple[Sensor, ...] = ()
+    sensors: tuple[Sensor | Radar, ...] = ()
     likelihood: str | GaussianNoise | StudentNoise = "gaussian"
     initial_error: float | tuple[float, float] = (0.3, 0.02)
 
@@ -190,11 +189,11 @@ class ModelOptions:
         record["noise_whitener"] = np.exp(-0.5 * record["log_noise"])
         record["radii_count"], record["columns"] = len(self.radii), len(self.radii) + 1
         record["modes"], record["axes"] = self.hypotheses, self.variances.size
-        record["table_rows"] = len(self.table)
+        record["table_rows"], record["sensor_count"] = len(self.table), len(self.sensors)
         self.noise.write_parameters(record)
         record["freedom"] = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
-        record["sensor_count"] = len(self.sensors)
         record["irregular"] = self.missed > 0.0 or bool(self.sensors)
+        record["radar"] = has_radar(self.sensors)
         return record
 
 
@@ -277,8 +276,8 @@ class WorldOptions(ModelOptions):
 
     @property
     def bank_class(self) -> type:
-        """Class of the bank."""
-        return BANKS[self.bank]
+        """Class of the bank: with a radar the axes of the published one are not independent."""
+        return BANKS["anchor_aware" if has_radar(self.sensors) else self.bank]
 
     @property
     def action_count(self) -> int:
@@ -340,10 +339,11 @@ class WorldOptions(ModelOptions):
         record["delay_cost"], record["segments"] = self.delay_cost, self.segments
         default = self.bank == "published" and self.follow == "declared"
         record["reset_covariance"] = default if self.reset_covariance is None else self.reset_covariance
-        record["oracle"], record["exact"] = self.bank == "oracle", self.correctness == "exact"
-        record["declare_best"], record["merged"] = self.actions == "best", self.follow == "bank"
+        record["oracle"], record["exact_anchor"] = self.bank == "oracle", self.bank != "anchor_aware"
+        record["exact"], record["merged"] = self.correctness == "exact", self.follow == "bank"
+        record["declare_best"], record["axes"] = self.actions == "best", self.axes
         record["recalculated"], record["refined"] = self.hypotheses * self.recalculation, self.refine_radius
-        record["keep_undecided"], record["axes"] = self.undecided == "keep", self.axes
+        record["keep_undecided"] = self.undecided == "keep"
         if not isinstance(self.scheme, FixedScheme):
             record["random_scheme"] = True
             record["shortest"], record["longest"] = self.scheme.lengths

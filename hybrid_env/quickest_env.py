@@ -49,6 +49,9 @@ class HybridTrackQuickestEnv(TrackEnv):
     | 6 M | speed | speed of the merged estimate [m/s] | 0 | | 1 |
     | 6 M + 1 | stated_ticks | number of consecutive statements of this mode | 0 | | 0.01 |
 
+    With radars that measure the range rate, it adds to the likelihood of a hypothesis after the position;
+    innovations and their variance are those of the position.
+
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only predict: all
     innovations are exactly zero, which they are in no other tick, and the probabilities follow the Markov
     chain.

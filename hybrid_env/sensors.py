@@ -1,28 +1,54 @@
-"""Position sensors of different variance, rate and range, whose measurements of a tick are fused."""
+"""Position sensors and radars of any accuracy, period and range, whose measurements of a tick are fused."""
 
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hybrid_env.checks import ArgumentError, check_number, reject
-from hybrid_env.core.records import SENSOR
+from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_number, reject
+from hybrid_env.core.polar import Position, add_information, fused_position, position_noise, to_position
+from hybrid_env.core.records import MOST_RATES, SENSOR
 from hybrid_env.limits import RANGES, check_ticks, check_within, two_values
 
 MOST_SENSORS = 100
 LARGEST_VARIANCE_RATIO = 1e12  # variance of a sensor over R, and R over it
 GRAMMAR = (
-    f"a list of at most {MOST_SENSORS} sensors: hybrid_env.Sensor, mappings of its attributes, or texts such "
-    "as '0.4 period 5 range 30 at 10 20'"
+    f"a list of at most {MOST_SENSORS}: hybrid_env.Sensor, Radar, mappings, or texts such as "
+    "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class _Placed:
+    """Where and when a sensor measures."""
+
+    position: tuple[float, float] = (0.0, 0.0)
+    period: int = 1
+    range: float = math.inf
+
+    values: ClassVar[int] = 2
+    """Number of values that it measures."""
+
+    def __post_init__(self) -> None:
+        fix = functools.partial(object.__setattr__, self)
+        x, y = two_values("position", self.position, "(x, y)")
+        fix("position", (check_number("position", x), check_number("position", y)))
+        if max(map(abs, self.position)) > RANGES["radii"][1]:
+            raise reject("position", self.position, f"numbers up to {RANGES['radii'][1]:g}")
+        fix("period", check_ticks("period", self.period))
+        allowed = "a number > 0, or inf"
+        infinite = isinstance(self.range, float) and self.range == math.inf
+        fix("range", math.inf if infinite else check_number("range", self.range, allowed))
+        if self.range <= 0.0:
+            raise reject("range", self.range, allowed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor(_Placed):
     """A sensor that measures the position of the object with an error of its own.
 
     It measures in the ticks 1, 1 + period, 1 + 2 period, ... of an episode in which the object is in range.
@@ -38,26 +64,117 @@ class Sensor:
     """
 
     variance: float
-    position: tuple[float, float] = (0.0, 0.0)
-    period: int = 1
-    range: float = math.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "variance", check_within("variance", self.variance, "measurement_variance"))
+        super().__post_init__()
+
+    def located(self, values: FloatArray) -> Position:
+        """Return a measured (x, y) [m] and its covariance xx, xy, yy [m^2]."""
+        return float(values[0]), float(values[1]), self.variance, 0.0, self.variance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Radar(_Placed):
+    """A sensor that measures range and bearing of the object, and by option its range rate (Doppler).
+
+    Range and bearing are converted to a position and its covariance, see `hybrid_env.core.polar`. The filters
+    are consistent as long as range * bearing_deviation^2, the bend of an arc of the length of the bearing
+    error, is smaller than the range deviation.
+
+    Attributes:
+        range_deviation: standard deviation of the range [m].
+        bearing_deviation: of the bearing [rad].
+        rate_deviation: of the range rate [m/s]; None measures none. At most four radars of a list do.
+        position, period, range: see `Sensor`.
+
+    Raises:
+        ArgumentError: an attribute has a value that is not allowed.
+    """
+
+    range_deviation: float
+    bearing_deviation: float
+    rate_deviation: float | None = None
 
     def __post_init__(self) -> None:
         fix = functools.partial(object.__setattr__, self)
-        fix("variance", check_within("variance", self.variance, "measurement_variance"))
-        x, y = two_values("position", self.position, "(x, y)")
-        fix("position", (check_number("position", x), check_number("position", y)))
-        if max(map(abs, self.position)) > RANGES["radii"][1]:
-            raise reject("position", self.position, f"numbers up to {RANGES['radii'][1]:g}")
-        fix("period", check_ticks("period", self.period))
-        allowed = "a number > 0, or inf"
-        infinite = isinstance(self.range, float) and self.range == math.inf
-        fix("range", math.inf if infinite else check_number("range", self.range, allowed))
-        if self.range <= 0.0:
-            raise reject("range", self.range, allowed)
+        for name in ("range_deviation", "bearing_deviation", "rate_deviation"):
+            if name != "rate_deviation" or self.rate_deviation is not None:
+                fix(name, check_within(name, getattr(self, name)))
+        super().__post_init__()
+
+    @property
+    def values(self) -> int:  # type: ignore[override]
+        """Number of values that it measures."""
+        return 2 if self.rate_deviation is None else 3
+
+    def located(self, values: FloatArray) -> Position:
+        """Return the position of a measured (range, bearing, ...) [m, rad], and its covariance xx, xy, yy.
+
+        Bearings are counter-clockwise from the x axis.
+        """
+        distance, bearing = values[:2].tolist()
+        x, y, *covariance = to_position(
+            distance, math.cos(bearing), math.sin(bearing), self.range_deviation, self.bearing_deviation
+        )
+        return self.position[0] + x, self.position[1] + y, *covariance
+
+    def noise(self, x: float, y: float) -> tuple[float, float, float]:
+        """Return the covariance xx, xy, yy of a converted position [m^2]."""
+        deviations = self.range_deviation, self.bearing_deviation
+        return position_noise(x - self.position[0], y - self.position[1], *deviations)
+
+    def scaled(self, length: float, velocity: float) -> "Radar":
+        """Return the same radar at the origin, in other units: the scales of lengths and velocities."""
+        rate = None if self.rate_deviation is None else velocity * self.rate_deviation
+        return replace(
+            self, position=(0.0, 0.0), range_deviation=length * self.range_deviation, rate_deviation=rate
+        )
 
 
-def parse_sensors(value: Any) -> tuple[Sensor, ...]:
+class Fused(NamedTuple):
+    """What sensors measured in a tick.
+
+    Attributes:
+        position: (x, y) [m].
+        covariance: xx, xy, yy of its error [m^2]; None is variance R.
+        rates: of each radar with a range rate, in the order of the list [m/s]; NaN if it did not measure.
+    """
+
+    position: tuple[float, float]
+    covariance: tuple[float, float, float] | None = None
+    rates: tuple[float, ...] = ()
+
+
+def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
+    """Return what some of the sensors measured in a tick.
+
+    Args:
+        sensors: the list.
+        values: of each sensor that measured, by its place in the list: (x, y), (range, bearing) or (range,
+            bearing, range rate) [m, rad, m/s].
+
+    Raises:
+        ArgumentError: there is no such sensor, or the values are not those of the sensor.
+    """
+    information, rates, origin = (0.0,) * 5, [], None
+    for k, sensor in enumerate(sensors):
+        found = None
+        if k in values:
+            found = check_array(f"measurement[{k}]", values[k], (sensor.values,))
+            x, y, xx, xy, yy = sensor.located(found)
+            origin = origin or (x, y)
+            information = add_information(information, x - origin[0], y - origin[1], (xx, xy, yy))
+        if sensor.values == 3:
+            rates.append(math.nan if found is None else float(found[2]))
+    if origin is None or not values.keys() <= set(range(len(sensors))):
+        allowed = f"values of some of the {len(sensors)} sensors by their place in the list, from 0"
+        raise reject("measurement", dict(values), allowed)
+    x, y, *covariance = fused_position(information)
+    return Fused((origin[0] + x, origin[1] + y), tuple(covariance), tuple(rates))
+
+
+def parse_sensors(value: Any) -> tuple[Sensor | Radar, ...]:
     """Return the sensors of a list of sensors, mappings or texts. Raises `ArgumentError` for other values."""
     listed = isinstance(value, Sequence) and not isinstance(value, (str, bytes))
     if not listed or len(value) > MOST_SENSORS:
@@ -66,31 +183,49 @@ def parse_sensors(value: Any) -> tuple[Sensor, ...]:
     for one in value:
         if isinstance(one, (Mapping, str)):
             try:
-                one = Sensor(**(_attributes(one) if isinstance(one, str) else one))
+                given = _attributes(one) if isinstance(one, str) else one
+                one = (Radar if "range_deviation" in given else Sensor)(**given)
             except (ArgumentError, TypeError, ValueError) as error:
                 raise reject("sensors", value, f"{GRAMMAR} ({error})") from None
-        if not isinstance(one, Sensor):
+        if not isinstance(one, (Sensor, Radar)):
             raise reject("sensors", value, GRAMMAR)
         sensors.append(one)
+    if sum(one.values == 3 for one in sensors) > MOST_RATES:
+        raise reject("sensors", value, f"at most {MOST_RATES} radars that measure the range rate")
     return tuple(sensors)
 
 
 def _attributes(text: str) -> dict[str, Any]:
-    """Return the attributes of a sensor from "VARIANCE [period TICKS] [range DISTANCE] [at X Y]"."""
+    """Return the attributes of a sensor from a text.
+
+    "VARIANCE [period TICKS] [range DISTANCE] [at X Y]", or "radar RANGE_DEVIATION BEARING_DEVIATION [rate
+    RATE_DEVIATION]" and the same words.
+    """
     words = text.split()
-    found: dict[str, Any] = {"variance": float(words.pop(0))} if words else {}
+    found: dict[str, Any] = {}
+    if words[:1] == ["radar"] and len(words) >= 3:
+        found = {"range_deviation": float(words[1]), "bearing_deviation": float(words[2])}
+        words = words[3:]
+    elif words:
+        found["variance"] = float(words.pop(0))
     while words:
         name = words.pop(0)
         if name == "at" and len(words) >= 2:
             found["position"] = float(words.pop(0)), float(words.pop(0))
-        elif name in ("period", "range") and words:
-            found[name] = (int if name == "period" else float)(words.pop(0))
+        elif name in ("period", "range", "rate") and words:
+            attribute = "rate_deviation" if name == "rate" else name
+            found[attribute] = (int if name == "period" else float)(words.pop(0))
         else:
             raise ValueError(f"{name!r} in {text!r}")
     return found
 
 
-def check_sensors(sensors: Sequence[Sensor], variances: Sequence[float]) -> None:
+def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
+    """Return whether a sensor is a radar."""
+    return any(isinstance(sensor, Radar) for sensor in sensors)
+
+
+def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float]) -> None:
     """Check the sensors against the measurement variances of the axes [m^2].
 
     Raises:
@@ -102,23 +237,32 @@ def check_sensors(sensors: Sequence[Sensor], variances: Sequence[float]) -> None
         allowed = "one number with sensors, whose variances are the same for both axes"
         raise reject("measurement_variance", tuple(variances), allowed)
     for sensor in sensors:
-        ratio = sensor.variance / variances[0]
-        if not 1.0 / LARGEST_VARIANCE_RATIO <= ratio <= LARGEST_VARIANCE_RATIO:
+        variance = _variance(sensor)
+        if not 1.0 / LARGEST_VARIANCE_RATIO <= variance / variances[0] <= LARGEST_VARIANCE_RATIO:
             allowed = f"variances within a factor {LARGEST_VARIANCE_RATIO:g} of measurement_variance"
-            raise reject("sensors", sensor.variance, allowed)
+            raise reject("sensors", variance, allowed)
 
 
-def sensor_table(sensors: Sequence[Sensor], variance: float) -> NDArray[Any]:
+def _variance(sensor: Sensor | Radar) -> float:
+    return sensor.variance if isinstance(sensor, Sensor) else sensor.range_deviation**2
+
+
+def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[Any]:
     """Return (k,) records `SENSOR` for the kernel.
 
     Args:
         sensors: k sensors.
         variance: R [m^2].
     """
-    table = np.zeros(len(sensors), SENSOR)
+    table, rates = np.zeros(len(sensors), SENSOR), 0
+    table["rate_row"] = -1
     for row, sensor in zip(table, sensors, strict=True):
         row["x"], row["y"] = sensor.position
-        row["deviation"] = math.sqrt(sensor.variance)
-        row["precision"] = variance / sensor.variance
+        row["deviation"] = math.sqrt(_variance(sensor))
+        row["precision"] = variance / _variance(sensor)
         row["period"], row["range"] = sensor.period, sensor.range
+        if isinstance(sensor, Radar):
+            row["bearing_deviation"] = sensor.bearing_deviation
+            if sensor.rate_deviation is not None:
+                row["rate_deviation"], row["rate_row"], rates = sensor.rate_deviation, rates, rates + 1
     return table

@@ -15,8 +15,26 @@ def weigh(innovation, Sigma, freedom):
     return 1.0, -0.5 * (squared + math.log(np.linalg.det(2 * math.pi * Sigma)))
 
 
+def correct_by_rate(state, P, rate, place, deviation):
+    """Correct a filter by a range rate, linearised at its state; return it with the log-likelihood."""
+
+    def range_rate(s):
+        return (s[[0, 2]] - place) @ s[[1, 3]] / np.hypot(*(s[[0, 2]] - place))
+
+    H = jacobian(range_rate, state)
+    x, y = (state[[0, 2]] - place) / np.hypot(*(state[[0, 2]] - place))
+    angle = np.array([-y, x]) @ P[:3:2, :3:2] @ [-y, x] / np.sum((state[[0, 2]] - place) ** 2)
+    second_order = 0.5 * angle**2 * np.sum(state[[1, 3]] ** 2) + angle * (P[1, 1] + P[3, 3])
+    sigma = H @ P @ H + deviation**2 + second_order
+    innovation, K = rate - range_rate(state), P @ H / sigma
+    likelihood = stats.norm.logpdf(innovation, scale=math.sqrt(sigma))
+    return state + K * innovation, P - np.outer(K, H @ P), likelihood
+
+
 class MatrixKalmanFilter:
     """Kalman filter with four states. Golubkov 2018, eq. (1) and (2), with Sigma = H P H' + R."""
+
+    rates = ()  # (range rate, place of the radar, deviation) of radars in the next tick
 
     def __init__(self, state, P, mode, radius, tau, Q, R, freedom=0):
         xs, vx, ys, vy = state
@@ -58,6 +76,9 @@ class MatrixKalmanFilter:
         self.x = x + weight * K @ self.innovation
         self.P = P - K @ self.H @ P
         self.log_likelihood += log_likelihood
+        for one in self.rates:
+            self.x, self.P, log_likelihood = correct_by_rate(self.x, self.P, *one)
+            self.log_likelihood += log_likelihood
 
 
 def move(state, tau):
@@ -93,6 +114,8 @@ def jacobian(function, state):
 class MatrixExtendedKalmanFilter:
     """Extended Kalman filter with seven states. Jacobians are computed by central differences."""
 
+    rates = ()  # see `MatrixKalmanFilter`
+
     def __init__(self, anchor, P, signed_radius, tau, Q, R):
         self.tau, self.R = tau, R
         self.Q = np.diag([0, Q, 0, Q, 0, 0, 0])
@@ -117,17 +140,22 @@ class MatrixExtendedKalmanFilter:
             return
         H = np.zeros((2, 7))
         H[0, 0] = H[1, 2] = 1.0
-        Sigma = H @ P @ H.T + np.diag(self.R)
+        Sigma = H @ P @ H.T + (np.diag(self.R) if np.ndim(self.R) == 1 else self.R)
         innovation = z - H @ s
         K = P @ H.T @ np.linalg.inv(Sigma)
         self.s, self.P = s + K @ innovation, P - K @ H @ P
         quadratic = innovation @ np.linalg.solve(Sigma, innovation)
         self.distance = quadratic
         self.log_likelihood -= 0.5 * (quadratic + math.log(np.linalg.det(2 * math.pi * Sigma)))
+        for one in self.rates:
+            self.s, self.P, log_likelihood = correct_by_rate(self.s, self.P, *one)
+            self.log_likelihood += log_likelihood
 
 
 class LiteralImm:
     """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with probabilities."""
+
+    rates = ()  # see `MatrixKalmanFilter`
 
     def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0):
         self.freedom = freedom
@@ -164,6 +192,11 @@ class LiteralImm:
             K = P @ H.T @ np.linalg.inv(Sigma)
             weight, self.log_likelihood[j] = weigh(innovation, Sigma, self.freedom)
             self.states[j], self.covariances[j] = x + weight * K @ innovation, P - K @ H @ P
+            for one in self.rates:
+                self.states[j], self.covariances[j], more = correct_by_rate(
+                    self.states[j], self.covariances[j], *one
+                )
+                self.log_likelihood[j] += more
         self.probability = prior * np.exp(self.log_likelihood)
         self.probability /= self.probability.sum()
         self.estimate = sum(p * x for p, x in zip(self.probability, self.states, strict=True))

@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from hybrid_env import FixedScheme, HybridTrackVectorEnv, RandomScheme, Segment, Sensor, WorldOptions
+from hybrid_env import (
+    FixedScheme,
+    HybridTrackVectorEnv,
+    Radar,
+    RandomScheme,
+    Segment,
+    Sensor,
+    WorldOptions,
+)
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, RANGES
 
@@ -46,10 +54,21 @@ def random_scheme(generator, radii, longest):
 
 
 def random_sensors(generator, values, radii):
-    """Draw up to four sensors, often none."""
+    """Draw up to four position sensors and two radars, often none."""
     if generator.random() < 0.6:
         return ()
-    return [
+    deviation = float(np.sqrt(values["measurement_variance"]))
+    radars = [
+        Radar(
+            range_deviation=float(np.clip(deviation * 10.0 ** generator.normal(), 1e-9, 1e9)),
+            bearing_deviation=float(10.0 ** generator.uniform(-6, 0)),
+            rate_deviation=float(10.0 ** generator.uniform(-9, 9)) if generator.random() < 0.5 else None,
+            position=tuple((generator.normal(size=2) * max(radii)).clip(-1e12, 1e12).tolist()),
+            period=int(generator.integers(1, 9)),
+        )
+        for _ in range(generator.integers(0, 3) * (generator.random() < 0.5))
+    ]
+    return radars + [
         Sensor(
             variance=float(
                 np.clip(values["measurement_variance"] * 10.0 ** generator.normal(0, 2), 1e-18, 1e18)
@@ -159,6 +178,7 @@ def unit_scales(options, length, time):
     position, velocity = options["initial_error"]
     scaled["initial_error"] = (position, velocity * (length / time) ** 2)
     units = {"variance": length**2, "position": length, "range": length, "period": 1}
+    units |= {"range_deviation": length, "bearing_deviation": 1, "rate_deviation": length / time}
     scaled["sensors"] = [
         {key: np.multiply(value, units[key]).tolist() for key, value in one.items()}
         for one in options.get("sensors", ())

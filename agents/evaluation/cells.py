@@ -23,7 +23,7 @@ def filled_table(
 ) -> Table:
     """Return a table whose first columns, `texts` of them, are of text; an empty row draws a line."""
     table = new_table(title, caption)
-    if len(heads) > 8:  # fit into 80 columns
+    if len(heads) > 7:  # fit into 80 columns
         table.padding = (0, 0, 0, 0)
     for column, head in enumerate(heads):
         if column < texts:  # long names are wrapped, numbers are not

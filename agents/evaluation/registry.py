@@ -102,7 +102,8 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
 
     Args:
         name: of a classical rule, "shipped", a run folder, "mine.py:MyRule", "package.module:Rule" or the
-            name of an entry point, without a threshold; or the object itself, see `own_family`.
+            name of an entry point, without a threshold or with one that it chooses, see `stopping_rule`; or
+            the object itself, see `own_family`.
         options: of the environment.
 
     Raises:
@@ -111,6 +112,11 @@ def find_family(name: Any, options: Any) -> DeciderFamily:
     """
     if not isinstance(name, str):
         return own_family(name, getattr(name, "__name__", type(name).__name__), options)
+    from agents.evaluation.stopping import stopping_family, stopping_rule
+
+    stopping = stopping_rule(name)
+    if stopping is not None:
+        return stopping_family(find_family(stopping[0], options), options, stopping[1])
     known = rules(options.switches)
     if name in known:
         return known[name].family(options)

@@ -23,6 +23,7 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.track_filters import TrackFilters
 from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
+from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -133,6 +134,12 @@ class AnchorDecider(Decider):
             raise reject("alpha", alpha, "a number above 0, at most 1")
         self.net, self.world, self.alpha = net, world, alpha
         self.by_type = world.correctness == "type"
+        self.layout = Layout(world.hypotheses)
+        self.observes = "tracks" if world.sensors else "rows"
+
+    def observe(self, tracks: Any) -> Observations:
+        """See `Decider.observe`: with sensors also what they measured."""
+        return observe_sensed(tracks)
 
     @classmethod
     def trained(cls, name: str, net: AnchorNetworks, options: WorldOptions) -> DeciderFamily:
@@ -145,14 +152,14 @@ class AnchorDecider(Decider):
         self, observation: Observations, state: Any, episode_start: BoolArray | None
     ) -> tuple[FloatArray, AnchorState]:
         """Return the posterior (N, M) after one tick, and the state."""
-        rows = np.asarray(observation)
+        rows, sensed = split_sensed(self.layout, np.asarray(observation))
         tracks = len(rows)
         if state is None:
             state = AnchorState(TrackFilters([self.world], [tracks]), np.ones(tracks, np.bool_))
         starting = state.starting if episode_start is None else state.starting | episode_start
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
         state.starting = starting & ~first
-        return state.filters.advance(self.net.anchor, rows, first), state
+        return state.filters.advance(self.net.anchor, rows, first, [sensed]), state
 
     def decide(
         self, observation: Observations, state: Any, episode_start: Any
@@ -185,7 +192,7 @@ class AnchorDecider(Decider):
         """Return the expected loss of a declaration and the hypothesis to declare, see `errors_and_best`."""
         tracks = len(posterior)
         return errors_and_best(
-            self.net, observation, state.filters.scales, posterior,
+            self.net, split_sensed(self.layout, observation)[0], state.filters.scales, posterior,
             np.full(tracks, self.by_type), np.full(tracks, self.alpha),
         )  # fmt: skip
 

@@ -53,13 +53,20 @@ class TrackFilters:
         )  # fmt: skip
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
 
-    def advance(self, net: AnchorNet, rows: Observations, first: BoolArray) -> FloatArray:
+    def advance(
+        self,
+        net: AnchorNet,
+        rows: Observations,
+        first: BoolArray,
+        sensed: Sequence[FloatArray | None] | None = None,
+    ) -> FloatArray:
         """Process one row of every track; return the posterior of the hypotheses, (N, M).
 
         Args:
             net: predicts the anchors.
             rows: (N, width).
             first: (N,) True at the first tick of an episode, whose anchor is as the options say.
+            sensed: of each world what its sensors measured, see `sensed_of`; None without sensors.
         """
         layout = self.layout
         ticks = layout.read(rows, "ticks")
@@ -73,10 +80,11 @@ class TrackFilters:
             self.filters,
             *(np.split(array, self.splits) for array in (rows, begins, anchors.swapaxes(0, 1))),
             *(np.split(array, self.splits) for array in (log_weights, first)),
+            sensed or [None] * len(self.filters),
             strict=True,
         )
-        for filters, own_rows, own_begins, own_anchors, own_weights, own_first in parts:
-            filters.advance(own_rows, own_begins, own_anchors.swapaxes(0, 1), own_weights, own_first)
+        for filters, own_rows, own_begins, own_anchors, *own in parts:
+            filters.advance(own_rows, own_begins, own_anchors.swapaxes(0, 1), *own)
         log_likelihood = np.concatenate([filters.log_likelihood for filters in self.filters], axis=1)
         share = joint_posterior(log_likelihood, self.log_weights)
         posterior = share.sum(0)

@@ -17,6 +17,7 @@ from agents.interface.parallel import Workers
 from agents.interface.progress import progress_display
 from baselines.recordings.reading.names import ROLES
 from hybrid_env.checks import ArgumentError, check_between, check_integer, check_positive, reject
+from hybrid_env.sensors import Radar, Sensor, parse_sensors
 
 if TYPE_CHECKING:
     from baselines.recordings.reading.read import RecordingFile
@@ -48,6 +49,11 @@ class FileArguments:
     gap: float | None = None
     """Longest time between two measurements [s]; after a longer gap the track starts anew. By default 20
     ticks."""
+    radar: str | None = None
+    """Radar that measured columns range and bearing: their standard deviations [unit of the range, rad], that
+    of the range rate if there is a column of it, and the place, as in '30 0.01 rate 0.5 at 1000 200'.
+    Bearings are degrees clockwise from north, or in a column 'bearing [rad]' radians counter-clockwise from
+    the x axis."""
     out: Path | None = None
     """Output folder; by default <file name>_track in the folder of the file. With several files each has a
     folder of this name inside."""
@@ -66,8 +72,20 @@ class FileArguments:
 
         return read_recordings(
             path, columns=self.column_names(), object_column=self.object, unit=self.unit,
-            time_unit=self.time_unit, tau=self.tau, gap=self.gap,
+            time_unit=self.time_unit, tau=self.tau, gap=self.gap, radar=self.parsed_radar(),
         )  # fmt: skip
+
+    def parsed_radar(self) -> Radar | None:
+        """Return the radar. Raises `ArgumentError` for other texts."""
+        try:
+            one = None if self.radar is None else parse_sensors([f"radar {self.radar}"])[0]
+        except ArgumentError:
+            one = Sensor(variance=1.0)
+        if isinstance(one, Sensor):
+            raise reject(
+                "radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'"
+            )
+        return one
 
     def column_names(self) -> dict[str, str]:
         """Return the columns by role.
@@ -112,6 +130,7 @@ class FileArguments:
         if not self.files:
             raise reject("files", self.files, "at least one file")
         self.column_names()
+        self.parsed_radar()
         if self.tau is not None:
             check_between("tau", self.tau, *TAU_RANGE)
         if self.gap is not None:

@@ -23,6 +23,7 @@ from hybrid_env.durations import GeometricDurations, parse_durations
 from hybrid_env.limits import MAX_LENGTH, distinct_radii
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Radar
 
 DECIDER, DECIDER_OF_LENGTHS = "threshold", "msprt-aware"
 """Default deciders: without and with segment lengths."""
@@ -110,28 +111,27 @@ class TrackingArguments:
             ArgumentError: an argument does not fit the recording.
         """
         self.check_tracking()
-        full = tick_grid(recording)
-        grid, bursts = (full, 0) if self.lengths else without_jumps(full)
-        grid, outliers = without_outliers(grid)
-        outliers += bursts
+        if recording.radar is not None and self.measurement_variance is not None:
+            raise reject(
+                "measurement_variance", self.measurement_variance, "none with radar, which has its own"
+            )
+        grid, outliers = tick_grid(recording), 0
+        if grid.radar is None:  # the noise of a radar depends on the range
+            grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
+            grid, outliers = without_outliers(grid)
+            outliers += bursts
         lengths = self._lengths(grid)
         law = None if self.durations is None else parse_durations(self.durations)
         model = fit_model(
             grid, self.radii or None, self.measurement_variance, self.process_variance,
             None if law is None else law.mean_duration, lengths,
         )  # fmt: skip
-        options: dict[str, Any] = ModelUnits.of(model).options(model)
+        options: dict[str, Any] = ModelUnits.of(model).options(model, grid.radar)
         name = self._decider_name()
         try:
             tracker = self._tracker(name, options, lengths, grid, model)
         except ArgumentError as error:
             raise _in_units(error, model) from None
-        if tracker.decider.needs_measurements:
-            grid, outliers = full, 0
-            missing = grid.total - grid.measured
-            if missing:
-                allowed = f"one that reads the rows of the bank: {missing} ticks have no measurement"
-                raise reject("decider", name, f"{allowed}, and it needs all")
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
         return row_results(
@@ -168,18 +168,30 @@ class TrackingArguments:
         return OnlineTracker(world, load_decider(name, world))
 
 
-def track_recording(times: ArrayLike | None, positions: ArrayLike, **options: Any) -> TrackedRecording:
+def track_recording(
+    times: ArrayLike | None, positions: ArrayLike, radar: Radar | None = None, **options: Any
+) -> TrackedRecording:
     """Decide between straight motion, left and right turns on positions, as `hybridtrack track` does.
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.
-        positions: (n, 2) measured x and y in any unit, NaN without a measurement.
+        positions: (n, 2) measured x and y in any unit, NaN without a measurement; with a radar its range,
+            bearing, counter-clockwise from the x axis [rad], and by option range rate, (n, 2) or (n, 3).
+        radar: that measured, in the same units.
         options: see `TrackingArguments`; the defaults are those of the command.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    return TrackingArguments(**options).track(make_recording(times, positions))
+    arguments = TrackingArguments(**options)
+    if radar is None:
+        return arguments.track(make_recording(times, positions))
+    values = np.asarray(positions, np.float64)
+    if values.ndim != 2 or values.shape[1] != radar.values:
+        raise reject("positions shape", values.shape, f"(n, {radar.values}), as the radar measures")
+    found = [radar.located(row)[:2] for row in values]
+    rates = values[:, 2] if radar.values == 3 else None
+    return arguments.track(make_recording(times, found, radar=radar, rates=rates))
 
 
 def _in_units(error: ArgumentError, model: TrackModel) -> ArgumentError:

@@ -97,8 +97,9 @@ class Dataset(WorldArguments, TrustArguments):
             found = score_radar_data(data, folder / "scores", progress)
         for table in radar_tables(found):
             console.print(table)
-        write_json(folder / "scores.json", radar_json(found))
-        save_figure(radar_figure(found), folder / "scores.png")
+        figures = radar_json(found)
+        write_json(folder / "scores.json", figures)
+        save_figure(radar_figure(figures), folder / "scores.png")
         print(f"Files in {folder}: scores.json, scores.png")
 
     def _minari(self, seed: int) -> None:

@@ -91,6 +91,8 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
             raise reject("beyond", self.beyond, f"a number from 1 to {LARGEST_FACTOR:g}")
         if self.beyond != type(self).beyond and not self.drawn:
             raise reject("beyond", self.beyond, "no value without --drawn")
+        from agents.evaluation.registry import split_threshold
+
         worlds = "with --shifted, --drawn or --noises"
         if not (self.shifted or self.drawn or self.noises):
             return
@@ -98,7 +100,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
             allowed = f"at most {seeds.SELECTION} minus the number of episodes, {worlds}"
             raise reject("seed", self.seed, allowed)
         for name in self.deciders:
-            if ":" in name and not Path(name).is_dir():
+            if split_threshold(name)[1] is not None:
                 raise reject("deciders", name, f"a name without a threshold, {worlds}")
 
     def _evaluate(self, deciders: tuple[str, ...], console: "Console") -> list[dict[str, Any]]:

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 from rich.progress import Progress
 from rich.table import Table
 
@@ -25,7 +27,9 @@ from baselines.scoring.scores import Scores
 FILTERS = (*THESIS, "CV", "IMM (CV, CA)", *ROBUST, *SLOW, COMBINED)
 NETWORK = "recurrent network"
 MOST_PROCESSES = 8
+ERRORS = (10, 20, 50, 100, 200, 500)
 Found = Mapping[Noise, Sequence[Scores]]
+Figures = Mapping[Noise, Mapping[str, Mapping[str, Mapping[str, float | None]]]]
 
 
 def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found:
@@ -105,7 +109,7 @@ def radar_tables(found: Found) -> list[Table]:
     return tables
 
 
-def radar_json(found: Found) -> dict[str, dict[str, dict[str, dict[str, float | None]]]]:
+def radar_json(found: Found) -> Figures:
     """Return the figures by noise, filter and column."""
     return {
         noise: {
@@ -115,24 +119,22 @@ def radar_json(found: Found) -> dict[str, dict[str, dict[str, dict[str, float | 
     }
 
 
-def radar_figure(found: Found) -> Figure:
-    """Return the errors of all filters now and ahead, one panel for each noise."""
+def radar_figure(found: Figures) -> Figure:
+    """Return the errors of all filters now and ahead, from `radar_json`, one panel for each noise."""
     figure = new_canvas((11.5, 5.6))
-    panels = figure.subplots(1, len(found))
+    panels = figure.subplots(1, len(found), sharex=True, sharey=True)
     marks = dict(zip(("position", *COLUMNS[2 : 2 + len(HORIZONS)]), "os^D", strict=True))
-    for axes, (noise, scores) in zip(panels, found.items(), strict=True):
-        names = [one.name for one in scores][::-1]
-        for name, marker in marks.items():
-            figures = [one.estimate(STATISTICS[name]) for one in scores][::-1]
-            bars = [[one.value - one.low for one in figures], [one.high - one.value for one in figures]]
-            label = "now" if name == "position" else f"{name.split()[1]} s ahead"
-            values = [one.value for one in figures]
-            axes.errorbar(
-                values, range(len(names)), xerr=bars, fmt=marker, markersize=5, label=label, linewidth=1
-            )
-        axes.set_yticks(range(len(names)), names if noise == NOISES[0] else [""] * len(names))
+    for axes, (noise, filters) in zip(panels, found.items(), strict=True):
+        for column, marker in marks.items():
+            values = np.array([list(one[column].values()) for one in filters.values()], np.float64)[::-1]
+            bars = np.abs(values[:, 1:] - values[:, :1]).T
+            label = "now" if column == "position" else f"{column.split()[1]} s ahead"
+            axes.errorbar(values[:, 0], range(len(filters)), xerr=bars, fmt=marker, markersize=5, label=label)
+        axes.set_yticks(range(len(filters)), list(filters)[::-1])
         axes.set_xscale("log")
+        axes.set_xticks(ERRORS, [f"{error:g}" for error in ERRORS])
+        axes.xaxis.set_minor_locator(NullLocator())
         axes.set_title(NOISE_NAMES[noise])
         plain_axes(axes, "RMSE of the position, m, with its 95 % interval")
-    panels[0].legend(frameon=False, ncol=4, loc="upper center", bbox_to_anchor=(1.0, 1.13))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncol=4, frameon=False)
     return figure

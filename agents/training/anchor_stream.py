@@ -14,6 +14,7 @@ from agents.learned.track_filters import TrackFilters
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
+from baselines.rules.sensed import sensed_of
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
@@ -107,7 +108,8 @@ class AnchorStream:
         for _ in range(settings.n_steps):
             self._draw_thresholds(settings)
             observation = np.concatenate(self.rows)
-            posterior = self.filters.advance(net.anchor, observation, self.first)
+            sensed = [sensed_of(env.world) for env in self.envs]
+            posterior = self.filters.advance(net.anchor, observation, self.first, sensed)
             if self.filters.anchor_samples is not None:
                 inputs, factor, tracks = self.filters.anchor_samples
                 white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]

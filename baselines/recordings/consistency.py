@@ -44,7 +44,7 @@ class Consistency:
         correlation: of successive normalised innovations, 0 if the model holds.
         far: share of normalised innovations longer than 99.9 % of those of the model.
         scatter: standard deviation of the measurements by their third differences, over that of the model;
-            NaN if there are too few measurements.
+            NaN if there are too few measurements, and with a radar, whose noise depends on the range.
         count: number of innovations.
     """
 
@@ -115,7 +115,7 @@ def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] 
     joined = np.concatenate([np.vstack([one, np.full((1, 2), np.nan)]) for one in innovations])
     squared = (joined**2).sum(1)
     count = int((~np.isnan(squared)).sum())
-    noise = noise_estimate(grid)
+    noise = noise_estimate(grid) if grid.radar is None else None
     scatter = math.nan if noise is None else math.sqrt(noise / model.measurement_variance)
     if not count:
         return Consistency(tuple(innovations), math.nan, 0.0, 0.0, scatter, 0)

@@ -21,6 +21,7 @@ from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.live import SQUARE
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Fused, Radar
 
 VARIANCE, TICK = 0.1, 0.1
 """Measurement variance and tick in the units of the filters."""
@@ -52,9 +53,10 @@ class ModelUnits(NamedTuple):
         """Scales of [x, vx, y, vy]."""
         return np.array([self.length, self.velocity, self.length, self.velocity])
 
-    def options(self, model: TrackModel) -> dict[str, object]:
-        """Return the options of an environment with the model of a recording."""
+    def options(self, model: TrackModel, radar: Radar | None = None) -> dict[str, object]:
+        """Return the options of an environment with the model of a recording, and with its radar."""
         return {
+            "sensors": () if radar is None else (radar.scaled(*self),),
             "radii": tuple(radius * self.length for radius in model.radii),
             "speed": model.speed * self.velocity,
             "tau": TICK,
@@ -109,7 +111,7 @@ def decide_recording(
         ArgumentError: the lengths do not fit the recording.
     """
     check_lengths(grid, lengths)
-    return [_decide_piece(piece, model, tracker, lengths, start) for piece in grid.pieces]
+    return [_decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces]
 
 
 def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
@@ -127,6 +129,7 @@ def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
 
 def _decide_piece(
     piece: Piece,
+    radar: Radar | None,
     model: TrackModel,
     tracker: OnlineTracker,
     lengths: Sequence[int],
@@ -135,8 +138,8 @@ def _decide_piece(
     units = ModelUnits.of(model)
     scales, origin = units.state, np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])
-    origin[::2] = piece.measurements[measured][0]
-    points = (piece.measurements - origin[::2]) * units.length
+    origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
+    points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
     total, M = len(points), tracker.options.hypotheses
     found = TickDecisions(
         np.zeros(total, np.int64), np.zeros(total, np.bool_), np.empty((total, M)), np.empty((total, 4)),
@@ -145,14 +148,14 @@ def _decide_piece(
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
     else:
-        _begin_from_first(tracker, points, lengths)
+        _begin_from_first(tracker, points, rates, lengths)
     ends = np.cumsum(lengths, dtype=np.int64)
     found.pieces[:, 0], found.pieces[:, 1] = ends - lengths, ends
     switches = dict(zip(found.pieces[:, 0].tolist(), lengths, strict=True))
     for k, (point, known) in enumerate(zip(points.tolist(), measured.tolist(), strict=True)):
         if k in switches:
             tracker.switch(switches[k])
-        now = tracker.update(tuple(point) if known else None)
+        now = tracker.update(_measured(point, rates[k], tracker.options) if known else None)
         found.modes[k], found.decided[k] = now.mode, now.decided
         found.probabilities[k] = now.probabilities
         found.estimates[k], found.covariances[k] = now.estimate, now.covariance
@@ -170,14 +173,24 @@ def _decide_piece(
     return found if lengths else _with_runs(found)
 
 
-def _begin_from_first(tracker: OnlineTracker, points: FloatArray, lengths: Sequence[int]) -> None:
+def _measured(point: list[float], rate: float, options: Any) -> tuple[float, float] | Fused:
+    """Return what the tracker reads of a measurement; a radar is at the origin."""
+    if not options.sensors:
+        return point[0], point[1]
+    return Fused((point[0], point[1]), options.sensors[0].noise(*point), (float(rate),))
+
+
+def _begin_from_first(
+    tracker: OnlineTracker, points: FloatArray, rates: FloatArray, lengths: Sequence[int]
+) -> None:
     """Begin a track from its first measurements, with known switches those of the first piece.
 
     An announced switch begins the first piece, whatever the mode before it.
     """
     options: Any = tracker.options
     hazard = 0.0 if lengths else options.assumed_hazard
-    state = first_state(points[: lengths[0]] if lengths else points, options, hazard)
+    known = slice(lengths[0] if lengths else None)
+    state = first_state(points[known], options, hazard, rates[known])
     if state is None:
         tracker.begin()
     else:
@@ -211,7 +224,10 @@ def _with_runs(found: TickDecisions) -> TickDecisions:
 
 
 def first_state(
-    measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float
+    measurements: FloatArray,
+    options: WorldOptions | QuickestOptions,
+    hazard: float,
+    rates: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
     """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
 
@@ -226,6 +242,7 @@ def first_state(
         measurements: (T, 2) [m], the first one measured, NaN without a measurement. At most 50 are used.
         options: of the model.
         hazard: probability of a switch in a tick, 0 if there is none in these ticks.
+        rates: (T,) range rates, if the sensor of the options is a radar.
 
     Returns:
         Estimate (4,) [x, vx, y, vy] [m, m/s], covariance (4, 4), and mode, None if none is probable enough.
@@ -235,6 +252,9 @@ def first_state(
         return None
     backwards = np.vstack([used[::-1], np.full((1, 2), np.nan)])  # the last tick only predicts
     chunks = make_chunks([backwards])
+    if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
+        rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
+        chunks = make_chunks([backwards], None, [rates], options.sensors[0])
     variances = np.broadcast_to(options.variances, 2)
     radii, M = np.array(options.radii), options.hypotheses
     model = FilterModel(

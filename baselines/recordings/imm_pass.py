@@ -19,13 +19,13 @@ from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.banks.imm import ImmBank, begin_imm, predict_imm, step_imm
+from hybrid_env.core.banks.imm import ImmBank, begin_imm, correct_imm, predict_imm, step_imm
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES, lanes_of
+from hybrid_env.core.polar import position_noise
+from hybrid_env.core.records import LANES, MEASURED_FIELDS, lanes_of
+from hybrid_env.sensors import Radar, sensor_table
 
-PASS_BLOCK = lanes_of(
-    ("measurement", np.float64, (2,)), ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,))
-)
+PASS_BLOCK = lanes_of(*MEASURED_FIELDS, ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,)))
 """What `step_imm` reads and writes of a track."""
 
 FIRST, LAST = np.uint64(0), np.uint64(LANES)
@@ -51,12 +51,16 @@ class Chunks(NamedTuple):
             probable.
         lanes: (B,) number of lanes with a chunk, the first ones.
         block: (1,) record `PASS_BLOCK`, temporary memory.
+        rates: (B, T, LANES) range rates, NaN without one.
+        sensors: (1,) record `SENSOR` of a radar at the origin that made the measurements, or none.
     """
 
     measurements: FloatArray
     switches: BoolArray
     lanes: IntArray
     block: NDArray[Any]
+    rates: FloatArray
+    sensors: NDArray[Any]
 
 
 class PassOutput(NamedTuple):
@@ -77,23 +81,51 @@ def no_output() -> PassOutput:
     return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
-def make_chunks(parts: list[FloatArray], switches: list[BoolArray] | None = None) -> Chunks:
+def make_chunks(
+    parts: list[FloatArray],
+    switches: list[BoolArray] | None = None,
+    rates: list[FloatArray] | None = None,
+    radar: Radar | None = None,
+) -> Chunks:
     """Put parts of a recording into lanes. Parts of equal length waste no time.
 
     Args:
         parts: measurements of each, (T_i, 2).
         switches: whether a known switch precedes each tick, (T_i,); None if switches are not known.
+        rates: range rates of each, (T_i,).
+        radar: at the origin, that made the measurements.
     """
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
-    begins = np.zeros((blocks, longest, LANES), np.bool_)
+    begins, own_rates = (
+        np.zeros((blocks, longest, LANES), np.bool_),
+        np.full((blocks, longest, LANES), np.nan),
+    )
     for k, part in enumerate(parts):
         measurements[k // LANES, : len(part), :, k % LANES] = part
         if switches is not None:
             begins[k // LANES, : len(part), k % LANES] = switches[k]
+        if rates is not None:
+            own_rates[k // LANES, : len(part), k % LANES] = rates[k]
     lanes = np.minimum(len(parts) - LANES * np.arange(blocks), LANES)
-    return Chunks(measurements, begins, lanes, aligned_zeros((1,), PASS_BLOCK))
+    block = aligned_zeros((1,), PASS_BLOCK)
+    block["noise"][:, ::2], block["rates"] = 1.0, np.nan
+    sensors = sensor_table([] if radar is None else [radar], 1.0)
+    return Chunks(measurements, begins, lanes, block, own_rates, sensors)
+
+
+@internal
+def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> None:
+    """Write the covariance of a position that a radar has measured, over R, and its range rate."""
+    x, y = block.measurement[0, lane], block.measurement[1, lane]
+    xx, xy, yy = position_noise(x, y, radar.deviation, radar.bearing_deviation)
+    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (
+        xx / variance,
+        xy / variance,
+        yy / variance,
+    )
+    block.rates[0, lane] = rate
 
 
 @internal
@@ -115,7 +147,7 @@ def _begin(
     for k in range(10):
         block.covariance[k, lane] = 0.0
     for axis in range(2):
-        variance = model.variance_x if axis == 0 else model.variance_y
+        variance = (model.variance_x if axis == 0 else model.variance_y) * block.noise[2 * axis, lane]
         block.covariance[0 if axis == 0 else 7, lane] = variance
         block.covariance[1 if axis == 0 else 8, lane] = variance / time
         block.covariance[4 if axis == 0 else 9, lane] = (
@@ -168,7 +200,14 @@ def imm_pass(
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
     renewed = FilterModel(
-        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom
+        model.tau,
+        model.process_variance,
+        model.variance_x,
+        model.variance_y,
+        same,
+        same,
+        model.freedom,
+        model.exact_anchor,
     )
     for b in range(chunks.measurements.shape[0]):
         for lane in range(LANES):
@@ -176,7 +215,7 @@ def imm_pass(
         lanes = chunks.lanes[b]
         for k in range(chunks.measurements.shape[1]):
             measurement = chunks.measurements[b, k]
-            together = True
+            together = chunks.sensors.size == 0
             for lane in range(lanes):
                 if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
                     together = False
@@ -189,6 +228,8 @@ def imm_pass(
                 step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):
                 measured = not math.isnan(measurement[0, lane])
+                if measured and chunks.sensors.size > 0:
+                    _sense(block, lane, chunks.rates[b, k, lane], chunks.sensors[0], model.variance_x)
                 if measured and seen[lane] < 2:
                     if seen[lane] == 1:
                         _begin(bank, block, lane, last[lane], k - when[lane], turn, model)
@@ -200,10 +241,12 @@ def imm_pass(
                     continue
                 if not together:
                     of_tick = renewed if chunks.switches[b, k, lane] else model
-                    if measured:
+                    if measured and chunks.sensors.size == 0:
                         step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)
                     else:
                         predict_imm(bank, block, lane, radii, of_tick)
+                        if measured:
+                            correct_imm(bank, block, lane, chunks.sensors, of_tick)
                 if measured:
                     seen[lane] += 1
                     if seen[lane] > 2 + BURN_IN:
@@ -216,7 +259,7 @@ def imm_pass(
 
 
 def fit_chunks(grid: TickGrid, scale: float, lengths: Sequence[int] = ()) -> Chunks:
-    """Return chunks of a recording, evenly spread, in units of `scale`, each near its first measurement."""
+    """Return chunks of a recording, evenly spread, see `chunks_at`."""
     length = max(-(-min(grid.total, FIT_TICKS) // LANES), SHORTEST_CHUNK)
     places = cut(grid, length)
     wanted = max(FIT_TICKS // length, LANES)
@@ -239,13 +282,20 @@ def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
 def chunks_at(
     grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
 ) -> Chunks:
-    """Return the chunks at `places`, see `cut`; with known switches if lengths are given."""
-    values = [_from_first(grid.pieces[k].measurements[a:b]) / scale for k, a, b in places]
-    if not lengths:
-        return make_chunks(values)
-    begins = np.zeros(grid.total, np.bool_)
-    begins[np.cumsum([0, *lengths[:-1]])] = True
-    return make_chunks(values, [begins[a:b] for _, a, b in places])
+    """Return the chunks at `places`, see `cut`; with known switches if lengths are given.
+
+    Lengths are in units of `scale`, times in ticks; the origin is the first measurement, or the radar.
+    """
+    begins, switches, velocity = np.zeros(grid.total, np.bool_), None, grid.tau / scale
+    if lengths:
+        begins[np.cumsum([0, *lengths[:-1]])] = True
+        switches = [begins[a:b] for _, a, b in places]
+    parts = [grid.pieces[k].measurements[a:b] for k, a, b in places]
+    if grid.radar is None:
+        return make_chunks([_from_first(part) / scale for part in parts], switches)
+    values = [(part - np.array(grid.radar.position)) / scale for part in parts]
+    rates = [grid.pieces[k].rates[a:b] * velocity for k, a, b in places]
+    return make_chunks(values, switches, rates, grid.radar.scaled(1.0 / scale, velocity))
 
 
 def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:

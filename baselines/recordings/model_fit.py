@@ -128,7 +128,7 @@ def fit_model(
         grid: the recording on ticks.
         radii: turn radii [unit of length]; None proposes one to three, as many as the Bayesian information
             criterion allows.
-        measurement_variance: R.
+        measurement_variance: R; with a radar it is `nominal_variance`.
         process_variance: Q.
         duration: mean duration of a segment [ticks].
         lengths: ticks between known switches; then `duration` has no effect.
@@ -137,6 +137,8 @@ def fit_model(
         ArgumentError: the recording does not move.
     """
     tau = grid.tau
+    if grid.radar is not None:
+        measurement_variance = nominal_variance(grid)
     rough = measurement_variance if measurement_variance is not None else noise_estimate(grid) or 0.0
     speed = median_speed(grid, rough)
     step = max(speed, median_step(grid) or 0.0)
@@ -186,6 +188,14 @@ def fit_model(
         turns=turns,
         better_radii=better,
     )
+
+
+def nominal_variance(grid: TickGrid) -> float:
+    """Return the median over the measurements of a radar of the geometric mean of their two variances."""
+    assert grid.radar is not None
+    points = np.concatenate([piece.measurements for piece in grid.pieces])
+    noises = np.array([grid.radar.noise(x, y) for x, y in points[~np.isnan(points[:, 0])].tolist()])
+    return float(np.median(np.sqrt(noises[:, 0] * noises[:, 2] - noises[:, 1] ** 2)))
 
 
 def _proposed(

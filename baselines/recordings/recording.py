@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import LARGEST_NUMBER, ArgumentError, check_array, check_positive, frozen, reject
+from hybrid_env.sensors import Radar
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
@@ -36,6 +37,8 @@ class Recording:
         time_unit: `s`, or `ticks` for a recording without times.
         epoch: date of time 0 in UTC, ISO 8601; None for times without a date.
         projection: from latitude and longitude to `positions`; None if the file has no degrees.
+        radar: whose ranges and bearings `positions` are converted from; None for measured positions.
+        rates: (n,) its range rates, NaN without one; None if it measures none.
     """
 
     name: str
@@ -47,6 +50,8 @@ class Recording:
     time_unit: str = "s"
     epoch: str | None = None
     projection: "Projection | None" = None
+    radar: Radar | None = None
+    rates: NDArray[np.float64] | None = None
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -71,6 +76,8 @@ def make_recording(
     time_unit: str | None = None,
     epoch: str | None = None,
     projection: "Projection | None" = None,
+    radar: Radar | None = None,
+    rates: NDArray[np.float64] | None = None,
 ) -> Recording:
     """Make a recording of arrays.
 
@@ -85,6 +92,7 @@ def make_recording(
         time_unit: unit of time; None is `s`, and `ticks` without times and tau.
         epoch: date of time 0, ISO 8601.
         projection: projection by which degrees became `positions`.
+        radar, rates: see `Recording`.
 
     Raises:
         ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
@@ -117,8 +125,19 @@ def make_recording(
     pieces = _pieces(
         instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
     )
+    unit_of_time = time_unit or "s"
     return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection
+        name,
+        frozen(instants),
+        frozen(values),
+        tick,
+        pieces,
+        unit,
+        unit_of_time,
+        epoch,
+        projection,
+        radar,
+        rates,
     )
 
 

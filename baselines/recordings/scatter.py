@@ -135,7 +135,8 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
     for first, end in pairwise([*borders, len(piece.measurements)]):
         a, b = np.searchsorted(piece.ticks, [first, end]).tolist()
         ticks, late = piece.ticks[a:b] - first, piece.late[a:b]
-        found.append(Piece(piece.first + a, piece.first + b, ticks, late, piece.measurements[first:end]))
+        values, rates = piece.measurements[first:end], piece.rates[first:end]
+        found.append(Piece(piece.first + a, piece.first + b, ticks, late, values, rates))
     return found
 
 

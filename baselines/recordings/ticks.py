@@ -14,6 +14,7 @@ import numpy as np
 
 from baselines.recordings.recording import Recording
 from hybrid_env.checks import FloatArray, IntArray, reject
+from hybrid_env.sensors import Radar
 
 DIVISORS = (1, 2, 3, 4, 5, 8, 10)
 """The tick of an irregular recording is its median step divided by one of these."""
@@ -41,6 +42,7 @@ class Piece(NamedTuple):
         ticks: (end - first,) tick of every row, from 0, not decreasing.
         late: (end - first,) time of every row after that of its tick [time unit].
         measurements: (T, 2) at the ticks [unit of length]; NaN without a measurement.
+        rates: (T,) range rates; NaN without one.
     """
 
     first: int
@@ -48,6 +50,7 @@ class Piece(NamedTuple):
     ticks: IntArray
     late: FloatArray
     measurements: FloatArray
+    rates: FloatArray
 
 
 class TickGrid(NamedTuple):
@@ -58,12 +61,14 @@ class TickGrid(NamedTuple):
         pieces: between gaps.
         shared: number of rows with a measurement whose tick is that of another one.
         moved: root mean square of the times by which rows were moved to their ticks, over tau.
+        radar: of the recording.
     """
 
     tau: float
     pieces: tuple[Piece, ...]
     shared: int
     moved: float
+    radar: Radar | None = None
 
     @property
     def total(self) -> int:
@@ -105,9 +110,12 @@ def tick_grid(recording: Recording) -> TickGrid:
         measurements[numbers[measured][single]] = values[single]  # exactly, without 0 + x
         shared += int((counts[counts > 1] - 1).sum())
         squares += float((late**2).sum())
-        pieces.append(Piece(first, end, numbers, late, measurements))
+        rates = np.full(total, np.nan)
+        if recording.rates is not None:
+            rates[numbers[measured]] = recording.rates[first:end][measured]  # the last one of a shared tick
+        pieces.append(Piece(first, end, numbers, late, measurements, rates))
     rows = sum(map(len, times_of))
-    return TickGrid(tau, tuple(pieces), shared, float(np.sqrt(squares / rows)) / tau)
+    return TickGrid(tau, tuple(pieces), shared, float(np.sqrt(squares / rows)) / tau, recording.radar)
 
 
 def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:

@@ -11,7 +11,7 @@ fitted to `posterior_paths`, `refiltering` has filters of its own, whose anchors
 puts a rule behind a live sensor, `start` begins its track and has the gate of its measurements.
 
 Rules that filter have compiled filters of their own, beside the bank of the environment: `component_filters`,
-`restarted_filters` and `beam_filters`.
+`restarted_filters` and `beam_filters`; with several sensors the first also reads `sensed`.
 
 May import: `hybrid_env`, and `estimation` and `scoring` of `baselines`. Never `agents`.
 """

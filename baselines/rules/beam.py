@@ -17,7 +17,7 @@ from baselines.rules.beam_filters import (
     step_memory,
 )
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
-from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
 from hybrid_env.checks import FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
@@ -95,9 +95,10 @@ class BeamDecider(MeasurementDecider[BeamState]):
         options = dataclasses.replace(
             options, **{name: law for name, law in assumed.items() if law is not None}
         )
+        merged, sensors = check_flag("merged", merged), sensors_of(options)
         self.model = BeamModel(
-            np.array(options.radii), hazards(options.duration_laws), options.order_matrix,
-            check_flag("merged", merged), np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model,
+            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
+            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model, sensors,
         )  # fmt: skip
 
     @classmethod
@@ -138,11 +139,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
-        children, innovations = step_memory(self.hypotheses, state.branches)
-        run_compiled(
-            step_branches, state.branches, children, innovations, measurements, state.log_probability,
-            self.model,
-        )  # fmt: skip
+        memory = step_memory(self.hypotheses, state.branches)
+        run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
 
     def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""

@@ -34,11 +34,12 @@ from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
     covariance_of,
-    step_hypothesis,
+    sense_hypothesis,
 )
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
+from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES
+from hybrid_env.core.records import LANES, MEASURED
 
 FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an episode, later ones
 
@@ -81,6 +82,7 @@ class BeamModel(NamedTuple):
         prior: (3, L) of the laws, see `Habits`.
         habitual: prior probability that the next modes are not equally likely, likewise.
         filters: model of the filters.
+        sensors: (k,) records `records.SENSOR`.
     """
 
     radii: NDArray[np.float64]
@@ -91,6 +93,7 @@ class BeamModel(NamedTuple):
     prior: NDArray[np.float64]
     habitual: float
     filters: FilterModel
+    sensors: NDArray[Any]
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
@@ -294,6 +297,7 @@ def step_branches(
     branches: Branches,
     children: Branches,
     innovations: NDArray[Any],
+    measured: NDArray[Any],
     measurements: NDArray[np.float64],
     log_probability: NDArray[np.float64],
     model: BeamModel,
@@ -303,21 +307,20 @@ def step_branches(
     Args:
         branches: of all tracks.
         children: of one track, (1, ...), with room for M times as many branches; overwritten.
-        innovations: (1,) record `INNOVATION`, overwritten.
-        measurements: (N, 2) measured positions [m].
+        innovations, measured: (1,) records `INNOVATION` and `MEASURED`, overwritten.
+        measurements: (N, 2) or (N, 9), see `sensing.write_measured`.
         log_probability: (N, M) logarithms of the probabilities of the modes, written.
         model: of the branches.
     """
     capacity = branches.modes.shape[1]
-    measured = np.empty((2, LANES))
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
-            measured[0, lane], measured[1, lane] = measurements[track, 0], measurements[track, 1]
+            write_measured(measured[0], lane, measurements[track])
         count = _extend(branches, track, children, model)
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
-            step_hypothesis(kalman, innovations[0], 0, LANES, measured, model.filters)
+            sense_hypothesis(kalman, innovations[0], 0, LANES, measured[0], model.sensors, model.filters)
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         order = np.argsort(weights, kind="mergesort")
@@ -340,6 +343,7 @@ def step_branches(
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
 
 
-def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, NDArray[Any]]:
-    """Return the `children` and `innovations` of `step_branches`."""
-    return branch_arrays(1, hypotheses * branches.modes.shape[1]), aligned_zeros((1,), INNOVATION)
+def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, NDArray[Any], NDArray[Any]]:
+    """Return the `children`, `innovations` and `measured` of `step_branches`."""
+    children = branch_arrays(1, hypotheses * branches.modes.shape[1])
+    return children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)

@@ -2,7 +2,8 @@
 
 The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
 frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
-everything that a filter needs except the model, which is that of the world.
+everything that a filter needs except the model, which is that of the world. With several sensors it does not
+contain the covariance of the measurement: then the filters also read what the sensors measured (`sensed`).
 """
 
 import math
@@ -12,11 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from hybrid_env.checks import BoolArray, FloatArray, reject
+from baselines.rules.measurements import sensors_of
+from baselines.rules.sensed import in_heading_frame, in_rows, in_world
+from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks import operations
+from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
-from hybrid_env.core.compilation import compiled, inlined, internal, prepare
-from hybrid_env.core.records import LANES
+from hybrid_env.core.banks.sensing import write_measured
+from hybrid_env.core.compilation import compiled, internal, prepare
+from hybrid_env.core.records import LANES, MEASURED
 from hybrid_env.core.state import BANKS
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -61,13 +67,16 @@ class _Assumption(NamedTuple):
     innovations: FloatArray
 
 
-@inlined
-def _step_lane(bank: Any, lane: int, measurement: FloatArray, model: FilterModel) -> None:
+@internal
+def _step_lane(bank: Any, lane: int, measured: Any, sensors: NDArray[Any], model: FilterModel) -> None:
     """Advance the filters of one lane; a measurement NaN only predicts."""
-    if math.isnan(measurement[0, lane]):
-        operations.predict(bank, lane, model)
-    else:
-        operations.step(bank, lane, lane + 1, measurement, model)
+    missing = math.isnan(measured.measurement[0, lane])
+    if not missing and sensors.size == 0:
+        operations.step(bank, lane, lane + 1, measured.measurement, model)
+        return
+    operations.predict(bank, lane, model)
+    for h in range(0 if missing else bank.hypotheses.size):
+        operations.correct(bank, lane, h, measured, sensors, model)
 
 
 @internal
@@ -92,6 +101,7 @@ def _filter_tick(
     anchors: FloatArray,
     measurements: FloatArray,
     radii: FloatArray,
+    sensors: NDArray[Any],
     model: FilterModel,
     outlier_model: FilterModel,
     log_outlier_odds: float,
@@ -99,22 +109,23 @@ def _filter_tick(
     log_likelihood: FloatArray,
     innovations: FloatArray,
     saved: NDArray[Any],
-    measurement: FloatArray,
+    measured: NDArray[Any],
     outlier: BoolArray,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements (N, 2) are NaN
-    if a tick has none. `log_likelihood`, (C, N, M), and `innovations`, (C, N, M, 3), are written. `saved` is
-    memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a model of their own. Of its
-    lanes, `measurement`, (2, LANES), and `outlier`, (LANES,), are memory too.
+    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with
+    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and
+    `innovations`, (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,)
+    if outliers do not have a model of their own. Of its lanes, `measured`, (1,) record, and `outlier`,
+    (LANES,), are memory too.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
     for b in range(banks.hypotheses.shape[0]):
         bank = operations.bank_of_block(banks, b)
         lanes = min(LANES, lanes_total - b * LANES)
-        missing = False
+        separate = sensors.size > 0
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             if begins[i]:
@@ -122,25 +133,22 @@ def _filter_tick(
                 anchor = (a[0], a[1], a[2], a[3])
                 covariance = (a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13])
                 operations.begin(bank, lane, anchor, covariance, radii, model)
-            measurement[0, lane], measurement[1, lane] = measurements[i, 0], measurements[i, 1]
-            missing = missing or math.isnan(measurement[0, lane])
+            write_measured(measured[0], lane, measurements[i])
+            separate = separate or math.isnan(measurements[i, 0])
         for h in range(saved.size):
             saved[h] = bank.hypotheses[h]
-        if missing:
+        if separate:
             for lane in range(lanes):
-                _step_lane(bank, lane, measurement, model)
+                _step_lane(bank, lane, measured[0], sensors, model)
         else:
-            operations.step(bank, 0, lanes, measurement, model)
+            operations.step(bank, 0, lanes, measured[0].measurement, model)
         if saved.size > 0 and _any_outlier(bank, lanes, distance, outlier):
             for h in range(saved.size):
                 bank.hypotheses[h] = saved[h]
             for lane in range(lanes):
-                if outlier[lane]:
-                    operations.step(bank, lane, lane + 1, measurement, outlier_model)
-                    for h in range(saved.size):
-                        bank.hypotheses[h].log_likelihood[lane] += log_outlier_odds
-                else:
-                    _step_lane(bank, lane, measurement, model)
+                _step_lane(bank, lane, measured[0], sensors, outlier_model if outlier[lane] else model)
+                for h in range(saved.size if outlier[lane] else 0):
+                    bank.hypotheses[h].log_likelihood[lane] += log_outlier_odds
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.hypotheses.size):
@@ -170,14 +178,9 @@ class ComponentFilters:
         innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
             the logarithm of its variance [m^2].
         log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
-
-    Raises:
-        ArgumentError: the world has several sensors, whose variances the observation does not contain.
     """
 
     def __init__(self, bank: str, components: int, tracks: int, world: WorldOptions, robust: bool = False):
-        if world.sensors:
-            raise reject("sensors", world.sensors, "none for a decider with filters of its own")
         self.bank, self.world, self.robust = bank, world, robust
         self.radii = np.array(world.radii)
         self.layout = Layout(world.hypotheses)
@@ -187,12 +190,16 @@ class ComponentFilters:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         shape, blocks = (components, tracks, world.hypotheses), -(-components * tracks // LANES)
         laws = LAWS if robust else LAWS[:1]
-        tau, q = world.tau, world.process_variance
+        kind = AnchorAwareBank if world.sensors else BANKS[bank]
+        fields = {"tau": world.tau, "process_variance": world.process_variance}
+        fields["exact_anchor"] = float(bank == "published")
         self.assumptions = [
             _Assumption(
-                bank_arrays(BANKS[bank], self.radii.size, 1 if x == y else 2, blocks),
-                FilterModel(tau, q, law.variance * x, law.variance * y),
-                FilterModel(tau, q, law.outlier_variance * x, law.outlier_variance * y),
+                bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
+                FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
+                FilterModel(
+                    variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields
+                ),
                 law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
             )
             for law in laws
@@ -201,11 +208,12 @@ class ComponentFilters:
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
         saved = np.zeros(world.hypotheses if robust else 0, self.assumptions[0].banks.hypotheses.dtype)
-        self.memory = saved, np.zeros((2, LANES)), np.zeros(LANES, np.bool_)
+        self.memory = saved, aligned_zeros((1,), MEASURED), np.zeros(LANES, np.bool_)
+        self.sensors = sensors_of(world)
         self.log_likelihood, self.innovations = np.zeros(shape), np.zeros((*shape, 3))
         none = np.zeros(0, np.bool_), np.zeros((components, 0, ANCHOR_COLUMNS)), np.zeros((0, 2))
         banks, *rest = self.assumptions[0]
-        prepare(_filter_tick, banks, *none, self.radii, *rest, *self.memory)
+        prepare(_filter_tick, banks, *none, self.radii, self.sensors, *rest, *self.memory)
 
     def advance(
         self,
@@ -214,6 +222,7 @@ class ComponentFilters:
         anchors: FloatArray,
         log_weights: FloatArray,
         first: BoolArray,
+        sensed: FloatArray | None = None,
     ) -> None:
         """Start the filters of some tracks, then advance all by the measurement of their rows.
 
@@ -223,16 +232,25 @@ class ComponentFilters:
             anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
             log_weights: (N, C) of the components of the last segment, where filters start.
             first: (N,) True where an episode starts.
+            sensed: (N, 15) from `sensed_of`; None without sensors.
+
+        Raises:
+            ArgumentError: the world has sensors, and `sensed` is None.
         """
         if len(self.log_laws) > 1 and begins.any():
             self._weigh_laws(begins, log_weights, first)
-        deviation = np.exp(0.5 * self.layout.read(rows, "log_noise"))[:, None]
-        names = ("displacement_along", "displacement_across")
-        measurements = deviation * np.stack([self.layout.read(rows, name) for name in names], axis=-1)
-        if self.world.missed > 0.0:
-            measurements[without_measurement(self.layout, rows)] = np.nan
+        if self.world.sensors:
+            measurements, anchors, heading = in_world(sensed, anchors)
+        else:
+            measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
         for banks, *rest in self.assumptions:
-            _filter_tick(banks, begins, anchors, measurements, self.radii, *rest, *self.memory)
+            _filter_tick(banks, begins, anchors, measurements, self.radii, self.sensors, *rest, *self.memory)
+        self._combine()
+        if self.world.sensors:
+            self.innovations = in_heading_frame(self.innovations, heading)
+
+    def _combine(self) -> None:
+        """Write likelihoods and innovations, weighted over laws and orientations."""
         if len(self.assumptions) == 1:
             self.log_likelihood, self.innovations = self.assumptions[0][5:]
             return
@@ -285,12 +303,6 @@ class ComponentFilters:
                     for name in old.dtype.names:
                         new[name][blocks, ..., lane] = old[name][lanes // LANES, ..., lanes % LANES]
         return selected
-
-
-def without_measurement(layout: Layout, rows: Observations) -> BoolArray:
-    """Return whether the ticks of rows have no measurement, (N,): then all innovations are exactly zero."""
-    names = ("innovation_along", "innovation_across")
-    return ~np.any([layout.read(rows, name).any(-1) for name in names], axis=0)
 
 
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:

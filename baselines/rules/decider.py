@@ -42,7 +42,6 @@ class Decider:
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
             measurement.
-        needs_measurements: it cannot do without a measurement at every tick.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
@@ -55,9 +54,8 @@ class Decider:
     options: ClassVar[Mapping[str, Any]] = {}
     colour: ClassVar[str] = ""
     marker: ClassVar[str] = ""
-    observes: ClassVar[Literal["rows", "tracks"]] = "rows"
+    observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
-    needs_measurements: ClassVar[bool] = False
     informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):

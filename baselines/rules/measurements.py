@@ -3,12 +3,16 @@
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.core.compilation import prepare
+from hybrid_env.core.records import MOST_RATES
+from hybrid_env.options import ModelOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import sensor_table
 from hybrid_env.world import World
 
 State = TypeVar("State")
@@ -16,18 +20,19 @@ State = TypeVar("State")
 OBSERVED = 2 + 4 + 10
 """Width of an observation without the probabilities: measurement, estimate and covariance."""
 
+SENSED = 3 + MOST_RATES
+"""Further columns with sensors: covariance of the measurement over R, and range rates."""
+
 
 def filter_model(options: QuickestOptions) -> FilterModel:
-    """Return the model of a decider's own filters.
-
-    Raises:
-        ArgumentError: ticks may have no measurement, or those of several sensors.
-    """
-    for name, value in (("missed", options.missed), ("sensors", options.sensors)):
-        if value:
-            raise reject(name, value, "none for a decider with filters of its own")
+    """Return the model of a decider's own filters."""
     variances = options.variances
     return FilterModel(options.tau, options.process_variance, float(variances[0]), float(variances[-1]))
+
+
+def sensors_of(options: ModelOptions) -> NDArray[Any]:
+    """Return (k,) records `SENSOR` for a decider's own filters."""
+    return sensor_table(options.sensors, float(options.variances[0]))
 
 
 _prepared: set[Any] = set()
@@ -55,7 +60,7 @@ class MeasurementDecider(Decider, Generic[State]):
 
     task = UNKNOWN
     observes = "tracks"
-    needs_measurements = True
+    every_tick = True
     hypotheses: int
 
     def begin(self, tracks: int) -> State:
@@ -74,7 +79,7 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def step(self, state: State, measurements: FloatArray) -> None:
-        """Advance all tracks by one tick. measurements: (N, 2) [m]."""
+        """Advance all tracks by one tick. measurements: (N, 2) or (N, 9), see `sensing.write_measured`."""
         raise NotImplementedError
 
     def statements(self, state: State, starts: BoolArray) -> Actions:
@@ -82,12 +87,14 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return what the decider observes, (N, 16 + M).
+        """Return what the decider observes, (N, 16 + M) or with sensors (N, 23 + M).
 
-        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes.
+        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes; with
+        sensors the covariance of the measurement and the range rates.
         """
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
-        return np.hstack([*parts, tracks.copy_tick()()["log_probability"]])
+        sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
+        return np.hstack([*parts, tracks.copy_tick()()["log_probability"], *sensed])
 
     def decide(
         self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
@@ -95,24 +102,26 @@ class MeasurementDecider(Decider, Generic[State]):
         """See `Decider.decide`; action i states mode i.
 
         Args:
-            observation: (N, 16 + M) from `observe`. All but the measurement are used where an episode begins.
+            observation: from `observe`. Estimate and probabilities are used where an episode begins.
             state: returned by the previous call and changed in place; None begins anew.
             episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
         """
         width = OBSERVED + self.hypotheses
-        if observation.ndim != 2 or observation.shape[1] != width:
-            raise reject("observation shape", observation.shape, f"(N, {width})")
+        if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):
+            raise reject(
+                "observation shape", observation.shape, f"(N, {width}), with sensors {width + SENSED}"
+            )
         tracks = len(observation)
         if state is None:
             state = self.begin(tracks)
             episode_start = np.ones(tracks, np.bool_)
         starts = np.zeros(tracks, np.bool_) if episode_start is None else episode_start
         if not starts.all():
-            self.step(state, np.ascontiguousarray(observation[:, :2]))
+            self.step(state, np.hstack([observation[:, :2], observation[:, width:]]))
         for track in np.flatnonzero(starts).tolist():
-            self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:]))
+            self.begin_track(state, track, np.ascontiguousarray(observation[track, 2:width]))
         return self.statements(state, starts), state
 
     def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""
-        return np.asarray(np.exp(observation[:, -self.hypotheses :]))
+        return np.asarray(np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses]))

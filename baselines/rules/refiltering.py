@@ -25,6 +25,7 @@ from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
+from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -67,6 +68,11 @@ class RefilteringDecider(Decider):
             raise reject("alpha", alpha, "a number > 0 and <= 1")
         self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
+        self.observes = "tracks" if world.sensors else "rows"
+
+    def observe(self, tracks: Any) -> Observations:
+        """See `Decider.observe`: with sensors also what they measured."""
+        return observe_sensed(tracks)
 
     def anchors(
         self, rows: Observations, first: BoolArray, correct: FloatArray
@@ -82,8 +88,9 @@ class RefilteringDecider(Decider):
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
-        rows = np.asarray(observation)
-        tracks, layout = len(rows), self.layout
+        layout = self.layout
+        rows, sensed = split_sensed(layout, np.asarray(observation))
+        tracks = len(rows)
         ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
         begins = ticks == 1
         if state is None:
@@ -98,7 +105,7 @@ class RefilteringDecider(Decider):
             correct = np.take_along_axis(state.posterior[begins], decided[:, None], 1)[:, 0]
             anchors[:, begins], weights = self.anchors(rows[begins], first[begins], correct)
             state.log_weights[begins] = np.log(np.maximum(weights, 1e-300))
-        state.filters.advance(rows, begins, anchors, log_weights, first)
+        state.filters.advance(rows, begins, anchors, log_weights, first, sensed)
         state.posterior = joint_posterior(state.filters.log_likelihood, state.log_weights).sum(0)
         error, best = error_and_best(state.posterior, self.by_type)
         return np.where(error <= self.alpha, best + 1, 0), state

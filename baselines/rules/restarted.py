@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider
-from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled
+from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.restarted_filters import (
     RestartedFilters,
     RestartModel,
@@ -68,6 +68,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
             check_positive("threshold", threshold),
             check_positive("margin", margin, allow_zero=True),
             model,
+            sensors_of(options),
         )
 
     @classmethod

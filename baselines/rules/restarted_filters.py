@@ -23,14 +23,12 @@ from hybrid_env.core.banks.anchor_aware import (
     AWARE_HYPOTHESIS,
     begin_hypothesis,
     covariance_of,
-    step_hypothesis,
+    sense_hypothesis,
 )
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
+from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
-from hybrid_env.core.records import LANES
-
-ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)
-"""Entries of the covariance of the seven states that belong to the centre and the turn rate."""
+from hybrid_env.core.records import LANES, MEASURED, SENSOR
 
 
 class RestartedFilters(NamedTuple):
@@ -44,7 +42,7 @@ class RestartedFilters(NamedTuple):
         counts: (N,) ticks since the last change of the statement.
         stated: (N,) stated modes.
         log_ratios: (N, M) statistics of the last tick; 0 for the stated mode.
-        innovations: (1,) record `INNOVATION`, temporary memory.
+        innovations, measured: (1,) records `INNOVATION` and `MEASURED`, temporary memory.
     """
 
     stated_filters: NDArray[Any]
@@ -53,6 +51,7 @@ class RestartedFilters(NamedTuple):
     stated: NDArray[np.int64]
     log_ratios: NDArray[np.float64]
     innovations: NDArray[Any]
+    measured: NDArray[Any]
 
 
 class RestartModel(NamedTuple):
@@ -66,6 +65,7 @@ class RestartModel(NamedTuple):
         threshold: of the logarithm of the statistic, at which the statement changes.
         margin: smallest difference of this logarithm to that of the other modes that are not stated.
         filters: model of the filters.
+        sensors: (k,) records `records.SENSOR`.
     """
 
     radii: NDArray[np.float64]
@@ -75,6 +75,7 @@ class RestartModel(NamedTuple):
     threshold: float
     margin: float
     filters: FilterModel
+    sensors: NDArray[Any] = np.zeros(0, SENSOR)
 
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
@@ -87,6 +88,7 @@ def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
         np.zeros(tracks, np.int64),
         np.zeros((tracks, modes)),
         aligned_zeros((1,), INNOVATION),
+        aligned_zeros((1,), MEASURED),
     )
 
 
@@ -95,10 +97,8 @@ def _begin_filter(
     kalman: Any, lane: int, anchor: State, covariance: Triangle4, mode: int, model: RestartModel
 ) -> None:
     """Start the filter of a mode from an estimate and its covariance."""
-    begin_hypothesis(kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau)
-    if model.exact_anchor:
-        for k in ANCHOR_ENTRIES:
-            kalman.covariance[k, lane] = 0.0
+    radius, exact = signed_radius(mode, model.radii), model.exact_anchor
+    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau, exact)
 
 
 @compiled
@@ -176,18 +176,18 @@ def step_restarted(filters: RestartedFilters, measurements: NDArray[np.float64],
 
     Args:
         filters: of all tracks.
-        measurements: (N, 2) measured positions [m].
+        measurements: (N, 2) or (N, 9), see `sensing.write_measured`.
         model: the rule.
     """
-    measured = np.empty((2, LANES))
-    innovation = filters.innovations[0]
+    innovation, measured = filters.innovations[0], filters.measured[0]
     for track in range(measurements.shape[0]):
-        measured[0], measured[1] = measurements[track, 0], measurements[track, 1]
+        for lane in range(LANES):
+            write_measured(measured, lane, measurements[track])
         stated_filter = filters.stated_filters[track]
         before = stated_filter.log_likelihood[0]
         anchor = (stated_filter.x[0], stated_filter.vx[0], stated_filter.y[0], stated_filter.vy[0])
         covariance = covariance_of(stated_filter, 0)
-        step_hypothesis(stated_filter, innovation, 0, 1, measured, model.filters)
+        sense_hypothesis(stated_filter, innovation, 0, 1, measured, model.sensors, model.filters)
         new = filters.counts[track] % model.window
         filters.counts[track] += 1
         live = min(filters.counts[track], model.window)
@@ -199,7 +199,8 @@ def step_restarted(filters: RestartedFilters, measurements: NDArray[np.float64],
             _begin_filter(started[new // LANES], new % LANES, anchor, covariance, mode, model)
             started[new // LANES].log_likelihood[new % LANES] = before
             for group in range((live + LANES - 1) // LANES):
-                step_hypothesis(started[group], innovation, 0, LANES, measured, model.filters)
+                kalman = started[group]
+                sense_hypothesis(kalman, innovation, 0, LANES, measured, model.sensors, model.filters)
             reference = stated_filter.log_likelihood[0]
             filters.log_ratios[track, mode] = _log_ratio(started, live, reference, model.mean)
         _change(filters, track, live, model)

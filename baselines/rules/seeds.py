@@ -9,6 +9,9 @@ SELECTION_EPISODES = 1000
 FITTING = 2_000_000_000
 """Stopping rules are fitted on episodes from this seed on."""
 
+STOPPING = 6_000_000_000
+"""Deciders without a threshold select one on episodes of what they are told from this seed on."""
+
 TRAINING = 10**12
 """Training episodes are seeded from here on, 10^9 apart for each training seed."""
 

@@ -6,6 +6,7 @@ come back.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,8 +21,14 @@ MANY = 10
 """Measurements for a bank that starts at a switch: the centre of its turns follows from the estimate."""
 
 
+def unit_noise(options: ModelOptions) -> FloatArray:
+    """Return the covariance xx, xy, yy of a measured position of variance R [m^2]."""
+    variances = options.variances
+    return np.array([variances[0], 0.0, variances[-1]])
+
+
 def line_estimate(
-    ticks: IntArray, points: FloatArray, options: ModelOptions
+    ticks: IntArray, points: FloatArray, options: ModelOptions, noises: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a straight line to measurements by least squares, and evaluate it at the last one.
 
@@ -32,22 +39,26 @@ def line_estimate(
         ticks: (m,) tick of each measurement, increasing.
         points: (m, 2) measurements [m].
         options: of the model.
+        noises: (m, 3) covariance xx, xy, yy of each measurement [m^2]; None is variance R.
 
     Returns:
         Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about
         the velocity: it is 0, with an infinite variance.
     """
-    variances = np.broadcast_to(options.variances, 2)
+    noises = np.tile(unit_noise(options), (len(ticks), 1)) if noises is None else noises
+    matrices = noises[:, [[0, 1], [1, 2]]]
     if len(ticks) == 1:
         x, y = points[0]
-        return np.array([x, 0.0, y, 0.0]), np.diag([variances[0], np.inf, variances[1], np.inf])
+        covariance = np.diag([0.0, np.inf, 0.0, np.inf])
+        covariance[::2, ::2] = matrices[0]
+        return np.array([x, 0.0, y, 0.0]), covariance
     ages = ticks[-1] - ticks
     times = options.tau * ages
     weights = np.linalg.pinv(np.stack([np.ones_like(times), -times], axis=1))  # of position and velocity
     estimate = (weights @ points).T.ravel()
     # the noise that a velocity gets i ticks before the last measurement has moved the earlier positions
     moved = weights @ (options.tau * np.maximum(ages[:, None] - np.arange(ages[0]), 0))
-    covariance = np.kron(np.diag(variances), weights @ weights.T)
+    covariance = np.einsum("iab,ci,di->acbd", matrices, weights, weights).reshape(4, 4)
     covariance += np.kron(np.eye(2), options.process_variance * moved @ moved.T)
     velocity = estimate[1::2]
     speed = float(np.hypot(*velocity))
@@ -83,6 +94,7 @@ class FirstMeasurements:
         self._tick = 0
         self._ticks: list[int] = []
         self._points: list[tuple[float, float]] = []
+        self._noises: list[Sequence[float] | FloatArray] = []
 
     def skip(self) -> None:
         """Advance by one tick without a measurement; the estimate moves on along the line."""
@@ -93,15 +105,19 @@ class FirstMeasurements:
             process = np.diag([0.0, self.options.process_variance] * 2)
             self.covariance = motion @ self.covariance @ motion.T + process
 
-    def add(self, x: float, y: float) -> None:
-        """Advance by one tick with a measurement [m]."""
+    def add(self, x: float, y: float, noise: Sequence[float] | FloatArray | None = None) -> None:
+        """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None is R."""
         self._tick += 1
         self._ticks.append(self._tick)
         self._points.append((x, y))
-        ticks, points = np.array(self._ticks), np.array(self._points)
-        fits = [line_estimate(ticks[-m:], points[-m:], self.options) for m in range(2, len(ticks) + 1)]
+        self._noises.append(unit_noise(self.options) if noise is None else noise)
+        ticks, points, noises = np.array(self._ticks), np.array(self._points), np.array(self._noises)
+        fits = [
+            line_estimate(ticks[-m:], points[-m:], self.options, noises[-m:])
+            for m in range(2, len(ticks) + 1)
+        ]
         if not fits:
-            self.estimate, self.covariance = line_estimate(ticks, points, self.options)
+            self.estimate, self.covariance = line_estimate(ticks, points, self.options, noises)
             return
         variances = [covariance[1, 1] + covariance[3, 3] for _, covariance in fits]
         best = int(np.argmin(variances))
@@ -133,7 +149,7 @@ def gate_distance(
     covariance: FloatArray,
     radii: FloatArray,
     tau: float,
-    variances: FloatArray,
+    noise: FloatArray,
     ticks: int,
 ) -> float:
     """Return the distance of a measurement from the nearest predicted position, in standard deviations.
@@ -146,14 +162,14 @@ def gate_distance(
         covariance: (4, 4) of the estimate.
         radii: (n,) [m].
         tau: length of a tick [s].
-        variances: (2,) of the measurement [m^2].
+        noise: (3,) covariance xx, xy, yy of the measurement [m^2].
         ticks: since the estimate was right for certain. What turns in the ticks before the last one can have
             added to the distance from a straight line does not count, unless they would be as large.
     """
     P = covariance
-    xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + variances[0]
-    yy = P[2, 2] + 2.0 * tau * P[2, 3] + tau * tau * P[3, 3] + variances[1]
-    xy = P[0, 2] + tau * (P[0, 3] + P[1, 2]) + tau * tau * P[1, 3]
+    xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]
+    yy = P[2, 2] + 2.0 * tau * P[2, 3] + tau * tau * P[3, 3] + noise[2]
+    xy = P[0, 2] + tau * (P[0, 3] + P[1, 2]) + tau * tau * P[1, 3] + noise[1]
     u, v = tau * estimate[1], tau * estimate[3]
     dx, dy = measurement[0] - estimate[0], measurement[1] - estimate[2]
     step, allowed = math.hypot(u, v), 0.0

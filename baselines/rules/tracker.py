@@ -23,8 +23,9 @@ from hybrid_env.checks import (
 from hybrid_env.core.compilation import prepare
 from hybrid_env.limits import check_ticks
 from hybrid_env.live import OnlineTrack, live_track
-from hybrid_env.options import WorldOptions
+from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
 ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix
@@ -77,14 +78,13 @@ class OnlineTracker:
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
     k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
-    are asked in these ticks: their filters predict, too. Those whose `needs_measurements` is True need a
-    measurement at every tick.
+    are asked in these ticks: their filters predict, too.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
     `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
     them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
     of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
-    mode may be wrong or unknown. Deciders that need a measurement at every tick get every measurement.
+    mode may be wrong or unknown.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
@@ -119,8 +119,9 @@ class OnlineTracker:
         self.options, self.decider = options, as_decider(decider)
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else check_positive("gate", gate)
-        self._model = np.array(options.radii), options.tau, np.broadcast_to(options.variances, 2).copy()
-        prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, 1)
+        self._model = np.array(options.radii), options.tau
+        self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
+        prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
         self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
         self._try_decider()
@@ -175,11 +176,15 @@ class OnlineTracker:
             raise reject("switch", "an announced switch", "none with QuickestOptions")
         self._ticks = self._longest if ticks is None else check_ticks("ticks", ticks)
 
-    def update(self, measurement: ArrayLike | None, time: float | None = None) -> OnlineEstimate:
-        """Process one measurement.
+    def update(
+        self, measurement: ArrayLike | dict[int, ArrayLike] | Fused | None, time: float | None = None
+    ) -> OnlineEstimate:
+        """Process the measurement of a tick.
 
         Args:
-            measurement: (2,) position [m]; None if the sensor has none in this tick.
+            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a
+                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing, range
+                rate) [m, rad, m/s]; None if there is none in this tick.
             time: of the measurement [s]; None is one tick after the last one.
 
         Returns:
@@ -189,13 +194,9 @@ class OnlineTracker:
             ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is
                 missing and the decider cannot do without it.
         """
-        point = None if measurement is None else _checked_point(measurement)
+        point = _checked(measurement, self.options)
         moment = None if time is None else check_number("time", time)
-        missing = self._missing_ticks(moment) + (point is None)
-        missing = missing if self._measured else 0
-        if missing and self.decider.needs_measurements:
-            allowed = f"0: {self.decider.class_name} needs a measurement at every tick; begin() a new track"
-            raise reject("missing measurements", missing, allowed)
+        missing = (self._missing_ticks(moment) + (point is None)) * self._measured
         if moment is not None:
             self._last_time = moment
         elif self._last_time is not None:
@@ -218,7 +219,7 @@ class OnlineTracker:
             self._agreed = (self._agreed + 1) * agrees
             if agrees:  # a single one may agree only because its prediction is so uncertain
                 self._refused *= self._agreed < 2
-                world.measure(*point)
+                world.measure(*point.position, point)
                 if world.asks:
                     world.decide(self._ask_decider())
             else:
@@ -242,13 +243,15 @@ class OnlineTracker:
         if self.decider.every_tick and self.world.asks:
             self.world.decide(self._ask_decider())
 
-    def _agrees(self, point: tuple[float, float]) -> bool:
+    def _agrees(self, point: Fused) -> bool:
         """Return whether a motion of the track explains a measurement."""
-        if self.gate is None or self.decider.needs_measurements:
+        if self.gate is None:
             return True
         estimate, covariance = self.world.estimate(), self.world.covariance()
         ticks = self.world.uncertain_ticks
-        return gate_distance(np.array(point), estimate, covariance, *self._model, ticks) <= self.gate
+        noise = self._noise if point.covariance is None else np.array(point.covariance)
+        position = np.array(point.position)
+        return gate_distance(position, estimate, covariance, *self._model, noise, ticks) <= self.gate
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
@@ -274,9 +277,7 @@ class OnlineTracker:
             raise reject("time", time, allowed)
         return ticks - 1
 
-    def _begins_after(
-        self, collected: FirstMeasurements, point: tuple[float, float] | None, missing: int
-    ) -> bool:
+    def _begins_after(self, collected: FirstMeasurements, point: Fused | None, missing: int) -> bool:
         """Collect a measurement after missing ones; return whether the bank has begun before it instead."""
         for _ in range(missing):
             collected.skip()
@@ -286,7 +287,7 @@ class OnlineTracker:
             self.world.begin_track(collected.estimate, collected.covariance, self._mode)
             self._collected = None
             return True
-        collected.add(*point)
+        collected.add(*point.position, point.covariance)
         self._measured = True
         if self._ticks is not None:
             self._ticks = max(self._ticks - 1, 1)
@@ -336,11 +337,14 @@ class OnlineTracker:
         return mean, matrix
 
 
-def _checked_point(measurement: ArrayLike) -> tuple[float, float]:
+def _checked(measurement: Any, options: ModelOptions) -> Fused | None:
     """Return a checked measurement; two floats are checked without an array, which would be slow."""
-    if isinstance(measurement, tuple) and len(measurement) == 2:
-        x, y = measurement
-        if isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER:  # not NaN
-            return x, y
-    x, y = check_array("measurement", measurement, (2,)).tolist()
-    return x, y
+    if measurement is None or isinstance(measurement, Fused):
+        return measurement
+    if isinstance(measurement, dict):
+        return fuse(options.sensors, measurement)
+    x, y = measurement if isinstance(measurement, tuple) and len(measurement) == 2 else (None, None)
+    # a sum that is not too large is not NaN
+    if not (isinstance(x, float) and isinstance(y, float) and abs(x) + abs(y) <= LARGEST_NUMBER):
+        x, y = check_array("measurement", measurement, (2,)).tolist()
+    return Fused((x, y))

@@ -3,7 +3,8 @@
 Every formula of the model is a scalar function in this folder, compiled by numba and also callable from
 Python. `kernel` runs a tick in this order:
 
-1. `true_object` moves the object with the formulas of `motion` and `noise`, and measures its position.
+1. `true_object` moves the object with the formulas of `motion` and `noise`, and measures its position, for
+   radars with those of `polar`.
 2. The bank in `banks` predicts and corrects every filter.
 3. `observation_row` writes the observation.
 

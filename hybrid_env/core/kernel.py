@@ -129,39 +129,42 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 
 @inlined
-def step_irregular(bank: Any, first: Any, last: Any, block: Any, setting: Any) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by lane.
+def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any) -> None:
+    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance.
 
-    Args:
-        bank: bank of the block.
-        first, last: range of lanes, first .. last - 1.
-        block: a record with `measurement`, (2, LANES) [m], NaN where it is missing, and `variance_ratio`,
-            (LANES,), of the measurement over R.
-        setting: a record with the fields of `FilterModel`.
+    block: with the fields of `records.MEASURED`; sensors: (k,) records `records.SENSOR`.
     """
     for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]):
-            operations.predict(bank, np.uint64(lane), filter_model(setting, 1.0))
+        missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+        if missing or setting.radar:
+            operations.predict(bank, np.uint64(lane), model)
+            for h in range(0 if missing else bank.hypotheses.size):
+                operations.correct(bank, np.uint64(lane), h, block, sensors, model)
         else:
-            model = filter_model(setting, block.variance_ratio[lane])
+            model = filter_model(setting, block.noise[0, lane])
             operations.step(bank, np.uint64(lane), np.uint64(lane + 1), block.measurement, model)
 
 
 @inlined
-def follow_irregular(bank: Any, lane: int, hypothesis: int, block: Any, setting: Any) -> None:
+def follow_irregular(bank: Any, lane: int, chosen: int, block: Any, sensors: Any, setting: Any) -> None:
     """Advance the filter of one hypothesis; see `step_irregular`. Without a measurement all are predicted."""
-    if math.isnan(block.measurement[0, lane]):
-        operations.predict(bank, np.uint64(lane), filter_model(setting, 1.0))
+    missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+    if missing or setting.radar:
+        before = bank.hypotheses[chosen].log_likelihood[lane]
+        operations.predict(bank, np.uint64(lane), model)
+        if not missing:
+            operations.correct(bank, np.uint64(lane), chosen, block, sensors, model)
+        bank.hypotheses[chosen].log_likelihood[lane] = before
     else:
-        model = filter_model(setting, block.variance_ratio[lane])
-        operations.follow(bank, lane, hypothesis, block.measurement, model)
+        model = filter_model(setting, block.noise[0, lane])
+        operations.follow(bank, lane, chosen, block.measurement, model)
 
 
 @internal
-def step_lanes(block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+def step_lanes(block: Any, bank: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
-        step_irregular(bank, first, last, block, setting)
+        step_irregular(bank, first, last, block, sensors, setting)
     else:
         operations.step(bank, first, last, block.measurement, filter_model(setting, 1.0))
 
@@ -226,12 +229,12 @@ def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
             if not irregular:
                 move_lane(block, lane, noise, column, setting)
             if merged or setting.refined:
-                step_lanes(block, bank, start, stop, setting)
+                step_lanes(block, bank, start, stop, arrays.sensors, setting)
                 if setting.refined:
                     chosen = likeliest_of_type(bank.hypotheses, lane, chosen)
                     block.active_mode[lane] = chosen
             elif irregular:
-                follow_irregular(bank, lane, chosen, block, setting)
+                follow_irregular(bank, lane, chosen, block, arrays.sensors, setting)
             else:
                 operations.follow(bank, lane, chosen, block.measurement, model)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
@@ -272,7 +275,7 @@ def _tick(
 ) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
     move(block, scratch.noise, first, last, sensors, setting)
-    step_lanes(block, bank, first, last, setting)
+    step_lanes(block, bank, first, last, sensors, setting)
     compare_hypotheses(scratch, bank.hypotheses, first, last)
 
 

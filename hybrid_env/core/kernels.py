@@ -65,9 +65,9 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
     if decided and not (setting.merged or setting.refined):
-        follow_irregular(bank, 0, block.active_mode[0], block, setting)
+        follow_irregular(bank, 0, block.active_mode[0], block, arrays.sensors, setting)
     else:
-        step_irregular(bank, FIRST, LAST, block, setting)
+        step_irregular(bank, FIRST, LAST, block, arrays.sensors, setting)
     if decided and setting.refined:
         block.active_mode[0] = likeliest_of_type(bank.hypotheses, 0, block.active_mode[0])
     if not decided:
@@ -125,7 +125,7 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
         return 0
     if block.time[0] > 0:
         record_statement(block, 0, arrays.actions[0])
-    step_imm_irregular(bank, block, FIRST, LAST, arrays.radii, setting)
+    step_imm_irregular(bank, block, FIRST, LAST, arrays, setting)
     block.time[0] += 1
     write_quickest_row(arrays.observations[0], block, 0, bank, setting)
     return 0

@@ -135,7 +135,7 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
 def step_lanes(bank: Any, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
     if setting.irregular:
-        step_imm_irregular(bank, block, first, last, arrays.radii, setting)
+        step_imm_irregular(bank, block, first, last, arrays, setting)
     else:
         step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0))
 

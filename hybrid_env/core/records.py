@@ -23,13 +23,28 @@ SENSOR = np.dtype(
     [
         ("x", np.float64),  # [m]
         ("y", np.float64),
-        ("deviation", np.float64),  # of each measured coordinate [m]
-        ("precision", np.float64),  # R over the variance
+        ("deviation", np.float64),  # of each measured coordinate, or of the range [m]
+        ("precision", np.float64),  # R over the variance of each measured coordinate
+        ("bearing_deviation", np.float64),  # [rad]; 0 is a position sensor
+        ("rate_deviation", np.float64),  # of the range rate [m/s]
+        ("rate_row", np.int64),  # of the range rate in `MEASURED`; -1 without one
         ("range", np.float64),  # [m]
         ("period", np.int64),  # [ticks]
     ]
 )
-"""A position sensor; see `hybrid_env.sensors.Sensor`."""
+"""A sensor; see `hybrid_env.sensors`."""
+
+MOST_RATES = 4
+"""Radars of a list that measure the range rate."""
+
+_MEASURED = (
+    ("noise", np.float64, (3,)),  # covariance xx, xy, yy of the fused measurement over R
+    ("rates", np.float64, (MOST_RATES,)),  # range rates of the sensors with one [m/s], NaN if not measured
+)
+
+MEASURED_FIELDS = ("measurement", np.float64, (2,)), *_MEASURED
+MEASURED = lanes_of(*MEASURED_FIELDS)
+"""What the sensors measure in a tick; the first field is that of `TICK`."""
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
@@ -55,7 +70,7 @@ BLOCK = lanes_of(
     ("true_motion", np.float64, (3,)),  # from `motion.motion_coefficients`
     ("length", np.int64, ()),  # of the segment [ticks]
     ("clock", np.int64, ()),  # ticks of the episode, only counted for the periods of sensors
-    ("variance_ratio", np.float64, ()),  # of the fused measurement over R, 1 without sensors
+    *_MEASURED,
     # of the estimate, at the switch or, if switches are unknown, in the tick: upper triangle row by row
     ("covariance", np.float64, (10,)),
     # announced switches

@@ -94,6 +94,8 @@ PARAMETERS = np.dtype(
         ("missed", np.float64),  # probability that a tick has no measurement, of each sensor
         ("sensor_count", np.int64),  # 0 without a list of sensors
         ("irregular", np.bool_),  # measurements may be missing or of different variances
+        ("radar", np.bool_),  # a sensor is a radar
+        ("exact_anchor", np.float64),  # 1: the anchor-aware bank treats centre and turn rate as exact
         # bank and observation
         ("freedom", np.float64),  # of the Student t likelihood of the bank; 0 is the normal one
         ("log_noise", np.float64),  # ln R, mean of the axes

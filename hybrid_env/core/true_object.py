@@ -1,6 +1,7 @@
 """The true object: its start, motion with process noise on the velocity, and measurements of its position.
 
-Golubkov 2018, eq. (1). A tick may have no measurement, which is then NaN, or those of several sensors.
+Golubkov 2018, eq. (1). A tick may have no measurement, which is then NaN, or those of several sensors, among
+them radars, whose ranges and bearings are converted to positions.
 """
 
 import math
@@ -13,6 +14,7 @@ from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
+from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
 from hybrid_env.core.records import SEGMENT_COLUMNS
 
 SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
@@ -38,7 +40,7 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
     block.truth[3, lane] = setting.speed * math.sin(heading)
     draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
     block.clock[lane] = 0
-    block.variance_ratio[lane] = 1.0
+    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = 1.0, 0.0, 1.0
     covariance = block.covariance
     for k in range(covariance.shape[0]):
         covariance[k, lane] = 0.0
@@ -121,29 +123,50 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
     """Move the object of one lane by one tick, and fuse the measurements of all sensors that have one.
 
     Independent measurements of a position are equivalent to one: their mean weighted by the inverse
-    variances, whose inverse variance is the sum of theirs. Every sensor draws random numbers in every tick,
-    so that the stream does not depend on where the object is.
+    covariances, whose inverse covariance is the sum of theirs. Every sensor draws random numbers in every
+    tick, so that the stream does not depend on where the object is.
     """
-    clock = block.clock[lane]
-    precision, error_x, error_y = 0.0, 0.0, 0.0
+    clock, truth, first, last = block.clock[lane], block.truth, np.uint64(lane), np.uint64(lane + 1)
+    information = (0.0, 0.0, 0.0, 0.0, 0.0)  # over that of one sensor of variance R
     for k in range(sensors.size):
         sensor = sensors[k]
-        draw_noise(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1), setting)
+        draw_noise(block.random_state, noise, first, last, setting)
         if k == 0:  # the first draw also moves the object
             move_lane(block, lane, noise, lane, setting)
-        if clock % sensor.period != 0 or (setting.missed > 0.0 and noise[LOST, lane] < setting.missed):
+        x, y = truth[0, lane] - sensor.x, truth[2, lane] - sensor.y
+        distance = math.hypot(x, y)
+        measures = clock % sensor.period == 0 and distance <= sensor.range
+        measures = measures and not (setting.missed > 0.0 and noise[LOST, lane] < setting.missed)
+        noise_x, noise_y = noise[2, lane], noise[3, lane]
+        if sensor.rate_row >= 0:
+            draw_noise(block.random_state, noise, first, last, setting)
+            rate = range_rate(x, y, truth[1, lane], truth[3, lane]) + sensor.rate_deviation * noise[2, lane]
+            block.rates[sensor.rate_row, lane] = rate if measures else np.nan
+        if not measures:
             continue
-        distance = math.hypot(block.truth[0, lane] - sensor.x, block.truth[2, lane] - sensor.y)
-        if distance <= sensor.range:
+        if sensor.bearing_deviation > 0.0:
+            along_x, along_y = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
+            turned = sensor.bearing_deviation * noise_y
+            sine, cosine = math.sin(turned), math.cos(turned)
+            found = to_position(
+                distance + sensor.deviation * noise_x, cosine * along_x - sine * along_y,
+                sine * along_x + cosine * along_y, sensor.deviation, sensor.bearing_deviation,
+            )  # fmt: skip
+            inverse = 1.0 / (sensor.precision * sensor.deviation * sensor.deviation)  # 1 / R
+            covariance = inverse * found[2], inverse * found[3], inverse * found[4]
+            information = add_information(information, found[0] - x, found[1] - y, covariance)
+        else:
             weight = sensor.precision * sensor.deviation
-            error_x += weight * noise[2, lane]
-            error_y += weight * noise[3, lane]
-            precision += sensor.precision
+            information = (
+                information[0] + sensor.precision, information[1], information[2] + sensor.precision,
+                information[3] + weight * noise_x, information[4] + weight * noise_y,
+            )  # fmt: skip
     block.clock[lane] = clock + 1
-    if precision > 0.0:
-        block.measurement[0, lane] = block.truth[0, lane] + error_x / precision
-        block.measurement[1, lane] = block.truth[2, lane] + error_y / precision
-        block.variance_ratio[lane] = 1.0 / precision
+    if information[0] > 0.0:
+        error_x, error_y, xx, xy, yy = fused_position(information)
+        block.measurement[0, lane] = truth[0, lane] + error_x
+        block.measurement[1, lane] = truth[2, lane] + error_y
+        block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = xx, xy, yy
     else:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 

@@ -166,6 +166,7 @@ INVALID_ARGUMENTS = [
     ("track good.csv --object who", "object='who'"),
     ("track good.csv --unit ''", "unit=''"),
     ("track good.csv --time-unit weeks", "time_unit='weeks'"),
+    ("track good.csv --radar 30", "radar='30'"),
     ("track good.csv --gap 0", "gap=0.0"),
     ("track good.csv --jobs 0", "jobs=0"),
     ("track good.csv --overwrite perhaps", "perhaps"),

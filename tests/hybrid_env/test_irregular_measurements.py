@@ -14,7 +14,7 @@ def test_fused_errors_have_the_stated_variance():
     seen = []
     for k in range(9):
         error = info["measurement"] - info["truth"][:, [0, 2]]
-        ratio = env.world.field("variance_ratio")
+        ratio = env.world.field("noise")[:, 0]
         # both sensors, or the second one alone, relative to a variance of 0.1
         np.testing.assert_allclose(ratio, 1 / (0.1 / 0.4 + 1) if k % 2 == 0 else 1.0)
         known = ~np.isnan(error[:, 0])

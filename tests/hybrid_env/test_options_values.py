@@ -19,6 +19,7 @@ from hybrid_env import (
     HybridTrackEnv,
     HybridTrackVectorEnv,
     Layout,
+    Radar,
     RandomScheme,
     Segment,
     Sensor,
@@ -124,6 +125,12 @@ def test_values_of_other_types_are_refused_as_sensors_in_one_line():
         texts = isinstance(value, (list, tuple)) and all(isinstance(one, str) for one in value)
         if not texts:  # a text may stand for a sensor
             assert refused(WorldOptions, sensors=value).startswith("sensors")
+    for name in ("range_deviation", "bearing_deviation", "rate_deviation"):
+        for value in NASTY:
+            if value is not None or name != "rate_deviation":
+                given = {"range_deviation": 1.0, "bearing_deviation": 0.1, name: value}
+                assert refused(Radar, **given).startswith(name)
+                assert refused(WorldOptions, sensors=[given]).startswith("sensors")
     for name in ("variance", "position", "period", "range"):
         for value in NASTY:
             if not (name == "range" and isinstance(value, float) and value in (math.inf, 1e300)):
@@ -247,6 +254,13 @@ SENSED = {
         {"variance": 0.2, "period": 2}, {"variance": 0.1, "position": (4.0, 0.0), "range": 6.0}
     ],
 }  # fmt: skip
+RADAR = {
+    "missed": 0.2,
+    "sensors": [
+        {"variance": 0.2, "period": 2},
+        {"range_deviation": 0.3, "bearing_deviation": 0.02, "rate_deviation": 0.2, "position": (9.0, 20.0)},
+    ],
+}
 UNITLESS = (
     "log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "ticks", "ticks_left",
     "log_error_probability", "displacement_along", "displacement_across", "anchor_xx",
@@ -255,7 +269,7 @@ UNITLESS = (
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware", "oracle"])
 @pytest.mark.parametrize(("length", "time"), [(1e3, 1e-3), (1e-3, 60.0), (1e5, 1e5)])
-@pytest.mark.parametrize("measured", [{}, SENSED], ids=["one sensor", "sensors"])
+@pytest.mark.parametrize("measured", [{}, SENSED, RADAR], ids=["one sensor", "sensors", "radar"])
 def test_quantities_without_units_do_not_depend_on_the_units(bank, length, time, measured):
     # P := I has units; the bank therefore carries its covariance over
     options = {

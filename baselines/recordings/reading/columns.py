@@ -13,7 +13,7 @@ from hybrid_env.checks import ArgumentError, reject
 ONE_OBJECT = "none"
 """Value of --object for a file with one object."""
 
-PLANE, DEGREES = {"x", "y"}, {"lat", "lon"}
+PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
 HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
 LISTED = 8
 """So many columns are listed in a message."""
@@ -43,14 +43,16 @@ class Columns:
         return "lat" in self.roles
 
 
-def find_columns(table: Table, columns: Mapping[str, str] | None, object_column: str | None) -> Columns:
-    """Find the columns of times, positions and objects by their names.
+def find_columns(
+    table: Table, columns: Mapping[str, str] | None, object_column: str | None, polar: bool = False
+) -> Columns:
+    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names.
 
     Raises:
         ArgumentError: a column is missing, or more than one may be meant.
     """
     given = {role: numbered_column(table, "columns", name) for role, name in _checked(columns or {}).items()}
-    found = Columns(_roles(table, given), chosen=bool(given))
+    found = Columns(_roles(table, given, polar), chosen=bool(given))
     used = set(found.roles.values())
     if object_column is None:
         found.object = object_column_of(table, used)
@@ -85,12 +87,12 @@ def _checked(columns: Mapping[str, str]) -> dict[str, str]:
         if role not in ROLES:
             raise reject("columns", role, f"names of columns for {', '.join(ROLES)}")
     roles = set(result)
-    if roles and not (roles >= PLANE or roles >= DEGREES or roles == {"time"}):
+    if roles and not (roles >= PLANE or roles >= DEGREES or roles >= POLAR or roles == {"time"}):
         raise reject("columns", dict(columns), "x and y, or lat and lon, and time where the file has times")
     return result
 
 
-def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
+def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
     """Return the columns of time and positions: those that are given, and others by their names."""
     if not table.headed and not given:
         count = len(table.names)
@@ -98,7 +100,8 @@ def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
             raise ArgumentError(f"{table.file}: {count} columns without names: {HINT}")
         return dict(zip(("time", "x", "y")[-count:], range(count), strict=True))
     roles = dict(given)
-    for role in ("time",) if set(given) - {"time"} else ROLES:
+    used = ("time", *(("range", "bearing", "rate") if polar else ("x", "y", "lat", "lon")))
+    for role in ("time",) if set(given) - {"time"} else used:
         named = [k for k, name in enumerate(table.names) if role_of(name) == role and k not in given.values()]
         if role in given or not named:
             continue
@@ -106,6 +109,12 @@ def _roles(table: Table, given: dict[str, int]) -> dict[str, int]:
             advice = f"choose by --columns, for example {role}={named[0] + 1}"
             raise ArgumentError(f"{table.file}: both {table.labels(named)} may be {role}: {advice}")
         roles[role] = named[0]
+    if polar:
+        if not set(roles) >= POLAR:
+            raise ArgumentError(
+                f"{table.file}: no columns range and bearing ({listed_columns(table)}): {HINT}"
+            )
+        return {role: k for role, k in roles.items() if role in ("time", "range", "bearing", "rate")}
     plane, degrees = set(roles) >= PLANE, set(roles) >= DEGREES
     if plane and degrees:
         lat, lon = table.label(roles["lat"]), table.label(roles["lon"])

@@ -17,6 +17,9 @@ ROLES = {
             "latitudes"),
     "lon": ("lon", "lng", "long", "longitude", "location_long", "location_lon", "position_long",
             "position_lon", "gps_lon", "gps_long", "gps_longitude", "lons", "longitudes"),
+    "range": ("range", "rng", "rho", "distance", "slant_range", "measured_range"),
+    "bearing": ("bearing", "brg", "azimuth", "az", "measured_bearing"),
+    "rate": ("range_rate", "rangerate", "doppler", "radial_velocity", "radial_speed", "rdot"),
 }  # fmt: skip
 """Names of the columns of times and positions, in lower case and joined by underscores."""
 
@@ -34,7 +37,7 @@ INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
 """Names of an index: the number of the row, as spreadsheets and pandas write it."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
-LENGTHS = ("m", "km", "cm", "mm", "um", "ft", "yd", "mi", "nmi", "px", *DEGREES)
+LENGTHS = ("m", "km", "cm", "mm", "um", "ft", "yd", "mi", "nmi", "px", "rad", *DEGREES)
 SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3,
     "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0,

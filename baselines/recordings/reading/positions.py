@@ -9,6 +9,7 @@ from baselines.recordings.reading.cells import Table, parse_numbers
 from baselines.recordings.reading.columns import Columns
 from baselines.recordings.reading.names import DEGREES, split_unit
 from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.sensors import Radar
 
 MAX_VALUE = 1e12
 """Largest absolute value of a coordinate; its powers do not overflow."""
@@ -87,6 +88,43 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
     if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
     return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
+
+
+def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDArray[np.float64] | None]:
+    """Parse the columns of range, bearing and range rate, and convert ranges and bearings to positions.
+
+    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x
+    axis.
+
+    Args:
+        table: the table.
+        found: its columns.
+        radar: that measured.
+
+    Returns:
+        Positions, and range rates (n,) if the radar measures them.
+
+    Raises:
+        ArgumentError: a cell is not a number, or the column of the range rates is missing.
+    """
+    names = ("range", "bearing", "rate")[: radar.values]
+    if names[-1] not in found.roles:
+        raise ArgumentError(f"{table.file}: no column range_rate: name it by --columns rate=...")
+    values = []
+    for name in names:
+        column = found.roles[name]
+        one = parse_numbers(table.frame[column])
+        if one.wrong.size:
+            shown = str(table.frame[column].iloc[one.wrong[0]])
+            raise reject(table.place(int(one.wrong[0]), column), shown, "a number, or an empty cell")
+        values.append(one.values)
+    unit = split_unit(table.names[found.roles["bearing"]])[1]
+    bearings = values[1] if unit == "rad" else np.radians(90.0 - values[1])
+    table.notes.append(f"bearings in {'radians from the x axis' if unit == 'rad' else 'degrees from north'}")
+    rows = np.column_stack([values[0], bearings])
+    positions = np.array([radar.located(row)[:2] for row in rows])
+    length = split_unit(table.names[found.roles["range"]])[1]
+    return Places(positions, length, False), values[2] if radar.values == 3 else None
 
 
 def check_positions(

@@ -13,9 +13,10 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading.cells import Table, Times, counted, parse_numbers, parse_times
 from baselines.recordings.reading.columns import Columns, find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.positions import check_positions, read_positions
+from baselines.recordings.reading.positions import check_positions, read_polar, read_positions
 from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recording, tick_times
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
+from hybrid_env.sensors import Radar
 
 TAU_TOLERANCE = 1e-3
 """Largest relative difference between a given tick and the one of the times."""
@@ -50,6 +51,7 @@ def read_recordings(
     time_unit: str | None = None,
     tau: float | None = None,
     gap: float | None = None,
+    radar: Radar | None = None,
 ) -> RecordingFile:
     """Read the recordings of a file.
 
@@ -64,6 +66,8 @@ def read_recordings(
             recognises ISO dates and seconds, milliseconds ... since 1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [s]; None is 20 nominal ticks.
+        radar: that measured columns `range`, `bearing` and, if it has a rate deviation, `range_rate`, see
+            `positions.read_polar`.
 
     Raises:
         ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names
@@ -74,10 +78,12 @@ def read_recordings(
     if gap is not None:
         check_positive("gap", gap)
     table = read_table(path)
-    found = find_columns(table, columns, object_column)
+    found = find_columns(table, columns, object_column, radar is not None)
     groups = object_rows(table, found.object, Path(path))
     times = _times(table, found, time_unit, tau, len(groups) == 1)
-    places = read_positions(table, found, unit)
+    places, rates = (read_positions(table, found, unit), None) if radar is None else (
+        read_polar(table, found, radar)
+    )  # fmt: skip
     known = np.asarray(~np.isnan(places.values).any(axis=1))
     recordings = []
     for name, rows in groups:
@@ -102,7 +108,7 @@ def read_recordings(
             make_recording(
                 times.seconds[rows], positions, name=name, gap=gap, breaks=breaks,
                 unit=places.unit or UNKNOWN_UNIT, time_unit=times.unit, epoch=times.epoch,
-                projection=projection,
+                projection=projection, radar=radar, rates=None if rates is None else rates[rows],
             )
         )  # fmt: skip
     if not recordings:

@@ -6,6 +6,9 @@ bank they are part of the state: each hypothesis is an extended Kalman filter wi
 Jacobian of the seven states with respect to the four states of the anchor. The straight line is a turn of
 rate 0 whose centre and rate have no variance.
 
+With an exact anchor centre and turn rate have no variance, and the filters are those of the published bank
+with covariances between the axes, which measurements of a radar need.
+
 A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
 """
 
@@ -25,6 +28,7 @@ from hybrid_env.core.banks.extended_kalman import (
     turn_coefficients,
 )
 from hybrid_env.core.banks.kalman import log_likelihood
+from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
@@ -39,9 +43,10 @@ AWARE_HYPOTHESIS = lanes_of(
 )
 """State of one filter."""
 
+ANCHOR_ENTRIES = tuple(k for k, column in enumerate(np.triu_indices(7)[1].tolist()) if column > 3)
+"""Entries of the covariance of the seven states that belong to the centre and the turn rate."""
+
 DIVERGED = 1e3  # decrease of the log-likelihood per tick of a diverged filter
-LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
-ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
 
 
 class AnchorAwareBank(NamedTuple):
@@ -81,12 +86,19 @@ def begin_aware(
         model: a `FilterModel`, or a record with its fields.
     """
     for h in range(bank.hypotheses.size):
-        begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, signed_radius(h, radii), model.tau)
+        radius, exact = signed_radius(h, radii), model.exact_anchor > 0.0
+        begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, radius, model.tau, exact)
 
 
 @internal
 def begin_hypothesis(
-    kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float
+    kalman: Any,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    radius: float,
+    tau: float,
+    exact: bool = False,
 ) -> None:
     """Start one filter of a lane from the anchor.
 
@@ -96,6 +108,7 @@ def begin_hypothesis(
         anchor, covariance: see `begin_aware`.
         radius: turn radius [m], positive to the left, negative to the right, 0 if straight.
         tau: length of a tick [s].
+        exact: whether centre and turn rate have no variance.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
@@ -107,6 +120,9 @@ def begin_hypothesis(
     kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
     for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
         kalman.covariance[k, lane] = value
+    if exact:
+        for k in ANCHOR_ENTRIES:
+            kalman.covariance[k, lane] = 0.0
 
 
 @inlined
@@ -249,20 +265,73 @@ def follow_aware(
 def predict_aware(bank: AnchorAwareBank, lane: int, model: Any) -> None:
     """Advance every filter of a lane by one tick without a measurement; see `published.predict_published`."""
     for h in range(bank.hypotheses.size):
-        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
-        x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
-        # also False for NaN: a filter that diverges keeps its state
-        valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
-            predicted[7] + predicted[18] < LARGEST * LARGEST
-        )
-        if valid & (abs(u) + abs(v) < LARGEST):
-            set_estimate(kalman, lane, (x, u, y, v))
-            for k, value in enumerate(predicted):
-                kalman.covariance[k, lane] = value
-        sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
-        sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
-        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+        _predict_only(bank.hypotheses[h], bank.innovations[h], lane, model)
+
+
+@internal
+def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
+    """Advance one filter of a lane by one tick without a measurement."""
+    x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
+    # also False for NaN: a filter that diverges keeps its state
+    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
+        predicted[7] + predicted[18] < LARGEST * LARGEST
+    )
+    if valid & (abs(u) + abs(v) < LARGEST):
+        set_estimate(kalman, lane, (x, u, y, v))
+        for k, value in enumerate(predicted):
+            kalman.covariance[k, lane] = value
+    sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
+    sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
+    innovation.white_x[lane] = innovation.white_y[lane] = 0.0
+    innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
+
+
+@internal
+def correct_aware(
+    bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: NDArray[Any], model: Any
+) -> None:
+    """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
+    correct_hypothesis(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
+
+
+@internal
+def correct_hypothesis(
+    kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any
+) -> None:
+    """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
+    state = (
+        kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],
+        kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane],
+    )  # fmt: skip
+    predicted = _covariance7(kalman.covariance, lane)
+    found, p, measured, valid = correct_by_sensors(state, predicted, block, lane, sensors, model)
+    set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
+    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = found[4], found[5], found[6]
+    for k, value in enumerate(p):
+        kalman.covariance[k, lane] = value
+    innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
+    innovation.log_variance[lane] = measured[2] if valid else 2.0 * math.log(LARGEST)
+    kalman.log_likelihood[lane] += measured[3] if valid else -DIVERGED
+
+
+@internal
+def sense_hypothesis(
+    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: NDArray[Any], model: Any
+) -> None:
+    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
+
+    Args:
+        kalman, innovation, first, last, model: see `step_hypothesis`.
+        block: a record with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
+        sensors: (k,) records `records.SENSOR`, none for positions of variance R.
+    """
+    if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
+        step_hypothesis(kalman, innovation, first, last, block.measurement, model)
+        return
+    for lane in range(first, last):
+        _predict_only(kalman, innovation, lane, model)
+        if not math.isnan(block.measurement[0, lane]):
+            correct_hypothesis(kalman, innovation, lane, block, sensors, model)
 
 
 @internal

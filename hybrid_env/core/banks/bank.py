@@ -35,6 +35,7 @@ class FilterModel(NamedTuple):
         stay_probability: diagonal entry of the transition matrix of unknown switches, 1 - hazard.
         switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
         freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
+        exact_anchor: 1 if the anchor-aware bank treats centre and turn rate as exact, else 0.
     """
 
     tau: float
@@ -44,6 +45,7 @@ class FilterModel(NamedTuple):
     stay_probability: float = 1.0
     switch_probability: float = 0.0
     freedom: float = 0.0
+    exact_anchor: float = 0.0
 
 
 @inlined
@@ -51,7 +53,7 @@ def filter_model(setting: Any, ratio: float) -> FilterModel:
     """Return the model of the filters for a measurement whose variance over R is `ratio`."""
     return FilterModel(
         setting.tau, setting.process_variance, ratio * setting.variance_x, ratio * setting.variance_y,
-        setting.stay_probability, setting.switch_probability, setting.freedom,
+        setting.stay_probability, setting.switch_probability, setting.freedom, setting.exact_anchor,
     )  # fmt: skip
 
 

@@ -45,6 +45,7 @@ from hybrid_env.core.banks.coordinated_turn import (
 )
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
+from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.records import lanes_of
@@ -58,7 +59,6 @@ IMM_HYPOTHESIS = lanes_of(
 """State of one filter."""
 
 DIVERGED = -1e3  # log-likelihood of a tick in which a filter diverges
-LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
 
 
 class ImmBank(NamedTuple):
@@ -288,18 +288,46 @@ def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64]
 
 
 @internal
-def step_imm_irregular(
-    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
-) -> None:
+def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: Any) -> None:
+    """Correct every filter of a lane after `predict_imm`, by all that is measured; see `sensing`."""
+    for h in range(bank.hypotheses.size):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane], 0.0, 0.0, 0.0
+        xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = _triangle(kalman.covariance, lane)
+        p = (
+            xx, xu, xy, xv, 0.0, 0.0, 0.0, uu, uy, uv, 0.0, 0.0, 0.0, yy, yv, 0.0, 0.0, 0.0, vv, 0.0,
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        found, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
+        set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
+        corrected = q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]
+        for k, value in enumerate(corrected):
+            kalman.covariance[k, lane] = value
+        innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
+        innovation.log_variance[lane] = measured[2]
+        likelihood = measured[3] if valid else DIVERGED
+        kalman.log_likelihood[lane] = likelihood
+        kalman.log_probability[lane] += likelihood
+    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
+    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
+
+
+@internal
+def step_imm_irregular(bank: ImmBank, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
     """Advance every filter where measurements may be missing or of different variances, lane by lane.
 
     Args:
-        block: also with `variance_ratio`, (LANES,), of the measurement over R.
-        bank, first, last, radii, model: see `step_imm`.
+        bank, first, last: see `step_imm`.
+        block: also with the fields of `records.MEASURED`, NaN without a measurement.
+        arrays: with the radii and the sensors.
+        setting: a record `PARAMETERS`.
     """
     for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]):
-            predict_imm(bank, block, lane, radii, filter_model(model, 1.0))
+        missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
+        if missing or setting.radar:
+            predict_imm(bank, block, lane, arrays.radii, model)
+            if not missing:
+                correct_imm(bank, block, lane, arrays.sensors, model)
         else:
-            of_tick = filter_model(model, block.variance_ratio[lane])
-            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)
+            of_tick = filter_model(setting, block.noise[0, lane])
+            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), arrays.radii, of_tick)

@@ -9,6 +9,7 @@ compiled code: `instance_class`, an attribute of its type, is used here and nowh
     follow(bank, lane, hypothesis, measurement, model)   advance one filter, without its log-likelihood
     predict(bank, lane, model)                           advance every filter of a lane without a measurement
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle row by row
+    correct(bank, lane, hypothesis, block, sensors, model)   correct a predicted filter, with a radar
 
 The arguments are described in `published`. Calls with the same types of indices and of the model share one
 compiled function: the kernel gives unsigned indices, which need no check for negative values, so that loops
@@ -29,10 +30,11 @@ OPERATIONS: dict[type, tuple[Callable[..., Any], ...]] = {
     published.PublishedBank: (
         published.published_of_block, published.begin_published, published.step_published,
         published.follow_published, published.predict_published, published.covariance_published,
+        published.correct_published,
     ),
     aware.AnchorAwareBank: (
         aware.aware_of_block, aware.begin_aware, aware.step_aware, aware.follow_aware, aware.predict_aware,
-        aware.covariance_aware,
+        aware.covariance_aware, aware.correct_aware,
     ),
 }  # fmt: skip
 """The functions that are compiled for each bank, in the order above."""
@@ -52,4 +54,4 @@ def _operation(number: int) -> Any:
     return operation
 
 
-bank_of_block, begin, step, follow, predict, covariance = map(_operation, range(6))
+bank_of_block, begin, step, follow, predict, covariance, correct = map(_operation, range(7))

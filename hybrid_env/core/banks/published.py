@@ -262,6 +262,13 @@ def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
 
 
 @internal
+def correct_published(
+    bank: PublishedBank, lane: int, hypothesis: int, block: Any, sensors: Records, model: Any
+) -> None:
+    """With a radar the bank is the anchor-aware one with an exact anchor: the axes are not independent."""
+
+
+@internal
 def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     axes, columns = bank.covariances.shape

@@ -13,7 +13,8 @@ from baselines.rules.component_filters import (
     anchor_rows,
     stated_covariance,
 )
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, Sensor, WorldOptions
+from baselines.rules.sensed import observe_sensed, split_sensed
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, Radar, Sensor
 
 TRACKS, TICKS = 9, 30
 SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
@@ -107,7 +108,31 @@ def test_filters_equal_matrix_filters(variance, robust, missed):
     assert (total > 0) == robust
 
 
-def test_several_sensors_are_refused():
-    world = WorldOptions(sensors=[Sensor(variance=0.1)])
-    with pytest.raises(ArgumentError, match=r"sensors.*filters of its own"):
-        ComponentFilters("published", 1, TRACKS, world)
+SENSORS = (
+    Radar(range_deviation=0.2, bearing_deviation=0.02, rate_deviation=0.2, position=(30.0, 5.0)),
+    Sensor(variance=0.3, period=3),
+)
+
+
+@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
+@pytest.mark.parametrize("sensors", [SENSORS, SENSORS[1:]], ids=["radar", "position"])
+def test_with_sensors_the_filters_equal_the_bank(bank, sensors):
+    env = HybridTrackVectorEnv(
+        TRACKS, radii=(3.0, 8.0), scheme="random 1x50-60", sensors=sensors, bank=bank, missed=0.2,
+        reset_covariance=False,
+    )  # fmt: skip
+    env.reset(seed=3)
+    filters = ComponentFilters(bank, 1, TRACKS, env.options)
+    layout, none, alone = env.world.layout, np.zeros(TRACKS, np.bool_), np.zeros((TRACKS, 1))
+    for tick in range(TICKS):
+        rows, sensed = split_sensed(layout, observe_sensed(env.world))
+        anchors = anchor_rows(layout, rows, 0.0, stated_covariance(layout, rows))[None]
+        filters.advance(rows, np.full(TRACKS, tick == 0), anchors, alone, none, sensed)
+        expected = env.world.copy_tick()()["log_likelihood"]
+        found = filters.log_likelihood[0]
+        np.testing.assert_allclose(found - found[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3)
+        own = np.stack([layout.read(rows, f"innovation_{one}") for one in ("along", "across")], axis=-1)
+        np.testing.assert_allclose(filters.innovations[0, ..., :2], own, rtol=2e-3, atol=2e-3)
+        env.step(np.zeros(TRACKS, np.int64))
+    with pytest.raises(ArgumentError, match="with sensors"):
+        filters.advance(rows, none, anchors, alone, none)

@@ -11,7 +11,7 @@ from baselines.papers.golubkov2020 import detect_switch
 from baselines.rules.beam import BeamDecider
 from baselines.rules.restarted import GLRDecider, MeanRatioDecider
 from baselines.rules.rollout import record_statements
-from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
 from hybrid_env.simulation import simulate
 
 TRIANGLE = np.triu_indices(4)
@@ -22,6 +22,16 @@ SHORT = {
     "durations": "uniform 8-15",
     "measurement_variance": (0.001, 0.002),
     "radii": (2.0, 4.0),
+}
+
+
+SENSED = SHORT | {
+    "measurement_variance": 0.001,
+    "missed": 0.2,
+    "sensors": (
+        Radar(range_deviation=0.03, bearing_deviation=0.001, rate_deviation=0.1, position=(-30.0, 10.0)),
+        Sensor(variance=0.002, period=3),
+    ),
 }
 
 
@@ -48,7 +58,7 @@ def replay(decider, seen):
 
 
 def matrix_filter(bank, mode, state, P, options):
-    R = options.measurement_variance
+    R = np.broadcast_to(options.variances, 2)
     n = len(options.radii)
     radius = 0.0 if mode == 0 else options.radii[(mode - 1) % n]
     if bank == "published":
@@ -58,6 +68,16 @@ def matrix_filter(bank, mode, state, P, options):
     return MatrixExtendedKalmanFilter(state, P, sign * radius, options.tau, options.process_variance, R)
 
 
+def step(kalman, row, options):
+    """Advance a matrix filter by the measurements of a row, if there are any."""
+    if options.sensors:
+        xx, xy, yy = options.variances[0] * row[-7:-4]
+        rate, radar = row[-4], options.sensors[0]
+        kalman.R = np.array([[xx, xy], [xy, yy]])
+        kalman.rates = [] if np.isnan(rate) else [(rate, radar.position, radar.rate_deviation)]
+    kalman.step(None if np.isnan(row[0]) else row[:2])
+
+
 def estimate(kalman):
     return (kalman.x, kalman.P) if hasattr(kalman, "x") else (kalman.s[:4], kalman.P[:4, :4])
 
@@ -65,7 +85,7 @@ def estimate(kalman):
 def literal(seen, options, mean, threshold, margin, window, bank):
     """Statements (T,) and log ratios (T, M) of one track, (T, width), by definition."""
     M = options.hypotheses
-    stated = int(seen[0, 16:].argmax())
+    stated = int(seen[0, 16 : 16 + M].argmax())
     P = np.zeros((4, 4))
     P[TRIANGLE] = seen[0, 6:16]
     P += np.triu(P, 1).T
@@ -76,11 +96,11 @@ def literal(seen, options, mean, threshold, margin, window, bank):
     for row in seen[1:]:
         new = {mode: matrix_filter(bank, mode, *estimate(nominal), options) for mode in others}
         tests = [*tests, (new, nominal.log_likelihood)][-window:]
-        nominal.step(row[:2])
+        step(nominal, row, options)
         logs = {mode: [] for mode in others}
         for filters, before in tests:
             for mode in others:
-                filters[mode].step(row[:2])
+                step(filters[mode], row, options)
                 logs[mode].append(filters[mode].log_likelihood - (nominal.log_likelihood - before))
         values = np.zeros(M)
         for mode in others:
@@ -99,13 +119,14 @@ def literal(seen, options, mean, threshold, margin, window, bank):
 
 
 @pytest.mark.parametrize("rule", RESTARTED)
+@pytest.mark.parametrize("given", [SHORT, SENSED], ids=["one sensor", "sensors"])
 @pytest.mark.parametrize(
     ("bank", "window", "margin"), [("published", 6, 1.5), ("anchor_aware", 100, 0.5), ("published", 17, 0.0)]
 )
-def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, bank, window, margin):
-    options = QuickestOptions(**SHORT)
+def test_statements_and_ratios_equal_those_of_a_literal_loop(rule, given, bank, window, margin):
+    options = QuickestOptions(**given)
     decider = rule(options, 2.5, margin, window, bank)
-    seen, stated, log_ratios = run(decider, **SHORT)
+    seen, stated, log_ratios = run(decider, **given)
     changes = 0
     for track in range(4):
         expected, values = literal(seen[:, track], options, decider.mean, 2.5, margin, window, bank)

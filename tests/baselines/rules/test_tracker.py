@@ -205,14 +205,18 @@ def test_a_decider_with_an_action_outside_the_space_is_refused(answer):
         OnlineTracker(QuickestOptions(), Wrong(answer))
 
 
-def test_a_decider_that_cannot_predict_needs_every_measurement():
-    tracker = OnlineTracker(QuickestOptions(), BeamDecider(QuickestOptions()))
-    for k, point in enumerate(measurements(20)):
-        tracker.update(point, 0.1 * k)
-    for point, time in (((4.0, 0.0), 2.2), (None, 2.0)):
-        with pytest.raises(ArgumentError, match=r"missing measurements=\d is not allowed"):
-            tracker.update(point, time)
-    tracker.update((4.0, 0.4), 2.0)
+def test_the_beam_predicts_in_ticks_without_a_measurement():
+    options = QuickestOptions(measurement_variance=0.01)
+    found = []
+    for jump in (False, True):
+        tracker = OnlineTracker(options, BeamDecider(options))
+        for k, point in enumerate(measurements(40)):
+            if not 12 <= k < 15:
+                tracker.update(point, 0.1 * k)
+            elif not jump:
+                tracker.update(None)
+        found.append(tracker._decider_state.log_probability)
+    np.testing.assert_array_equal(found[0], found[1])
 
 
 def test_a_decider_with_filters_of_its_own_is_asked_in_ticks_without_a_measurement(monkeypatch):

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter, transition_matrix
 
-from hybrid_env import HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, KalmanBank, Sensor
+from hybrid_env import (
+    HybridTrackEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    KalmanBank,
+    Radar,
+    Sensor,
+)
 from hybrid_env.core.records import LANES
 from hybrid_env.live import SQUARE
 
@@ -20,16 +27,29 @@ SENSORS = (
     Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
     Sensor(variance=2.0, position=(-3.0, 0.0), range=6.0, period=3),
 )
+RADARS = (
+    Radar(range_deviation=0.1, bearing_deviation=0.02, position=(-20.0, 3.0)),
+    Sensor(variance=0.3, period=3),
+    Radar(range_deviation=0.5, bearing_deviation=0.005, position=(3.0, 30.0), period=2),
+)
+DOPPLER = (
+    Radar(range_deviation=0.2, bearing_deviation=0.03, rate_deviation=0.1, position=(20.0, 3.0), period=2),
+    *RADARS[1:],
+    Radar(range_deviation=1.0, bearing_deviation=0.01, rate_deviation=0.3, position=(0.0, -30.0)),
+)
 MEASURED = {
     "plain": {},
     "unequal": UNEQUAL,
     "missed": {"missed": 0.4},
     "sensors": {"sensors": SENSORS},
     "both": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
+    "radars": {"sensors": RADARS},
+    "range rates": {"sensors": DOPPLER, "missed": 0.3},
 }
 HEAVY = {"noise": "levy 1.2"}
 ROBUST = {
     "robust": {"likelihood": f"student_t {FREEDOM}"},
+    "robust, radars": {"likelihood": f"student_t {FREEDOM}", "sensors": RADARS, "noise": "outliers 0.2"},
     "robust, missed": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3},
     "robust, unequal": {"likelihood": f"student_t {FREEDOM}"} | UNEQUAL | HEAVY,
 }
@@ -44,13 +64,20 @@ ANNOUNCED = [
 ]
 
 
-def step_filters(filters, options, measurement, ratio):
-    """Advance the filters of a track; a measurement of NaN only predicts."""
-    noise = np.broadcast_to(options.variances, 2) * ratio
+def step_filters(filters, env, i, measurement):
+    """Advance the filters of track i; a measurement of NaN only predicts."""
+    noise, rates = (env.world.field(name)[i] for name in ("noise", "rates"))
+    variance = np.sqrt(np.broadcast_to(env.options.variances, 2))
     missing = np.isnan(measurement)
     assert missing[0] == missing[1]
+    radars = [one for one in env.options.sensors if getattr(one, "rate_deviation", None)]
     for one in filters:
-        one.R = noise if isinstance(one, MatrixExtendedKalmanFilter) else np.diag(noise)
+        one.R = noise[[[0, 1], [1, 2]]] * np.outer(variance, variance)
+        one.rates = [
+            (rate, radar.position, radar.rate_deviation)
+            for rate, radar in zip(rates, radars, strict=False)
+            if not np.isnan(rate)
+        ]
         one.step(None if missing[0] else measurement)
 
 
@@ -87,9 +114,8 @@ def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
     aware = env.options.bank == "anchor_aware"  # whose Jacobians are computed by differences
     rtol, atol = (1e-6, 2e-5) if aware else (1e-9, 1e-9)
     for _ in range(25):
-        ratio = env.world.field("variance_ratio")
         for i, own in enumerate(filters):
-            step_filters(own, env.options, info["measurement"][i], ratio[i])
+            step_filters(own, env, i, info["measurement"][i])
         bank = env.world.bank.hypotheses[0]
         states = np.array([[one.s[:4] if aware else one.x for one in own] for own in filters])
         found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
@@ -127,9 +153,8 @@ def test_the_imm_bank_equals_the_literal_one(options):
     literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
     for _ in range(ticks):
-        ratio = env.world.field("variance_ratio")
         for i, one in enumerate(literal):
-            step_filters([one], chosen, info["measurement"][i], ratio[i])
+            step_filters([one], env, i, info["measurement"][i])
         bank = env.world.bank.hypotheses[0]
         found = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
         np.testing.assert_allclose(found, [one.states for one in literal], rtol=1e-8, atol=1e-8)

@@ -1,0 +1,174 @@
+"""The correction of a filter by what the sensors measure: a position with any covariance, and range rates.
+
+The covariance of the fused position is not diagonal if a radar took part. The filter is corrected by the
+coordinates along its principal axes, whose errors are independent, and then by one range rate after the
+other, linearised at the estimate corrected so far. A filter has the seven states of `extended_kalman`; one of
+four states is embedded in it.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.banks.bank import State
+from hybrid_env.core.banks.extended_kalman import Triangle7, Vector7, condition
+from hybrid_env.core.banks.kalman import LOG_TWO_PI
+from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.elementary import log
+from hybrid_env.core.polar import range_rate
+from hybrid_env.core.records import MOST_RATES
+
+Scalar = tuple[float, float, bool]
+"""Whitened innovation, logarithm of its variance, and False if the filter has diverged."""
+
+LARGEST = 1e12  # [m] or [m/s]; a filter with larger values has diverged
+ROUNDING = 1e-6  # tolerance of a negative variance, relative to the predicted variance
+
+
+@internal
+def write_measured(block: Any, lane: int, measured: NDArray[np.float64]) -> None:
+    """Write what is measured to a lane of a record with the fields of `records.MEASURED`.
+
+    measured: (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+    """
+    block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
+    for k in range(3):
+        block.noise[k, lane] = measured[2 + k] if measured.size > 2 else (0.0 if k == 1 else 1.0)
+    for k in range(MOST_RATES):
+        block.rates[k, lane] = measured[5 + k] if measured.size > 2 else np.nan
+
+
+@inlined
+def principal_axes(xx: float, xy: float, yy: float) -> State:
+    """Return cosine and sine of the first principal axis of a covariance, and the variances along both."""
+    half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
+    length = math.sqrt(half * half + xy * xy)
+    if length == 0.0:
+        return 1.0, 0.0, xx, yy
+    cosine = math.sqrt(0.5 * (1.0 + abs(half) / length))
+    sine = 0.5 * xy / (length * cosine)
+    larger = mean + length
+    smaller = (xx * yy - xy * xy) / larger
+    if half >= 0.0:
+        return cosine, sine, larger, smaller
+    return cosine, -sine, smaller, larger
+
+
+@internal
+def correct_scalar(
+    state: Vector7, p: Triangle7, h: State, innovation: float, variance: float
+) -> tuple[Vector7, Triangle7, Scalar]:
+    """Correct a filter by a measurement h . [x, vx, y, vy] with a variance; return it with the innovation."""
+    a, b, c, d = h
+    k = (
+        a * p[0] + b * p[1] + c * p[2] + d * p[3],
+        a * p[1] + b * p[7] + c * p[8] + d * p[9],
+        a * p[2] + b * p[8] + c * p[13] + d * p[14],
+        a * p[3] + b * p[9] + c * p[14] + d * p[18],
+        a * p[4] + b * p[10] + c * p[15] + d * p[19],
+        a * p[5] + b * p[11] + c * p[16] + d * p[20],
+        a * p[6] + b * p[12] + c * p[17] + d * p[21],
+    )
+    sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
+    inverse = 1.0 / sigma
+    left = condition(p, k, inverse)
+    # these comparisons are False for NaN and for values that would lead to NaN
+    valid = (
+        (sigma > 0.5 * variance)
+        & (sigma < LARGEST * LARGEST)
+        & (abs(innovation) + abs(state[1]) + abs(state[3]) < LARGEST)
+        & (left[0] >= -ROUNDING * p[0])
+        & (left[7] >= -ROUNDING * p[7])
+        & (left[13] >= -ROUNDING * p[13])
+        & (left[18] >= -ROUNDING * p[18])
+    )
+    if not valid:
+        return state, p, (0.0, 0.0, False)
+    gain = innovation * inverse
+    moved = (
+        state[0] + gain * k[0], state[1] + gain * k[1], state[2] + gain * k[2], state[3] + gain * k[3],
+        state[4] + gain * k[4], state[5] + gain * k[5], state[6] + gain * k[6],
+    )  # fmt: skip
+    return moved, left, (innovation * math.sqrt(inverse), log(sigma), True)
+
+
+@inlined
+def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple[State, float, float]:
+    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
+
+    Near the radar the bearing of the estimate is uncertain. What this adds to the predicted range rate in
+    second order adds to the variance.
+    """
+    x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
+    distance = max(math.hypot(x, y), 1e-150)
+    along_x, along_y = x / distance, y / distance
+    expected = range_rate(x, y, u, v)
+    across = along_y * along_y * p[0] - 2.0 * along_x * along_y * p[2] + along_x * along_x * p[13]
+    angle = min(max(across, 0.0) / (distance * distance), 1e6)
+    added = angle * (0.5 * angle * (u * u + v * v) + max(p[7], 0.0) + max(p[18], 0.0))
+    h = (u - along_x * expected) / distance, along_x, (v - along_y * expected) / distance, along_y
+    return h, rate - expected, sensor.rate_deviation * sensor.rate_deviation + added
+
+
+@internal
+def correct_by_sensors(
+    state: Vector7, p: Triangle7, block: Any, lane: int, sensors: NDArray[Any], model: Any
+) -> tuple[Vector7, Triangle7, State, bool]:
+    """Correct a predicted filter by all that is measured in a tick.
+
+    Args:
+        state, p: predicted state and its covariance.
+        block: a record with the fields of `records.MEASURED`.
+        lane: index of the track in the block.
+        sensors: (k,) records `records.SENSOR`.
+        model: a `FilterModel`, or a record with its fields.
+
+    Returns:
+        State, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and
+        False if the filter has diverged: then state and covariance are the predicted ones.
+    """
+    noise, R = block.noise, model.variance_x
+    cosine, sine, first, second = principal_axes(R * noise[0, lane], R * noise[1, lane], R * noise[2, lane])
+    after, q, valid = state, p, True
+    white_first, white_second, log_variance, log_rates, distance, count = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(-2, sensors.size):
+        if k < 0:
+            h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
+            h = h_x, 0.0, h_y, 0.0
+            x, y = block.measurement[0, lane] - after[0], block.measurement[1, lane] - after[2]
+            innovation = h_x * x + h_y * y
+        else:
+            row = sensors[k].rate_row
+            if row < 0 or math.isnan(block.rates[row, lane]):
+                continue
+            h, innovation, variance = _rate_model(after, q, block.rates[row, lane], sensors[k])
+        after, q, (white, log_sigma, fits) = correct_scalar(after, q, h, innovation, variance)
+        valid &= fits
+        distance += white * white
+        count += 1.0
+        if k == -2:
+            white_first = white
+        elif k == -1:
+            white_second = white
+        if k < 0:
+            log_variance += 0.5 * log_sigma
+        else:
+            log_rates += 0.5 * (LOG_TWO_PI + log_sigma)
+    likelihood = -0.5 * distance
+    if model.freedom > 0.0:  # all corrections of a tick have one weight, see `kalman.weigh`
+        likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
+        w = min((model.freedom + count) / (model.freedom + distance), 1.0)
+        after = (
+            state[0] + w * (after[0] - state[0]), state[1] + w * (after[1] - state[1]),
+            state[2] + w * (after[2] - state[2]), state[3] + w * (after[3] - state[3]),
+            state[4] + w * (after[4] - state[4]), state[5] + w * (after[5] - state[5]),
+            state[6] + w * (after[6] - state[6]),
+        )  # fmt: skip
+    if not valid:
+        return state, p, (0.0, 0.0, 0.0, 0.0), False
+    white_x = cosine * white_first - sine * white_second
+    white_y = sine * white_first + cosine * white_second
+    likelihood -= LOG_TWO_PI + log_variance + log_rates
+    return after, q, (white_x, white_y, log_variance, likelihood), True

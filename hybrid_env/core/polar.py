@@ -1,0 +1,87 @@
+"""Range, bearing and range rate of a radar, and their conversion to a position.
+
+The converted position is the mean of the true one given the measurement, and its covariance is that of the
+true one: Duan, Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". The mean of the
+directions around a measured bearing, whose error is normal with standard deviation s, is exp(-s^2 / 2) times
+the measured direction. A conversion that is unbiased given the true position instead, which divides by this
+factor (Longbin et al. 1998), has in the filter an error along the line of sight of range * s^2.
+"""
+
+import math
+
+from hybrid_env.core.compilation import inlined
+
+Position = tuple[float, float, float, float, float]
+"""x, y and their covariance xx, xy, yy."""
+
+Information = tuple[float, float, float, float, float]
+"""Inverse covariance xx, xy, yy, and its product with the error x, y."""
+
+FLATTEST = 1e-10  # variance of a converted measurement in one direction over that in the other
+
+
+@inlined
+def range_rate(x: float, y: float, u: float, v: float) -> float:
+    """Return the range rate of a position relative to the radar [m] with a velocity [m/s]."""
+    return (x * u + y * v) / max(math.hypot(x, y), 1e-300)
+
+
+@inlined
+def to_position(
+    distance: float, along_x: float, along_y: float, range_deviation: float, bearing_deviation: float
+) -> Position:
+    """Return the position relative to the radar of a measured range and direction, and its covariance.
+
+    Args:
+        distance: measured range [m].
+        along_x, along_y: unit vector of the measured bearing.
+        range_deviation, bearing_deviation: standard deviations [m, rad].
+    """
+    square = bearing_deviation * bearing_deviation
+    shorter, turn = -math.expm1(-square), -0.5 * math.expm1(-2.0 * square)
+    along = distance * distance * (shorter - turn) + range_deviation * range_deviation * (1.0 - turn)
+    across = turn * (distance * distance + range_deviation * range_deviation)
+    along, across = max(along, FLATTEST * across), max(across, FLATTEST * along)
+    distance *= math.exp(-0.5 * square)
+    return (
+        distance * along_x, distance * along_y,
+        along * along_x * along_x + across * along_y * along_y,
+        (along - across) * along_x * along_y,
+        along * along_y * along_y + across * along_x * along_x,
+    )  # fmt: skip
+
+
+@inlined
+def position_noise(
+    x: float, y: float, range_deviation: float, bearing_deviation: float
+) -> tuple[float, float, float]:
+    """Return the covariance xx, xy, yy of a position (x, y) relative to the radar from `to_position`."""
+    length = max(math.hypot(x, y), 1e-300)
+    distance = length * math.exp(0.5 * bearing_deviation * bearing_deviation)
+    found = to_position(distance, x / length, y / length, range_deviation, bearing_deviation)
+    return found[2], found[3], found[4]
+
+
+@inlined
+def add_information(
+    information: Information, error_x: float, error_y: float, covariance: tuple[float, float, float]
+) -> Information:
+    """Return the information with that of an independent position. covariance: xx, xy, yy."""
+    xx, xy, yy = covariance
+    inverse = 1.0 / (xx * yy - xy * xy)
+    a, b, c = yy * inverse, -xy * inverse, xx * inverse
+    return (
+        information[0] + a, information[1] + b, information[2] + c,
+        information[3] + a * error_x + b * error_y, information[4] + b * error_x + c * error_y,
+    )  # fmt: skip
+
+
+@inlined
+def fused_position(information: Information) -> Position:
+    """Return the error of the fused position and its covariance."""
+    a, b, c, x, y = information
+    if b == 0.0 and a == c:  # position sensors only
+        return x / a, y / a, 1.0 / a, 0.0, 1.0 / a
+    inverse = 1.0 / (a * c - b * b)
+    xx, xy, yy = c * inverse, -b * inverse, a * inverse
+    return xx * x + xy * y, xy * x + yy * y, xx, xy, yy

@@ -1,0 +1,81 @@
+"""Deciders that choose their threshold: for the reward, or for a promised error rate."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from agents.evaluation.registry import find_decider, find_family
+from agents.evaluation.stopping import stopping_rule
+from agents.evaluation.task import sweep
+from agents.evaluation.tasks import task_of
+from baselines import MSPRTDecider
+from hybrid_env import ArgumentError
+
+HOME = "HybridTrack-v0"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_episodes():
+    from agents.evaluation import stopping
+
+    patch = pytest.MonkeyPatch()
+    patch.setattr(stopping, "EPISODES", {"announced": 150, "unknown": 4})
+    yield
+    patch.undo()
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [("ate:auto", ("ate", None)), ("runs/a:auto", ("runs/a", None)), ("ate:2%", ("ate", 0.02)),
+     ("ate:.5%", ("ate", 0.005)),
+     ("ate", None), ("ate:0.02", None), ("mine.py:auto_rule", None)],
+)  # fmt: skip
+def test_names(name, found):
+    assert stopping_rule(name) == (None if found is None else (found[0], pytest.approx(found[1])))
+
+
+@pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "fixed:auto:3"])
+def test_other_endings_are_refused(name):
+    with pytest.raises(ArgumentError, match="decider"):
+        find_family(name, task_of(HOME, {}).options)
+
+
+def alpha_of(name, **options):
+    family, threshold = find_decider(name, task_of(HOME, options).options)
+    decider = family.make(threshold)
+    assert isinstance(decider, MSPRTDecider)
+    return decider.alpha
+
+
+def test_the_law_of_the_noise_is_not_told():
+    told = alpha_of("msprt:auto")
+    assert told == alpha_of("msprt:auto", noise="levy 1.5 1 44")
+    assert told in find_family("msprt", task_of(HOME, {}).options).thresholds
+    assert told < alpha_of("msprt:auto", delay_cost=0.1)  # waiting costs more
+
+
+def test_a_promised_error_rate_is_held_on_other_episodes():
+    task = task_of(HOME, {})
+    for rate in (0.03, 0.1):
+        scores = sweep(task, find_family(f"msprt:{100 * rate:g}%", task.options), 300, 0)
+        error = 1.0 - float(scores.curve(task.statistic("accuracy"))[0])
+        counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 150 / 6)
+        assert abs(error - rate) < counting + 0.5 * rate
+
+
+def test_a_rate_that_cannot_be_held_is_told():
+    options = {"speed": 0.2, "measurement_variance": 1.0}
+    with pytest.warns(UserWarning, match=r"MSPRT cannot hold an error rate of 1.0%: \d"):
+        alpha_of("msprt:1%", **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        alpha_of("msprt:10%")
+
+
+def test_unknown_switches_have_a_reward_but_no_error_rate():
+    task = task_of("HybridTrackQuickest-v0", {"ticks": 200})
+    family = find_family("threshold:auto", task.options)
+    assert family.make(0.0).threshold in find_family("threshold", task.options).thresholds
+    with pytest.raises(ArgumentError, match="announced"):
+        find_family("threshold:2%", task.options)
