@@ -132,9 +132,7 @@ def parse(arguments: Sequence[str]) -> Any:
     name = arguments[0] if arguments else ""
     if name in COMMANDS:  # the flags of one command are parsed much sooner than those of all
         kind, description = as_command(COMMANDS[name])
-        return tyro.cli(
-            kind, prog=f"hybridtrack {name}", args=arguments[1:], description=description, config=config
-        )
+        return tyro.cli(kind, prog=f"hybridtrack {name}", args=arguments[1:], description=description, config=config)
     kinds = tuple(as_subcommand(name, kind) for name, kind in COMMANDS.items())
     return tyro.cli(
         functools.reduce(operator.or_, kinds), prog="hybridtrack", args=arguments, config=config,

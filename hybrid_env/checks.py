@@ -141,18 +141,12 @@ def _real_array(value: ArrayLike) -> FloatArray | None:
 
 def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length >= 1."""
-    expected = (
-        "("
-        + ", ".join("*" if size is None else str(size) for size in shape)
-        + ("," * (len(shape) == 1))
-        + ")"
-    )
+    expected = "(" + ", ".join("*" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
     array = _real_array(value)
     if array is None:
         raise reject(name, value, f"an array of finite numbers of shape {expected}, none masked")
     if array.ndim != len(shape) or any(
-        length == 0 or (size is not None and length != size)
-        for length, size in zip(array.shape, shape, strict=True)
+        length == 0 or (size is not None and length != size) for length, size in zip(array.shape, shape, strict=True)
     ):
         raise ArgumentError(f"{name} has shape {array.shape}: expected {expected}, no dimension of length 0")
     bad = np.argwhere(~(np.abs(array) <= LARGEST_NUMBER))  # also NaN

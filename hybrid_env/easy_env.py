@@ -35,12 +35,7 @@ class HybridTrackEasyEnv(HybridTrackEnv):
         index = action
         with suppress(TypeError):  # what is no integer is refused below
             index = operator.index(action)
-        if (
-            self._started
-            and isinstance(index, int)
-            and index in self.action_space
-            and too_early(self.world)[0]
-        ):
+        if self._started and isinstance(index, int) and index in self.action_space and too_early(self.world)[0]:
             index = 0
         return super().step(index)
 
@@ -50,9 +45,7 @@ class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
 
     def step(
         self, actions: NDArray[np.int64]
-    ) -> tuple[
-        NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
-    ]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
         actions = self.action_array(actions)
         if self._started:

@@ -83,8 +83,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         views |= {name: array[0] for name, array in self.world.drawn.items()}
         # NumPy scalars, because libraries read the dtype of every value
         self._info_readers = [
-            (name, view.copy if view.ndim else functools.partial(view.__getitem__, ()))
-            for name, view in views.items()
+            (name, view.copy if view.ndim else functools.partial(view.__getitem__, ())) for name, view in views.items()
         ]
         self._info_names: dict[str, Any] = dict.fromkeys(views)
 
@@ -291,10 +290,7 @@ class HybridTrackEnv(TrackEnv):
         decisions = self.world.read_decisions()
         del decisions["has_decision"]
         # flags as arrays without dimensions: Gymnasium's vectorizers would make objects of bool scalars
-        return {
-            key: values.reshape(()) if values.dtype == np.bool_ else values[0]
-            for key, values in decisions.items()
-        }
+        return {key: values.reshape(()) if values.dtype == np.bool_ else values[0] for key, values in decisions.items()}
 
     def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
         trace = self.world.read_trace(0)

@@ -20,15 +20,7 @@ from hybrid_env.core.observation_row import (
     TRACK_FEATURES,
 )
 
-__all__ = [
-    "HYPOTHESIS_FEATURES",
-    "LOG_FLOOR",
-    "LOG_SCALE",
-    "TICK_SCALE",
-    "TRACK_FEATURES",
-    "Layout",
-    "QuickestLayout",
-]
+__all__ = ["HYPOTHESIS_FEATURES", "LOG_FLOOR", "LOG_SCALE", "TICK_SCALE", "TRACK_FEATURES", "Layout", "QuickestLayout"]
 
 
 class Layout:

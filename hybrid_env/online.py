@@ -15,11 +15,7 @@ from hybrid_env.limits import check_variances, check_within, distinct_radii
 
 @compiled
 def _begin_one(
-    bank: PublishedBank,
-    anchor: FloatArray,
-    covariance: FloatArray,
-    radii: FloatArray,
-    model: FilterModel,
+    bank: PublishedBank, anchor: FloatArray, covariance: FloatArray, radii: FloatArray, model: FilterModel
 ) -> None:
     x, vx, y, vy = anchor
     xx, xv, vv = covariance
@@ -63,9 +59,7 @@ class KalmanBank(ReadOnlyAttributes):
         self.process_variance = check_within("process_variance", process_variance)
         self.variances = frozen(axis_variances(check_variances(measurement_variance)))
         self._bank = bank_arrays(PublishedBank, self.radii.size, self.variances.size)
-        self._model = FilterModel(
-            self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1])
-        )
+        self._model = FilterModel(self.tau, self.process_variance, float(self.variances[0]), float(self.variances[-1]))
         self._measurement = np.zeros((2, LANES))
         self._anchored = False
         prepare(_step_one, self._bank, self._measurement, self._model)

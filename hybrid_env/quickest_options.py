@@ -42,9 +42,7 @@ def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
     """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
     if isinstance(order, str) and order in ORDERS:
         return order
-    allowed = (
-        f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
-    )
+    allowed = f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
     rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
     with suppress(TypeError, ValueError):
         matrix = np.array(rows, np.float64)
@@ -160,16 +158,12 @@ class QuickestOptions(ModelOptions):
     @property
     def order_matrix(self) -> NDArray[np.float64]:
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
-        return (
-            np.array(self.order) if isinstance(self.order, tuple) else matrix_of(self.order, self.hypotheses)
-        )
+        return np.array(self.order) if isinstance(self.order, tuple) else matrix_of(self.order, self.hypotheses)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
         laws = {"durations": np.cumsum(self.duration_laws, axis=1)}
-        return (
-            super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
-        )
+        return super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `ModelOptions.bounds`."""

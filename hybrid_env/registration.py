@@ -23,9 +23,7 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 
 _CLASSES = (
     dict.fromkeys(ENVIRONMENTS, ("env:HybridTrackEnv", "vector_env:HybridTrackVectorEnv"))
-    | {
-        "HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv"),
-    }
+    | {"HybridTrackEasy-v0": ("easy_env:HybridTrackEasyEnv", "easy_env:HybridTrackEasyVectorEnv")}
     | dict.fromkeys(
         ("HybridTrackQuickest-v0", "HybridTrackQuickestBank-v0"),
         ("quickest_env:HybridTrackQuickestEnv", "vector_env:HybridTrackQuickestVectorEnv"),

@@ -80,9 +80,7 @@ def _states_of(seeds: Words) -> Words:
                 pool[target] = mixed ^ (mixed >> SHIFT)
     hashed = _Hash(INITIAL_B, MULTIPLIER_B)
     halves = [hashed(pool[k % POOL]).astype(np.uint64) for k in range(8)]
-    start_high, start_low, stream_high, stream_low = (
-        halves[2 * k] | (halves[2 * k + 1] << HALF) for k in range(4)
-    )
+    start_high, start_low, stream_high, stream_low = (halves[2 * k] | (halves[2 * k + 1] << HALF) for k in range(4))
     one = np.uint64(1)
     increment = (stream_high << one) | (stream_low >> np.uint64(63)), (stream_low << one) | one
     state = _add(*increment, start_high, start_low)  # a step from 0, plus the start

@@ -127,9 +127,7 @@ class Radar(_Placed):
     def scaled(self, length: float, velocity: float) -> "Radar":
         """Return the same radar at the origin, in other units: the scales of lengths and velocities."""
         rate = None if self.rate_deviation is None else velocity * self.rate_deviation
-        return replace(
-            self, position=(0.0, 0.0), range_deviation=length * self.range_deviation, rate_deviation=rate
-        )
+        return replace(self, position=(0.0, 0.0), range_deviation=length * self.range_deviation, rate_deviation=rate)
 
 
 class Fused(NamedTuple):

@@ -137,9 +137,7 @@ class World(ReadOnlyAttributes):
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
         self._run: Callable[[int], int]
-        self.take_rows: Callable[
-            [], NDArray[np.float32]
-        ]  # once after a step or reset: a new array (N, width)
+        self.take_rows: Callable[[], NDArray[np.float32]]  # once after a step or reset: a new array (N, width)
         if self.threads == 1:
             self._run = functools.partial(self._advance, addresses[0])
             self.take_rows = self.observations.copy

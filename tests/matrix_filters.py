@@ -96,9 +96,7 @@ def turn_state(anchor, signed_radius):
     """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] of a turn that begins at [x, vx, y, vy]."""
     x, vx, y, vy = anchor
     v = math.hypot(vx, vy)
-    return np.array(
-        [x, vx, y, vy, x - signed_radius * vy / v, y + signed_radius * vx / v, v / abs(signed_radius)]
-    )
+    return np.array([x, vx, y, vy, x - signed_radius * vy / v, y + signed_radius * vx / v, v / abs(signed_radius)])
 
 
 def jacobian(function, state):
@@ -169,9 +167,7 @@ class LiteralImm:
         """One tick; a measurement None only predicts."""
         prior = self.transition.T @ self.probability
         weights = self.transition * self.probability[:, None] / prior
-        mixed = [
-            sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))
-        ]
+        mixed = [sum(w * x for w, x in zip(weights[:, j], self.states, strict=True)) for j in range(len(prior))]
         spread = [
             sum(
                 w * (P + np.outer(x - mixed[j], x - mixed[j]))
@@ -193,9 +189,7 @@ class LiteralImm:
             weight, self.log_likelihood[j] = weigh(innovation, Sigma, self.freedom)
             self.states[j], self.covariances[j] = x + weight * K @ innovation, P - K @ H @ P
             for one in self.rates:
-                self.states[j], self.covariances[j], more = correct_by_rate(
-                    self.states[j], self.covariances[j], *one
-                )
+                self.states[j], self.covariances[j], more = correct_by_rate(self.states[j], self.covariances[j], *one)
                 self.log_likelihood[j] += more
         self.probability = prior * np.exp(self.log_likelihood)
         self.probability /= self.probability.sum()

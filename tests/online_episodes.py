@@ -56,9 +56,7 @@ def same_as_quickest(decider, seed, ticks=150, **options):
     env = HybridTrackQuickestVectorEnv(1, ticks=ticks, **options)
     rows, info = env.reset(seed=seed)
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
-    tracker.begin(
-        *first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None
-    )
+    tracker.begin(*first_estimate(env.options, seed), info["true_mode"][0] if env.options.start == "known" else None)
     observe, state, start = getattr(decider, "observe", None), None, np.ones(1, np.bool_)
     modes = []
     for k in range(ticks):

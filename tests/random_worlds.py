@@ -2,15 +2,7 @@
 
 import numpy as np
 
-from hybrid_env import (
-    FixedScheme,
-    HybridTrackVectorEnv,
-    Radar,
-    RandomScheme,
-    Segment,
-    Sensor,
-    WorldOptions,
-)
+from hybrid_env import FixedScheme, HybridTrackVectorEnv, Radar, RandomScheme, Segment, Sensor, WorldOptions
 from hybrid_env.checks import ArgumentError
 from hybrid_env.limits import LARGEST_TURN, RANGES
 
@@ -70,9 +62,7 @@ def random_sensors(generator, values, radii):
     ]
     return radars + [
         Sensor(
-            variance=float(
-                np.clip(values["measurement_variance"] * 10.0 ** generator.normal(0, 2), 1e-18, 1e18)
-            ),
+            variance=float(np.clip(values["measurement_variance"] * 10.0 ** generator.normal(0, 2), 1e-18, 1e18)),
             position=tuple((generator.normal(size=2) * max(radii)).clip(-1e12, 1e12).tolist()),
             period=int(generator.integers(1, 30)),
             range=float(10.0 ** generator.normal(0, 2) * max(radii)) if generator.random() < 0.5 else np.inf,

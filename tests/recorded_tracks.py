@@ -46,9 +46,7 @@ class Object:
 
     def simulate(self, runs=1, seed=1, modes=MODES, lengths=LENGTHS):
         """Simulation of the modes, (runs, T, 2) measurements."""
-        words = [
-            f"{m}{n}" + ("" if m == "S" else f"r{self.radius}") for m, n in zip(modes, lengths, strict=True)
-        ]
+        words = [f"{m}{n}" + ("" if m == "S" else f"r{self.radius}") for m, n in zip(modes, lengths, strict=True)]
         return simulate(
             " ".join(words), runs, seed, start=self.start, tau=self.tau,
             process_variance=self.process_variance, measurement_variance=self.measurement_variance,

@@ -32,12 +32,7 @@ SCHEME = {"scheme": "random 2x20-30"}
 KINDS = {
     "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
     "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
-    "recurrent-ppo": (
-        "recurrent-ppo",
-        "HybridTrack-v0",
-        SCHEME,
-        (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8"),
-    ),
+    "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),
     "flights": ("flights", "HybridTrack-v0", {}, SMALL_FLIGHTS),

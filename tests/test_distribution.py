@@ -98,9 +98,7 @@ def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
 def wheel(tmp_path_factory):
     """The built wheel; sources are copied, since a build writes beside them."""
     folder = tmp_path_factory.mktemp("wheel")
-    skip = shutil.ignore_patterns(
-        ".*", "tests", "docs", "build", "__pycache__", "*.egg-info", "runs", "results"
-    )
+    skip = shutil.ignore_patterns(".*", "tests", "docs", "build", "__pycache__", "*.egg-info", "runs", "results")
     shutil.copytree(ROOT, folder / "source", ignore=skip)
     line = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "."]
     subprocess.run([*line, "./source"], cwd=folder, check=True)
@@ -125,9 +123,7 @@ def test_the_wheel_beside_a_foreign_package_says_so_in_one_line(name, in_place, 
     assert command("--version").returncode == 0
     place = tmp_path / ("own" if in_place else "foreign")
     if in_place:  # another wheel was installed over this one
-        (place / name / "__init__.py").write_text(
-            "from agents.run import Runner\nfrom baselines.run import x\n"
-        )
+        (place / name / "__init__.py").write_text("from agents.run import Runner\nfrom baselines.run import x\n")
     else:
         (place / name).mkdir(parents=True)
         (place / name / "__init__.py").write_text("")

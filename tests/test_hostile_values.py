@@ -43,8 +43,7 @@ def test_a_layout_refuses_other_types(read):
 
 
 @pytest.mark.parametrize(
-    ("length", "time"),
-    [(1e-160, 1.0), (1e-300, 1.0), (1e160, 1.0), (1.0, 1e-160), (1.0, 1e-300), (1.0, 1e160)],
+    ("length", "time"), [(1e-160, 1.0), (1e-300, 1.0), (1e160, 1.0), (1.0, 1e-160), (1.0, 1e-300), (1.0, 1e160)]
 )
 def test_recordings_beyond_all_units_are_refused(length, time):
     positions = np.cumsum(np.random.default_rng(0).normal(size=(100, 2)), axis=0)

@@ -42,9 +42,7 @@ def python(tmp_path_factory):
 
 
 def test_the_base_install_has_few_packages_and_says_which_extra_is_missing(python):
-    listed = (
-        run(python, "-m", "pip", "list", "--format", "freeze", cwd=python.parent).stdout.lower().splitlines()
-    )
+    listed = run(python, "-m", "pip", "list", "--format", "freeze", cwd=python.parent).stdout.lower().splitlines()
     names = {line.partition("==")[0] for line in listed}
     assert {"gymnasium", "numba", "numpy", "scipy", "hybrid-track"} <= names
     assert not names & {"torch", "pandas", "matplotlib", "rich", "tyro", "pyarrow", "optuna", "pygame-ce"}

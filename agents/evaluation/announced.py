@@ -205,9 +205,7 @@ class AnnouncedTask(Task):
             log=True,
             levels=tuple(1.0 - level for level in ACCURACY_LEVELS),
         )
-        reward = Axis(
-            "mean reward per segment", (min(-0.4 * abs(best), best - 0.5, worst - 0.08), best + 0.08)
-        )
+        reward = Axis("mean reward per segment", (min(-0.4 * abs(best), best - 0.5, worst - 0.08), best + 0.08))
         return [
             Panel(
                 "Accuracy against mean decision time", ticks, error,

@@ -39,9 +39,7 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table in Markdown."""
     lines = (" | ".join(row) for row in rows)
     return (
-        "\n".join(
-            ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *(f"| {line} |" for line in lines)]
-        )
+        "\n".join(["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *(f"| {line} |" for line in lines)])
         + "\n"
     )
 

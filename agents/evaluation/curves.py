@@ -56,12 +56,7 @@ def curves(groups: Groups, x: Statistic, y: Statistic, above: tuple[float, float
 
 
 def _curve(
-    name: str,
-    group: Sequence[Selected],
-    x: Statistic,
-    y: Statistic,
-    above: tuple[float, float],
-    style: DeciderStyle,
+    name: str, group: Sequence[Selected], x: Statistic, y: Statistic, above: tuple[float, float], style: DeciderStyle
 ) -> Curve:
     places = means(group, x)
     shown = np.flatnonzero(places > above[0])

@@ -76,9 +76,7 @@ def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], l
     return flights, [label_glider(*one) for one in zip(flights, air_motion(flights), decoded, strict=True)]
 
 
-def glider_statements(
-    flights: Sequence[Flight], settings: Sequence[Setting]
-) -> dict[Setting, list[IntArray]]:
+def glider_statements(flights: Sequence[Flight], settings: Sequence[Setting]) -> dict[Setting, list[IntArray]]:
     """Return the statements of rules at settings on each flight, (n,)."""
     batch, lengths = stack_flights(flights, PART, MARGIN), [len(flight.times) for flight in flights]
     found: dict[Setting, list[IntArray]] = {}

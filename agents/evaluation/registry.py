@@ -42,9 +42,7 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
         return ACTORS[task](load_actor(folder, weights, card)).trained(folder.name)
     file, name = OWN_NETWORKS[algo]
     kind = getattr(importlib.import_module(f"{learned.__name__}.{file}"), name)
-    family: DeciderFamily = kind.trained(
-        folder.name, load_network(folder, weights, card, kind.network), options
-    )
+    family: DeciderFamily = kind.trained(folder.name, load_network(folder, weights, card, kind.network), options)
     return family
 
 

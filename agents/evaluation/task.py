@@ -322,8 +322,7 @@ def gather(
     """Return the scores of a decider from what was recorded in several batches at every threshold."""
     values = np.stack([np.concatenate([part.figures for part in parts]) for parts in found], axis=-1)
     samples = [
-        {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples}
-        for parts in found
+        {name: np.concatenate([part.samples[name] for part in parts]) for name in parts[0].samples} for parts in found
     ]
     extra = [task.extra(one) for one in samples]
     return Scores(

@@ -217,9 +217,7 @@ class UnknownTask(Task):
                 value
                 for group in groups.values()
                 for one in group
-                for rate, value in zip(
-                    one.scores.curve(wrong), one.scores.curve(STATISTICS[name]), strict=True
-                )
+                for rate, value in zip(one.scores.curve(wrong), one.scores.curve(STATISTICS[name]), strict=True)
                 if min(rates) / 1.7 <= rate <= high
             ]
             margin = 0.06 * (max(shown) - min(shown))
@@ -231,9 +229,7 @@ class UnknownTask(Task):
             for k, title in enumerate(("Straight, left or right named", "Type and radius named")):
                 lines = []
                 for name, group in groups.items():
-                    shares = np.mean(
-                        [one.scores.extra["named_within"][one.chosen, k] for one in group], axis=0
-                    )
+                    shares = np.mean([one.scores.extra["named_within"][one.chosen, k] for one in group], axis=0)
                     lines.append(Curve(name, styles[name], np.arange(shares.size), 100.0 * shares, size=0.0))
                 ticks = Axis("ticks after a switch", (0.0, float(shares.size)))
                 found.append(Panel(title, ticks, Axis("switches, %", (0.0, 100.0)), lines))

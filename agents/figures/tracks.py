@@ -36,9 +36,7 @@ LABEL_WIDTH, STATED_WIDTH = 6.0, 1.6
 def runs(values: IntArray, breaks: ArrayLike = ()) -> list[tuple[int, int, int]]:
     """Return (first index, index after the last, value) of each run of equal values between two breaks."""
     begins = np.union1d(np.flatnonzero(np.diff(values, prepend=values[0] - 1)), breaks).astype(np.int64)
-    return list(
-        zip(begins.tolist(), [*begins[1:].tolist(), len(values)], values[begins].tolist(), strict=True)
-    )
+    return list(zip(begins.tolist(), [*begins[1:].tolist(), len(values)], values[begins].tolist(), strict=True))
 
 
 def plot_by_mode(
@@ -102,10 +100,7 @@ def track_figure(records: Sequence[TrackRecord], radii: Sequence[float], title: 
         handles.append(wrong_patch("wrong statement"))
     else:
         draw_timelines(timeline, edges, rows, colours, label, wrong=wrong, breaks=first.switches, names=names)
-        handles = [
-            Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"),
-            wrong_patch("wrong mode"),
-        ]
+        handles = [Patch(color=UNDECIDED_COLOUR, label="before the decision (ticks)"), wrong_patch("wrong mode")]
     _draw_track(track, records, colours)
     plain_axes(track, "x, m", "y, m")
     legend_beside(timeline, handles=handles)
@@ -269,9 +264,7 @@ def draw_timelines(
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _write_into(
-    axes: Any, height: int, span: tuple[float, float], text: str, colour: str, always: bool
-) -> None:
+def _write_into(axes: Any, height: int, span: tuple[float, float], text: str, colour: str, always: bool) -> None:
     """Write a text into a bar, if it is long enough or the text is always shown."""
     middle = sum(span) / 2
     style: dict[str, Any] = {"va": "center", "ha": "center", "fontsize": 8.5}

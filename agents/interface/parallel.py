@@ -97,9 +97,7 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
             try:
-                for name, result in parallel(
-                    joblib.delayed(_in_worker)(*call) for call in list(left.items())
-                ):
+                for name, result in parallel(joblib.delayed(_in_worker)(*call) for call in list(left.items())):
                     del left[name]
                     yield name, result
                 return
@@ -167,9 +165,7 @@ def _import_ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise reject(
-            "engine", "ray", "'local', or an installed Ray: pip install 'hybrid-track[cluster]'"
-        ) from None
+        raise reject("engine", "ray", "'local', or an installed Ray: pip install 'hybrid-track[cluster]'") from None
     return ray
 
 

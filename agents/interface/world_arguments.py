@@ -43,9 +43,7 @@ def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)  # for callers in Python
     only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
     defaults = [_DEFAULT_TEXTS.get(name, _text(field.default))]
-    defaults += [
-        f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options
-    ]
+    defaults += [f"{_text(options[name])} in {env_id}" for env_id, options in ENVIRONMENTS.items() if name in options]
     shown = shown_default("; ".join(defaults), help=only + text[0].upper() + text[1:])
     return Annotated[plain if plain is bool else plain | None, shown]
 

@@ -45,13 +45,7 @@ class League(TrustArguments, ParallelArguments):
         from agents.interface.progress import progress_display
         from agents.league.entry import read_entry
         from agents.league.protocol import WORLDS, play, world_task
-        from agents.league.table import (
-            league_figure,
-            league_markdown,
-            league_table,
-            shipped_entries,
-            world_table,
-        )
+        from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
         from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}

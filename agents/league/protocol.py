@@ -57,9 +57,7 @@ def play(name: str, workers: Workers, on_progress: Callable[[str], None]) -> dic
     Raises:
         ArgumentError: it can decide in no world; the reason in the first one.
     """
-    found = dict(
-        workers.results({world: functools.partial(_play, name, world) for world in WORLDS}, on_progress)
-    )
+    found = dict(workers.results({world: functools.partial(_play, name, world) for world in WORLDS}, on_progress))
     worlds = {world: found[world] for world in WORLDS}
     played = [one for one in worlds.values() if "refused" not in one]
     if not played:

@@ -37,9 +37,7 @@ def reward(entry: dict[str, Any], world: str) -> Estimate | None:
     return None if scores is None else scores.estimate(REWARD, 0)
 
 
-def best_of_rest(
-    entries: Sequence[dict[str, Any]], mine: dict[str, Any], world: str
-) -> dict[str, Any] | None:
+def best_of_rest(entries: Sequence[dict[str, Any]], mine: dict[str, Any], world: str) -> dict[str, Any] | None:
     """Return the entry with the largest reward in a world among the others that are not informed."""
     others = [one for one in entries if one is not mine and one["kind"] != "informed"]
     found = [(value.value, one["title"], one) for one in others if (value := reward(one, world)) is not None]
@@ -109,11 +107,7 @@ def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
     worlds, shift = list(WORLDS), 0.7 / max(1, len(entries) - 1)
     for index, entry in enumerate(entries):
         style, offset = styles[entry["title"]], index * shift - 0.35
-        found = [
-            (place, value)
-            for place, world in enumerate(worlds)
-            if (value := reward(entry, world)) is not None
-        ]
+        found = [(place, value) for place, world in enumerate(worlds) if (value := reward(entry, world)) is not None]
         x = [place + offset for place, _ in found]
         y = np.array([value.value for _, value in found])
         error = np.array([[value.value - value.low, value.high - value.value] for _, value in found]).T

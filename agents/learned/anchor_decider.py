@@ -144,9 +144,7 @@ class AnchorDecider(Decider):
     @classmethod
     def trained(cls, name: str, net: AnchorNetworks, options: WorldOptions) -> DeciderFamily:
         """Return networks at any threshold, for the options of an environment."""
-        return DeciderFamily(
-            name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options)
-        )
+        return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options))
 
     def posterior(
         self, observation: Observations, state: Any, episode_start: BoolArray | None
@@ -161,9 +159,7 @@ class AnchorDecider(Decider):
         state.starting = starting & ~first
         return state.filters.advance(self.net.anchor, rows, first, [sensed]), state
 
-    def decide(
-        self, observation: Observations, state: Any, episode_start: Any
-    ) -> tuple[Actions, AnchorState]:
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, AnchorState]:
         """See `Decider.decide`. The state is an `AnchorState`."""
         posterior, state = self.posterior(observation, state, episode_start)
         error, best = self.errors(observation, posterior, state)

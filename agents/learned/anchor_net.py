@@ -32,12 +32,7 @@ PAIR = 6
 
 NEGLIGIBLE_TURN = 1e-3  # difference of turn angles per tick [rad] below which a declaration costs little
 COMPONENTS = 4
-INITIAL_LOG_SCALES = (
-    0.0,
-    1.2,
-    2.4,
-    3.6,
-)  # of the standard deviations, relative to those that the bank states
+INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)  # of the standard deviations, relative to those that the bank states
 INITIAL_LOG_WEIGHTS = (0.0, -1.0, -3.0, -5.0)
 LOWER = torch.tril_indices(4, 4, -1)
 SMALLEST_SCALE, LARGEST_SCALE = -6.0, 9.0
@@ -125,12 +120,7 @@ class AnchorNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.inputs = len(ANCHOR_INPUTS) + COMPONENTS
-        self.layers = nn.Sequential(
-            nn.Linear(self.inputs, hidden),
-            nn.Tanh(),
-            nn.Linear(hidden, hidden),
-            nn.Tanh(),
-        )
+        self.layers = nn.Sequential(nn.Linear(self.inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
         self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
         nn.init.zeros_(self.output.weight)
         bias = torch.zeros(COMPONENTS, NUMBERS)
@@ -149,11 +139,7 @@ class AnchorNet(nn.Module):
         scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
         factor = torch.diag_embed(torch.ones_like(scale))
         factor[..., LOWER[0], LOWER[1]] = numbers[..., 9:]
-        return (
-            torch.log_softmax(numbers[..., 0], dim=-1),
-            scale * numbers[..., 1:5],
-            scale[..., None] * factor,
-        )
+        return (torch.log_softmax(numbers[..., 0], dim=-1), scale * numbers[..., 1:5], scale[..., None] * factor)
 
     def loss(self, inputs: Tensor, errors: Tensor) -> Tensor:
         """Return the mean negative log-density of whitened errors, (n, 4)."""
@@ -164,9 +150,7 @@ class AnchorNet(nn.Module):
         return -torch.logsumexp(log_weight + log_density, dim=-1).mean()
 
     @torch.no_grad()
-    def anchors(
-        self, inputs: NDArray[np.float32], whitener: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def anchors(self, inputs: NDArray[np.float32], whitener: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
 
         Args:

@@ -71,9 +71,7 @@ class Scales:
             worlds: options.
             tracks: number of tracks of each.
         """
-        values = [
-            (w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware") for w in worlds
-        ]
+        values = [(w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware") for w in worlds]
         return cls(*np.repeat(np.array(values, np.float64), tracks, axis=0).T)
 
     def select(self, tracks: NDArray[Any]) -> "Scales":

@@ -28,9 +28,7 @@ class ObservationFeatures(BaseFeaturesExtractor):
         ArgumentError: an unknown name.
     """
 
-    def __init__(
-        self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout
-    ):
+    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
         rows = layout.of_width(observation_space.shape[0])
         known = (*rows.slices, POSTERIOR)
         for name in observe:

@@ -81,9 +81,7 @@ class ActorDecider(Decider):
 
     def trained(self, name: str) -> DeciderFamily:
         """Return the policy at any threshold."""
-        return DeciderFamily(
-            name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses
-        )
+        return DeciderFamily(name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
@@ -106,9 +104,7 @@ class ActorDecider(Decider):
             if state is None:
                 zeros = torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size)
                 state = (zeros, zeros)
-            starts = (
-                torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
-            )
+            starts = torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
             features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state

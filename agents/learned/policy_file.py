@@ -81,9 +81,7 @@ def load_policy(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         raise unreadable_policy(folder, error) from None
     if not is_known:
         raise reject(
-            "run",
-            str(folder),
-            "a policy trained with the current observation scales; this one has other scales",
+            "run", str(folder), "a policy trained with the current observation scales; this one has other scales"
         )
     return weights, card
 

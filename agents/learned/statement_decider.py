@@ -32,10 +32,7 @@ class UtilityDecider(Decider):
     """
 
     symbol = "log-odds"
-    thresholds = (
-        *(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0),
-        *(13.0, 16.0, 20.0),
-    )
+    thresholds = (*(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0), *(13.0, 16.0, 20.0))
     inputs: ClassVar[int]
     """Number of inputs of the network for each turn hypothesis."""
 
@@ -54,11 +51,7 @@ class UtilityDecider(Decider):
         return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, make)
 
     def largest(
-        self,
-        utility: NDArray[np.float64],
-        stay: NDArray[np.float64],
-        stated: Actions,
-        started: NDArray[np.bool_],
+        self, utility: NDArray[np.float64], stay: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
     ) -> Actions:
         """Return the statements of N tracks, (N,).
 

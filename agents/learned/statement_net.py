@@ -28,10 +28,7 @@ HYPOTHESIS_INPUTS = (
 )
 """Of straight motion, of the turn, and of the other turns, weighted by their probabilities."""
 
-TRACK_INPUTS = (
-    "log of the distance per tick over the deviation of a measurement",
-    "log of turn angle per tick",
-)
+TRACK_INPUTS = ("log of the distance per tick over the deviation of a measurement", "log of turn angle per tick")
 INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
 ACROSS = 4  # index of the lateral innovation
 LARGEST_INNOVATION = 6.0
@@ -43,9 +40,7 @@ GAIN = 3.0  # of the outputs, so that they learn faster than the recurrent part
 INITIAL_STAY = 2.0
 
 
-def count_ages(
-    best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def count_ages(best: NDArray[np.int64], previous: NDArray[np.int64], age: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the ticks for which the most probable mode has been the same, (N,).
 
     Args:
@@ -55,9 +50,7 @@ def count_ages(
     return np.where(best == previous, age + 1, 1)
 
 
-def statement_inputs(
-    world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64]
-) -> NDArray[np.float32]:
+def statement_inputs(world: QuickestOptions, rows: NDArray[np.float32], ages: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26).
 
     Args:
@@ -158,9 +151,7 @@ class StatementNet(nn.Module):
         nn.init.zeros_(self.output.weight)
         nn.init.zeros_(self.output.bias)
 
-    def forward(
-        self, inputs: Tensor, log_probability: Tensor, memory: Tensor | None = None
-    ) -> StatementOutputs:
+    def forward(self, inputs: Tensor, log_probability: Tensor, memory: Tensor | None = None) -> StatementOutputs:
         """Process T ticks of N tracks.
 
         Args:

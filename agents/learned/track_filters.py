@@ -54,11 +54,7 @@ class TrackFilters:
         self.anchor_samples: tuple[NDArray[np.float32], FloatArray, IntArray] | None = None
 
     def advance(
-        self,
-        net: AnchorNet,
-        rows: Observations,
-        first: BoolArray,
-        sensed: Sequence[FloatArray | None] | None = None,
+        self, net: AnchorNet, rows: Observations, first: BoolArray, sensed: Sequence[FloatArray | None] | None = None
     ) -> FloatArray:
         """Process one row of every track; return the posterior of the hypotheses, (N, M).
 
@@ -99,12 +95,8 @@ class TrackFilters:
     def select_tracks(self, tracks: BoolArray) -> "TrackFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         parts = np.split(tracks, self.splits)
-        selected = TrackFilters(
-            [filters.world for filters in self.filters], [int(one.sum()) for one in parts]
-        )
-        selected.filters = [
-            filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)
-        ]
+        selected = TrackFilters([filters.world for filters in self.filters], [int(one.sum()) for one in parts])
+        selected.filters = [filters.select_tracks(part) for filters, part in zip(self.filters, parts, strict=True)]
         selected.log_weights = self.log_weights[tracks]
         selected.last = self.last.select(tracks)
         return selected

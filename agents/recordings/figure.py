@@ -98,11 +98,7 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     axes.plot(*positions[first[0]], "s", color=BLACK, markersize=6, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.set(
-        title=f"{recording.name}: decided pieces (square: first row)",
-        xlabel=f"x [{unit}]",
-        ylabel=f"y [{unit}]",
-    )
+    axes.set(title=f"{recording.name}: decided pieces (square: first row)", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.grid(alpha=0.25)
 
 

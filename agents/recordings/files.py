@@ -82,9 +82,7 @@ class FileArguments:
         except ArgumentError:
             one = Sensor(variance=1.0)
         if isinstance(one, Sensor):
-            raise reject(
-                "radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'"
-            )
+            raise reject("radar", self.radar, "two standard deviations and more, as in '30 0.01 rate 0.5 at 10 0'")
         return one
 
     def column_names(self) -> dict[str, str]:
@@ -180,9 +178,7 @@ Work = Callable[[Path, Path], Report]
 """Work on a file: its path and output folder. Raises ArgumentError. It can be pickled."""
 
 
-def work_on_files(
-    work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None
-) -> None:
+def work_on_files(work: Work, paths: Sequence[Path], folders: Sequence[Path], jobs: int | None = None) -> None:
     """Work on files and print a report for each, in their order.
 
     The results do not depend on the number of jobs.

@@ -157,10 +157,7 @@ def row_table(tracked: TrackedRecording) -> dict[str, Any]:
         "mode": letters,
         "radius": radii,
         "decided": tracked.decided,
-        **{
-            f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k]
-            for k, n in enumerate(tracked.mode_names())
-        },
+        **{f"p_{n.replace(' ', '_')}": tracked.probabilities[:, k] for k, n in enumerate(tracked.mode_names())},
         **{f"estimate_{name}": tracked.estimates[:, k] for k, name in enumerate(STATE)},
         **{f"cov_{STATE[i]}_{STATE[j]}": tracked.covariances[:, i, j] for i, j in triangle},
         "residual_x": tracked.residuals[:, 0],

@@ -112,9 +112,7 @@ class TrackingArguments:
         """
         self.check_tracking()
         if recording.radar is not None and self.measurement_variance is not None:
-            raise reject(
-                "measurement_variance", self.measurement_variance, "none with radar, which has its own"
-            )
+            raise reject("measurement_variance", self.measurement_variance, "none with radar, which has its own")
         grid, outliers = tick_grid(recording), 0
         if grid.radar is None:  # the noise of a radar depends on the range
             grid, bursts = (grid, 0) if self.lengths else without_jumps(grid)
@@ -134,9 +132,7 @@ class TrackingArguments:
             raise _in_units(error, model) from None
         start = None if self.start is None else np.array(self.start)
         decisions = decide_recording(grid, model, tracker, lengths=lengths, start=start)
-        return row_results(
-            recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers
-        )
+        return row_results(recording, grid, model, name, decisions, check_consistency(grid, model, lengths), outliers)
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         lengths, total = list(self.lengths), grid.total

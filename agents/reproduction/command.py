@@ -47,9 +47,7 @@ class Reproduce(ParallelArguments):
     Prints every published value, the reproduced value, and the 95 % interval of a study of the paper's size.
     """
 
-    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = tuple(
-        paper for paper in PAPERS if paper not in LONG
-    )
+    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = tuple(paper for paper in PAPERS if paper not in LONG)
     """Papers to reproduce; by default all but novospaskyi and multiple_models, which take some minutes. The
     latter is ATE against the IMM, GPB1, GPB2 and the static multiple model."""
     runs: int | None = None
@@ -81,11 +79,7 @@ class Reproduce(ParallelArguments):
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
         options = {"seed": self.seed} | ({} if self.runs is None else {"runs": self.runs})
-        calls = {
-            paper: functools.partial(_reproduce, paper, options)
-            for paper in self.papers
-            if paper != RADAR_STUDY
-        }
+        calls = {paper: functools.partial(_reproduce, paper, options) for paper in self.papers if paper != RADAR_STUDY}
         with progress_display(console) as progress:
             task = progress.add_task("Reproducing", total=len(self.papers), note="")
             found = dict(workers.results(calls, lambda paper: progress.update(task, advance=1, note=paper)))
@@ -100,9 +94,7 @@ class Reproduce(ParallelArguments):
             print_report(paper, result, drawn, seconds, folder, console)
         write_summary([found[paper][0] for paper in self.papers], folder, console)
 
-    def _reproduce_radar_study(
-        self, options: dict[str, Any], folder: Path, progress: "Progress"
-    ) -> tuple[Any, float]:
+    def _reproduce_radar_study(self, options: dict[str, Any], folder: Path, progress: "Progress") -> tuple[Any, float]:
         """Run the radar study on all processor cores, with a line of its own in the progress display."""
         from agents.interface.parallel import Workers
 

@@ -14,25 +14,11 @@ from agents.figures.canvas import save_figure
 from agents.interface.output_files import atomic_file, write_json
 from baselines.papers.reproduction import Cell, Reproduction
 
-HEADER = (
-    "setting",
-    "quantity",
-    "published",
-    "ours [its own interval]",
-    "median run",
-    "95 % interval",
-    "inside",
-)
+HEADER = ("setting", "quantity", "published", "ours [its own interval]", "median run", "95 % interval", "inside")
 INSIDE = {"inside": "yes", "outside": "no", "not published": "-"}
 FINDINGS_TITLE = "additional results"
 FINDINGS_HEADER = ("quantity", "result", "claim of the paper")
-SUMMARY_HEADER = (
-    "paper, its size",
-    "table",
-    "inside the 95 % interval",
-    "outside the 95 % interval",
-    "not counted",
-)
+SUMMARY_HEADER = ("paper, its size", "table", "inside the 95 % interval", "outside the 95 % interval", "not counted")
 
 
 def _row(cell: Cell) -> tuple[str, ...]:
@@ -116,12 +102,7 @@ def to_json(result: Reproduction) -> dict[str, Any]:
 
 
 def print_report(
-    paper: str,
-    result: Reproduction,
-    figures: Mapping[str, Figure],
-    seconds: float,
-    folder: Path,
-    console: Console,
+    paper: str, result: Reproduction, figures: Mapping[str, Figure], seconds: float, folder: Path, console: Console
 ) -> None:
     """Print the tables of a paper, and write them and the figures.
 

@@ -105,17 +105,13 @@ class FlightArguments:
             for k, flight in enumerate(result.flights):
                 stated = {label: result.stated[name][k] for name, label in reversed(names.items())}
                 agreement = float(agreements([k]).curve(STATISTICS["agreement"])[0])
-                title = (
-                    f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
-                )
+                title = f"{flight.identity}, tier {flight.tier.name}: {next(iter(stated))} agrees {agreement:.1%}"
                 path = folder / f"{flight.identity.replace(':', '-')}.png"
                 save_figure(flight_figure(flight, result.labels[k], stated, title), path)
         write_json(folder / "flights.json", flights_json(result))
         for table in flight_tables(result):
             console.print(table)
-        console.print(
-            f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False
-        )
+        console.print(f"Files in {folder}: flights.json, a picture of each flight", markup=False, highlight=False)
 
 
 if TYPE_CHECKING:
@@ -136,9 +132,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference. Announced
     switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
     ':threshold', or the folder of an agent. With --gliders: {gliders}."""
-    agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = (
-        None
-    )
+    agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), run folders, or policies of other libraries ('model.zip', 'policy.onnx')."""
     accuracy: Annotated[float | None, shown_default("the threshold with the best reward")] = None
@@ -259,9 +253,7 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
             console.print(table)
         write(result, complete=True, **remarks)
         self._draw(result, folder)
-        console.print(
-            f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False
-        )
+        console.print(f"Files in {folder}: compare.png, episode.png, compare.json", markup=False, highlight=False)
         if (folder / TRAINED).is_dir():
             console.print(f"Trained agents in {folder / TRAINED}", markup=False, highlight=False)
 

@@ -152,10 +152,7 @@ class Comparison:
             "threshold": {"symbol": scores.symbol, "chosen": entry.threshold},
             **{metric.name: self.figure(entry, metric.name).as_json() for metric in task.metrics},
             **{name: finite(values[entry.chosen]) for name, values in scores.extra.items()},
-            **{
-                name: finite(scores.curve(statistic)[entry.chosen])
-                for name, statistic in task.further.items()
-            },
+            **{name: finite(scores.curve(statistic)[entry.chosen]) for name, statistic in task.further.items()},
             "reward_less_best_rule": None if difference is None else difference.as_json(),
             **levels,
             **{key: {name: one.as_json() for name, one in found.items()} for key, found in against.items()},
@@ -208,9 +205,7 @@ def compare(
     return result
 
 
-def score(
-    plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None
-) -> Entry:
+def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, progress: Progress | None) -> Entry:
     """Train a decider if needed, select its threshold and score it, unless its file exists.
 
     Args:

@@ -139,9 +139,7 @@ class Dataset(WorldArguments, TrustArguments):
                 os.environ[ROOT] = before
         print(f"Data {folder}")
 
-    def _write(
-        self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any, seed: int
-    ) -> str:
+    def _write(self, task: "Task", identity: str, title: str, options: dict[str, Any], decider: Any, seed: int) -> str:
         """Write one data set; return its line."""
         import minari
         from minari.data_collector import EpisodeBuffer
@@ -163,9 +161,7 @@ class Dataset(WorldArguments, TrustArguments):
         return f"{identity}: {size}, mean return {returns.mean():.3f}"
 
 
-def record(
-    env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int
-) -> list[dict[str, Any]]:
+def record(env_id: str, options: dict[str, Any], decider: Any, episodes: int, seed: int) -> list[dict[str, Any]]:
     """Return E episodes of a decider, each as the fields of Minari's `EpisodeBuffer`.
 
     Observations (T + 1, width), actions, rewards, terminations and truncations (T,), and as `infos` the true

@@ -123,8 +123,7 @@ class Episodes:
             pass
         history, trace = self.history, self.history.trace
         positions = {
-            key: trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]]
-            for key in ("", "measured_", "estimate_")
+            key: trace[:, [TRACE_INDEX[f"{key}x"], TRACE_INDEX[f"{key}y"]]] for key in ("", "measured_", "estimate_")
         }
         return self.task.track_record(
             history, name=name, truth=positions[""], measurements=positions["measured_"],

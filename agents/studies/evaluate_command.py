@@ -33,8 +33,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
     """
 
     deciders: Annotated[
-        tyro.conf.Positional[tuple[str, ...]],
-        shown_default("ate; threshold in HybridTrackQuickest-v0"),
+        tyro.conf.Positional[tuple[str, ...]], shown_default("ate; threshold in HybridTrackQuickest-v0")
     ] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with optional
     thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx', 'mine.py:MyRule:0.1'.
@@ -164,10 +163,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
         shifted = task.shifted()
-        for flag, possible in (
-            ("shifted", bool(shifted)),
-            ("drawn", bool(shifted) and task.switches == ANNOUNCED),
-        ):
+        for flag, possible in (("shifted", bool(shifted)), ("drawn", bool(shifted) and task.switches == ANNOUNCED)):
             if getattr(self, flag) and not possible:
                 raise reject(flag, getattr(self, flag), f"no value in {task.title}")
         worlds = shifted if self.shifted else {NOMINAL: {}}

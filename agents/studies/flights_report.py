@@ -88,10 +88,7 @@ def differences_table(result: FlightComparison) -> Table:
         (name, *(bounds_cell(difference(result, decider, rows), 1, 100.0) for decider, _ in others))
         for name, rows in result.groups.items()
     ]
-    title, heads = (
-        f"Agreement less that of {first[1]}, percentage points",
-        [escape(label) for _, label in others],
-    )
+    title, heads = (f"Agreement less that of {first[1]}, percentage points", [escape(label) for _, label in others])
     return filled_table(title, ("tier", *heads), lines, SECOND_LINES)
 
 
@@ -167,9 +164,7 @@ def flights_json(result: FlightComparison) -> dict[str, Any]:
                 "interpolated": flight.interpolated,
                 "scored": float(np.mean(labels.scored)),
                 "turns": sum(mode != 0 for *_, mode in labels.pieces),
-                "deciders": {
-                    decider: _figures(scores.some([k])) for decider, scores in result.scores.items()
-                },
+                "deciders": {decider: _figures(scores.some([k])) for decider, scores in result.scores.items()},
             }
             for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
         ],

@@ -9,13 +9,7 @@ import numpy as np
 
 from agents.evaluation.flights import NATIVE, FlightTask
 from baselines.recordings.flights.flight import TIERS, TOGETHER, Flight, stack_flights
-from baselines.recordings.flights.labels import (
-    LabelRules,
-    Labels,
-    label_flights,
-    scored_alike,
-    smoothed_rates,
-)
+from baselines.recordings.flights.labels import LabelRules, Labels, label_flights, scored_alike, smoothed_rates
 from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.simulated import twins
 from baselines.scoring.scores import Scores
@@ -89,9 +83,7 @@ class FlightComparison:
     @cached_property
     def groups(self) -> dict[str, list[int]]:
         """Indices of the flights of each tier, and of the tiers A to C together."""
-        tiers = {
-            name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name] for name in TIERS
-        }
+        tiers = {name: [k for k, flight in enumerate(self.flights) if flight.tier.name == name] for name in TIERS}
         found = [name for name in TOGETHER if tiers[name]]
         title = "A-C" if len(found) == len(TOGETHER) else "+".join(found)
         together = {title: [k for name in found for k in tiers[name]]} if len(found) > 1 else {}
@@ -109,9 +101,7 @@ def without_stress(flights: Sequence[Flight]) -> list[int]:
     return [k for k in rows if flights[k].tier.name != "stress"] or rows
 
 
-def compare_on_flights(
-    task: FlightTask, names: dict[str, str], note: Callable[[str], None]
-) -> FlightComparison:
+def compare_on_flights(task: FlightTask, names: dict[str, str], note: Callable[[str], None]) -> FlightComparison:
     """Compare deciders on flights.
 
     Args:

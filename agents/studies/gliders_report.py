@@ -60,9 +60,7 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
         for level, by_name in result.scores.items():
             for name, scores in by_name.items():
                 some = scores.some(rows)
-                figures: dict[str, Any] = {
-                    one.name: some.estimate(one.statistic).as_json() for one in METRICS
-                }
+                figures: dict[str, Any] = {one.name: some.estimate(one.statistic).as_json() for one in METRICS}
                 less = difference(result, level, name, rows)
                 figures["agreement_less_first"] = None if less is None else less.as_json()
                 figures["settings"] = result.chosen[level][name]

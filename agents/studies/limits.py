@@ -32,10 +32,7 @@ THREE_MODE_ENV, BANK_ENV = "hybrid_env:HybridTrack-v0", "hybrid_env:HybridTrackB
 QUICKEST_ENV = "hybrid_env:HybridTrackQuickest-v0"
 NOISE_LEVELS = (0.01, 0.1, 1.0)  # R [m^2]
 BANKS = ("published", "anchor_aware", "oracle")
-RULES = {
-    THREE_MODE_ENV: ("ate", "msprt", "bayes"),
-    BANK_ENV: ("ate", "msprt-type", "msprt", "bayes"),
-}
+RULES = {THREE_MODE_ENV: ("ate", "msprt", "bayes"), BANK_ENV: ("ate", "msprt-type", "msprt", "bayes")}
 AWARE: dict[str, Any] = {"bank": "anchor_aware"}
 STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     "ATE on the published bank": ("ate", {}),
@@ -130,9 +127,7 @@ def calls(env_id: str, episodes: int, seed: int, further: Sequence[Any] = ()) ->
             for bank, noise in product(CALIBRATION_BANKS, NOISE_LEVELS)
         },
         "golubkov2018": {
-            f"scheme of 2018, {bank}, R = {noise:g}": functools.partial(
-                type_accuracy_golubkov2018, bank, noise, *size
-            )
+            f"scheme of 2018, {bank}, R = {noise:g}": functools.partial(type_accuracy_golubkov2018, bank, noise, *size)
             for bank, noise in product(BANKS[:2], NOISE_LEVELS)
         },
     }
@@ -226,8 +221,7 @@ def smoothed_scores(task: UnknownTask, tracks: int, seed: int, lags: Sequence[in
                 found.append(task.measured(Statements(true_modes, stated)))
     names = {lag: f"{family.name}, {lag} ticks later" if lag else family.name for lag in lags}
     return {
-        lag: gather(task, replace(family, name=names[lag]), family.thresholds, found)
-        for lag, found in parts.items()
+        lag: gather(task, replace(family, name=names[lag]), family.thresholds, found) for lag, found in parts.items()
     }
 
 

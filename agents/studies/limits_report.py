@@ -12,19 +12,7 @@ from agents.evaluation.cells import markdown_table, signed
 from agents.evaluation.unknown import UnknownTask
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import DeciderStyle, decider_styles
-from agents.studies.limits import (
-    BANKS,
-    BEAM,
-    GEOMETRIC,
-    IMM,
-    LATER,
-    LAWS,
-    NOISE_LEVELS,
-    THRESHOLD,
-    TIMES,
-    Limit,
-    gains,
-)
+from agents.studies.limits import BANKS, BEAM, GEOMETRIC, IMM, LATER, LAWS, NOISE_LEVELS, THRESHOLD, TIMES, Limit, gains
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 from baselines.scoring.statements import STATISTICS
@@ -58,8 +46,7 @@ def unknown_markdown(found: Sequence[Limit]) -> str:
         "95 % interval.": _gain_cell,
         "Mean delay of a switch in ticks (one that is not detected counts until the end of its segment) / "
         "wrong changes of the statement per 1,000 ticks, at the same thresholds.": _delay_cell,
-        "Share of ticks at which the most probable mode is the true one, %, without a "
-        "threshold.": _right_cell,
+        "Share of ticks at which the most probable mode is the true one, %, without a threshold.": _right_cell,
     }
     return _sections("HybridTrackQuickest-v0, durations {}", gains(found, UnknownTask), tables)
 
@@ -148,12 +135,7 @@ def _bounds(estimate: Estimate, digits: int, scale: float = 1.0) -> str:
 
 
 WIDTH = 11.5  # of a figure [in]
-NAMES = {
-    IMM: "IMM",
-    THRESHOLD: "IMM threshold",
-    GEOMETRIC: "beam, geometric",
-    BEAM: "beam",
-}
+NAMES = {IMM: "IMM", THRESHOLD: "IMM threshold", GEOMETRIC: "beam, geometric", BEAM: "beam"}
 """Labels, which are the names of the deciders in other figures."""
 
 
@@ -253,9 +235,7 @@ def _step_curves(steps: dict[str, Limit]) -> list[Curve]:
     rewards = [steps[step].scores.estimate(mean("reward")) for step in (BEAM, *LATER.values())]
     points = np.array([[one.value, one.low, one.high] for one in rewards]).T
     bars = np.abs(points[1:] - points[0])
-    curves = [
-        Curve(NAMES[BEAM], styles[NAMES[BEAM]], lags, points[0], bars=bars, size=5.0, filled=True, width=1.5)
-    ]
+    curves = [Curve(NAMES[BEAM], styles[NAMES[BEAM]], lags, points[0], bars=bars, size=5.0, filled=True, width=1.5)]
     for step in (GEOMETRIC, THRESHOLD, IMM):
         style = styles[NAMES[THRESHOLD if step == IMM else step]]  # the same bank
         reward = float(steps[step].scores.curve(mean("reward"))[0])

@@ -154,17 +154,11 @@ def write_gif(path: Path, frames: Iterator[Frame], options: ModelOptions) -> Non
     palette = Image.new("P", (1, 1))
     palette.putpalette(palette_colours(options).tobytes())
     images = (
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in _bounded(path, frames)
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in _bounded(path, frames)
     )
     with atomic_file(path) as part:
         next(images).save(
-            part,
-            format="GIF",
-            save_all=True,
-            append_images=images,
-            duration=round(1000 / RENDER_FPS),
-            loop=0,
+            part, format="GIF", save_all=True, append_images=images, duration=round(1000 / RENDER_FPS), loop=0
         )
 
 

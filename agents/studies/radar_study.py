@@ -50,9 +50,7 @@ def score_radar_data(data: RadarData, folder: Path, progress: Progress) -> Found
 
     run = Workers(min(os.cpu_count() or 1, MOST_PROCESSES)).results
     robust = (*ROBUST, *SLOW)
-    parameters = tune_filters(
-        data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust
-    )
+    parameters = tune_filters(data.tracks["training"], data.seed, folder, run=run, progress=show, robust=robust)
     weights = folder / "network.safetensors"
     net = radar_net(data, weights, lambda share: progress.update(bar, completed=1.0 + share, note=NETWORK))
     calls = {
@@ -95,9 +93,7 @@ def radar_tables(found: Found) -> list[Table]:
             figures = [one.estimate(STATISTICS[name]) for name in COLUMNS]
             plain, covered = figures[: -len(HORIZONS)], figures[-len(HORIZONS) :]
             cells = [estimate_cell(figure, 1.0, 1 if k > 1 else 2) for k, figure in enumerate(plain)]
-            shares = " ".join(
-                "-" if share.value != share.value else f"{100 * share.value:.0f}" for share in covered
-            )
+            shares = " ".join("-" if share.value != share.value else f"{100 * share.value:.0f}" for share in covered)
             ratio = "" if one is best else bounds_cell(one.ratio(best, STATISTICS["position"]), 2)
             rows.append((one.name, *cells, shares, ratio))
         notes = (
@@ -112,9 +108,7 @@ def radar_tables(found: Found) -> list[Table]:
 def radar_json(found: Found) -> Figures:
     """Return the figures by noise, filter and column."""
     return {
-        noise: {
-            one.name: {name: one.estimate(STATISTICS[name]).as_json() for name in COLUMNS} for one in scores
-        }
+        noise: {one.name: {name: one.estimate(STATISTICS[name]).as_json() for name in COLUMNS} for one in scores}
         for noise, scores in found.items()
     }
 

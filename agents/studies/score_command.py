@@ -21,9 +21,7 @@ class Score:
     Several files of statements are compared in pairs with the first one.
     """
 
-    files: Annotated[
-        tyro.conf.Positional[tuple[Path, ...]], shown_default("none, the truth and one more are needed")
-    ]
+    files: Annotated[tyro.conf.Positional[tuple[Path, ...]], shown_default("none, the truth and one more are needed")]
     """CSV, TSV or Parquet file of the true modes, then files of statements, each with columns of times and
     modes. Samples hold until the next one; the last time of the truth is the end of a track."""
     columns: tuple[str, ...] = ()

@@ -59,10 +59,7 @@ def score_tables(result: TimelineScores, per: str, unit: str = "s") -> list[Tabl
     for title, caption, rows, sign in contents:
         lines = []
         for name, figures in rows.items():
-            cells = [
-                estimate_cell(figures[key], scale, digits, sign=sign)
-                for key, (_, digits, scale) in heads.items()
-            ]
+            cells = [estimate_cell(figures[key], scale, digits, sign=sign) for key, (_, digits, scale) in heads.items()]
             lines.append((escape(name), *cells))
         shown = [head.format(unit=unit, per=per) for head, *_ in heads.values()]
         tables.append(filled_table(title, ("statements", *shown), lines, caption))
@@ -84,9 +81,7 @@ def score_figure(result: TimelineScores, unit: str = "s") -> Figure:
         rows = {"truth": true} | {name: line.stated[at[name]] for name, line in lines.items()}
         wrong = {name: (rows[name] != true) & (true >= 0) & (rows[name] >= 0) for name in lines}
         draw_timelines(axes, clock, rows, colours, f"t [{unit}]", wrong=wrong, edge_width=0.0)
-    handles = [
-        Patch(color=colour, label=str(mode)) for colour, mode in zip(colours, result.modes, strict=True)
-    ]
+    handles = [Patch(color=colour, label=str(mode)) for colour, mode in zip(colours, result.modes, strict=True)]
     handles += [Patch(color=UNDECIDED_COLOUR, label="nothing"), wrong_patch("wrong statement")]
     legend_beside(grid[0], handles=handles)
     return canvas

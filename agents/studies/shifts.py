@@ -101,8 +101,7 @@ def evaluate_shifts(
     """
     alone = functools.partial(evaluate_world, nominal=nominal, episodes=episodes, seed=seed)
     calls = {
-        f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, worlds.get(NOMINAL, {}), None)
-        for name in names
+        f"{name}: {NOMINAL}": functools.partial(alone, name, NOMINAL, worlds.get(NOMINAL, {}), None) for name in names
     }
     found = dict(workers.results(calls, on_progress))  # their thresholds are those of the other environments
     others = {
@@ -118,13 +117,7 @@ def evaluate_shifts(
 
 
 def evaluate_world(
-    name: str,
-    world: str,
-    changes: dict[str, Any],
-    threshold: float | None,
-    nominal: Task,
-    episodes: int,
-    seed: int,
+    name: str, world: str, changes: dict[str, Any], threshold: float | None, nominal: Task, episodes: int, seed: int
 ) -> Shift:
     """Evaluate a decider in one environment; without a nominal threshold, it also serves as nominal.
 

@@ -113,21 +113,15 @@ def spread_lines(result: Comparison) -> list[str]:
     for group, entries in result.seed_groups.items():
         if len(entries) < 2:
             continue
-        figures = [
-            (metric, [result.figure(entry, metric.name).value for entry in entries])
-            for metric in task.metrics
-        ]
+        figures = [(metric, [result.figure(entry, metric.name).value for entry in entries]) for metric in task.metrics]
         figures += [
-            (metric, [result.level(entry, keys).value for entry in entries])
-            for keys, metric in result.levels.items()
+            (metric, [result.level(entry, keys).value for entry in entries]) for keys, metric in result.levels.items()
         ]
         spread = []
         for metric, values in figures:
             low, centre, high = (metric.scale * one for one in (min(values), np.mean(values), max(values)))
             name = " ".join(metric.head.split())
-            spread.append(
-                f"{name} {centre:.{metric.digits}f} ({low:.{metric.digits}f} to {high:.{metric.digits}f})"
-            )
+            spread.append(f"{name} {centre:.{metric.digits}f} ({low:.{metric.digits}f} to {high:.{metric.digits}f})")
         lines.append(f"{group} over {len(entries)} training seeds, mean and range: " + ", ".join(spread))
     return lines
 

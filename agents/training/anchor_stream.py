@@ -89,8 +89,7 @@ class AnchorStream:
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.tracks = int(self.starts[-1])
         self.rows = [
-            env.reset(seed=first_seed + int(start))[0]
-            for env, start in zip(envs, self.starts[:-1], strict=True)
+            env.reset(seed=first_seed + int(start))[0] for env, start in zip(envs, self.starts[:-1], strict=True)
         ]
         self.layout = envs[0].world.layout
         self.filters = TrackFilters([env.options for env in envs], counts)
@@ -114,9 +113,7 @@ class AnchorStream:
                 inputs, factor, tracks = self.filters.anchor_samples
                 white = np.linalg.solve(factor, self.errors[tracks][..., None])[..., 0]
                 rollout.anchors.append(np.concatenate([inputs, white], axis=1))
-            error, best = errors_and_best(
-                net, observation, self.filters.scales, posterior, self.by_type, self.alpha
-            )
+            error, best = errors_and_best(net, observation, self.filters.scales, posterior, self.by_type, self.alpha)
             at_last_tick = self.layout.read(observation, "ticks") >= settings.last_tick
             self.redraw = (error <= self.alpha) | at_last_tick
             replaced = self.generator.random(self.tracks) < settings.random_declarations
@@ -151,11 +148,7 @@ class AnchorStream:
         self.errors[start + switched] = anchor_errors(env, switched, truth[switched])
 
     def _describe(
-        self,
-        tracks: IntArray,
-        rows: NDArray[np.float32],
-        info: dict[str, Any],
-        decided: IntArray,
+        self, tracks: IntArray, rows: NDArray[np.float32], info: dict[str, Any], decided: IntArray
     ) -> FloatArray:
         """Return the declarations of tracks, (n, 7)."""
         scales = self.filters.scales.select(tracks)

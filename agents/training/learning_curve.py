@@ -148,9 +148,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         curves = [Curve(folder.name, agent, values, rewards, size=3.5, filled=True)] if points else []
         if points:
             level, end = points[-1][curve.reference_key], 1.05 * max(values)
-            curves.append(
-                Curve(rule, reference, [1e-3 * end, 0.999 * end], [level] * 2, size=0.0, dashes="--")
-            )
+            curves.append(Curve(rule, reference, [1e-3 * end, 0.999 * end], [level] * 2, size=0.0, dashes="--"))
         axis = Axis(label, (0.0, end) if points else None)
         panels.append(Panel("", axis, Axis(f"mean reward per {curve.wording.unit}"), curves))
     save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)

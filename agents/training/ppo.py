@@ -24,13 +24,7 @@ from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy import ACTORS, ActorDecider, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
-from agents.training.checkpoint import (
-    check_random_state,
-    check_scalars,
-    check_tracks,
-    random_state,
-    set_random_state,
-)
+from agents.training.checkpoint import check_random_state, check_scalars, check_tracks, random_state, set_random_state
 from agents.training.run import Run, TrainingProgress
 from agents.training.settings import PPOSettings, learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
@@ -51,9 +45,7 @@ class MetricsWriter(KVWriter):
     def __init__(self, folder: Path):
         self.folder = folder
 
-    def write(
-        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
-    ) -> None:
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
         """Append the values of an update."""
         values = plain_values(key_values)
         values.pop("time/iterations", None)  # counted from the last start
@@ -71,9 +63,7 @@ class Events(TensorBoardOutputFormat):
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
         self._is_closed = False
 
-    def write(
-        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
-    ) -> None:
+    def write(self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0) -> None:
         """Write the values of an update.
 
         Raises:
@@ -175,9 +165,7 @@ class PPORun(Run):
             raise
         except (TypeError, KeyError, ValueError, AttributeError, AssertionError) as error:
             keywords = dict(settings.policy_kwargs)
-            raise reject(
-                "policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})"
-            ) from None
+            raise reject("policy_kwargs", keywords, f"keyword arguments of {settings.policy} ({error})") from None
         if self.task.waits:
             with torch.no_grad():
                 self.model.policy.action_net.get_parameter("bias")[0] = settings.wait_bias

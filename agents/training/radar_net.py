@@ -25,9 +25,7 @@ VELOCITY_SCALE = 4.0  # [m/s], of the errors of the loss
 POSITION_SCALE = 6.0  # [m]
 
 
-def radar_net(
-    data: RadarData, file: Path, on_progress: Callable[[float], None], updates: int = UPDATES
-) -> RadarNet:
+def radar_net(data: RadarData, file: Path, on_progress: Callable[[float], None], updates: int = UPDATES) -> RadarNet:
     """Return the network of a file, or train it and write the file.
 
     It is trained on the training flights, turned about the vertical at random, half of them mirrored, with
@@ -72,9 +70,7 @@ def radar_net(
     return net
 
 
-def _augmented(
-    truth: FloatArray, times: FloatArray, generator: np.random.Generator
-) -> tuple[Tensor, Tensor, Tensor]:
+def _augmented(truth: FloatArray, times: FloatArray, generator: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """Return true values (K, n, 2 + H, 3), measurements (K, n, 3) and times (K, n), n = 2 N: both noises."""
     both = np.concatenate([truth, truth])
     angle = generator.uniform(0.0, 2.0 * math.pi, len(both))
@@ -115,16 +111,12 @@ def _scale(net: RadarNet, data: RadarData, ahead: FloatArray) -> None:
         squares = []
         for noise in NOISES:
             tracks = data.tracks["training"][noise]
-            found = filter_with(
-                net, tracks.measurements[-HELD_OUT:].swapaxes(0, 1), tracks.times[-HELD_OUT:].T
-            )
+            found = filter_with(net, tracks.measurements[-HELD_OUT:].swapaxes(0, 1), tracks.times[-HELD_OUT:].T)
             forecast = found.forecasts[h]
             assert forecast.covariances is not None
             error = ahead[-HELD_OUT:, :, h].swapaxes(0, 1) - forecast.positions
             counts = ~np.isnan(error[..., 0])
             spread = forecast.covariances[counts][:, ::2, ::2]
-            squares.append(
-                (error[counts] * np.linalg.solve(spread, error[counts][..., None])[..., 0]).sum(-1)
-            )
+            squares.append((error[counts] * np.linalg.solve(spread, error[counts][..., None])[..., 0]).sum(-1))
         ratio = np.quantile(np.concatenate(squares), REGION) / chi2.ppf(REGION, 3)
         net.log_scale[h] = 0.5 * math.log(ratio)

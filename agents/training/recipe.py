@@ -111,9 +111,7 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     missing = [
         name
         for name, one in known.items()
-        if one.default is dataclasses.MISSING
-        and one.default_factory is dataclasses.MISSING
-        and name not in entry
+        if one.default is dataclasses.MISSING and one.default_factory is dataclasses.MISSING and name not in entry
     ]
     if missing:
         raise reject("recipe", name, f"an entry with {', '.join(missing)}")

@@ -140,9 +140,7 @@ class Run(ABC):
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""
 
-    def train(
-        self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0
-    ) -> None:
+    def train(self, on_progress: Callable[[TrainingProgress], None] | None = None, save_every: float = 10.0) -> None:
         """Train for the remaining steps.
 
         Args:

@@ -142,9 +142,7 @@ def flight_curve(settings: FlightSettings) -> LearningCurve:
     def measure_rule() -> float:
         batch = flights()
         logs = batch.log_probability.numpy().astype(np.float64)
-        return max(
-            mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES
-        )
+        return max(mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES)
 
     return LearningCurve(WORDING, f"{sum(CURVE_FLIGHTS)} flights", measure, measure_rule)
 

@@ -227,16 +227,13 @@ class TrackRun(StatementRun):
         arrays = [torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)]
         order = generator.permutation(self._round_tracks)
         for start in range(0, len(order), self.settings.batch_size):
-            inputs, logs, modes = (
-                array[:, order[start : start + self.settings.batch_size]] for array in arrays
-            )
+            inputs, logs, modes = (array[:, order[start : start + self.settings.batch_size]] for array in arrays)
             costs = torch.full(modes.shape, self.world.change_cost)
             yield Batch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
     def _draw_world(self, generator: np.random.Generator, law: str) -> QuickestOptions:
         variance, radius = (
-            np.exp(generator.uniform(*np.log(range_)))
-            for range_ in (self.settings.variances, self.settings.radii)
+            np.exp(generator.uniform(*np.log(range_))) for range_ in (self.settings.variances, self.settings.radii)
         )
         variances = tuple(variance * self.world.variances)
         return replace(

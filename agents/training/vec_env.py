@@ -43,9 +43,7 @@ class HybridTrackVecEnv(VecEnv):
         """Set the actions (N,) of the next `step_wait`."""
         self._actions = actions
 
-    def step_wait(
-        self,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Step all tracks. Terminated tracks are reset and return the first row of the next episode."""
         observation, rewards, terminated, _, info = self.env.step(self._actions)
         self._returns += rewards

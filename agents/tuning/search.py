@@ -133,9 +133,7 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
         try:
             _cut_last_line(folder / JOURNAL)
             storage = JournalStorage(JournalFileBackend(str(folder / JOURNAL)))
-            study = optuna.create_study(
-                storage=storage, study_name="tune", direction="maximize", load_if_exists=True
-            )
+            study = optuna.create_study(storage=storage, study_name="tune", direction="maximize", load_if_exists=True)
             for trial in ended(study):
                 sum(trial.intermediate_values.values(), check_number("value", trial.value or 0.0))
         except Exception as error:  # Optuna reads any content without checks
@@ -224,9 +222,7 @@ def median_rewards(study: optuna.Study) -> tuple[float, ...]:
     if len(trials) < FIRST_TRIALS:
         return ()
     curves = [trial.intermediate_values for trial in trials]
-    return tuple(
-        statistics.median(curve.get(point, float("-inf")) for curve in curves) for point in range(POINTS)
-    )
+    return tuple(statistics.median(curve.get(point, float("-inf")) for curve in curves) for point in range(POINTS))
 
 
 def write_best(search: Search, study: optuna.Study, folder: Path) -> Path:

@@ -44,10 +44,7 @@ class ModeDetector(BaseChangeDetector):
     """
 
     def __init__(
-        self,
-        decider: Decider | None = None,
-        radii: tuple[float, ...] | None = None,
-        columns: tuple[int, int] = (0, 1),
+        self, decider: Decider | None = None, radii: tuple[float, ...] | None = None, columns: tuple[int, int] = (0, 1)
     ):
         self.decider = decider
         self.radii = radii

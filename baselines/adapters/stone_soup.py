@@ -131,9 +131,7 @@ def decide_track(track: Track, tracker: OnlineTracker) -> list[OnlineEstimate]:
     """
     tracker.begin()
     start = track[0].timestamp
-    return [
-        tracker.update(measured_position(state), (state.timestamp - start).total_seconds()) for state in track
-    ]
+    return [tracker.update(measured_position(state), (state.timestamp - start).total_seconds()) for state in track]
 
 
 def _noise(imm: IMMFilter, model: LinearGaussian) -> FloatArray:
@@ -141,9 +139,7 @@ def _noise(imm: IMMFilter, model: LinearGaussian) -> FloatArray:
     positions = tuple(range(0, imm.axes * imm.order, imm.order))
     if not isinstance(model, LinearGaussian) or tuple(model.mapping) != positions:
         raise reject(
-            "measurement_model",
-            getattr(model, "mapping", model),
-            f"LinearGaussian with the mapping {positions}",
+            "measurement_model", getattr(model, "mapping", model), f"LinearGaussian with the mapping {positions}"
         )
     return np.asarray(model.covar(), np.float64)
 
@@ -178,9 +174,7 @@ def _merged_hypotheses(
             after = _corrected(imm, one, one.measurement.measurement_model or model)
             prediction = after.probabilities, *after.estimates
         found.append(prediction)
-    weights, states, covariances = (
-        np.concatenate(values).swapaxes(0, 1) for values in zip(*found, strict=True)
-    )
+    weights, states, covariances = (np.concatenate(values).swapaxes(0, 1) for values in zip(*found, strict=True))
     weights = weights * np.array([float(one.probability) for one in hypotheses])  # (M, hypotheses)
     total = weights.sum(1)
     mean, covariance = mixture(states, covariances, (weights / total[:, None])[:, None])

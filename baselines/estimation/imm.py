@@ -44,9 +44,7 @@ class ModelChain:
         return np.clip(np.real((self._vectors * powers[..., None, :]) @ self._inverse), 0.0, 1.0)
 
 
-def mix_models(
-    log_probability: FloatArray, transition: FloatArray, smallest: float
-) -> tuple[FloatArray, FloatArray]:
+def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities of the models after a step of their chain, and the weights of their mixtures.
 
     Args:
@@ -180,9 +178,7 @@ class IMMFilter(TrackFilter):
             raise reject("probabilities", probabilities, "numbers >= 0 whose sum is 1 for each track")
         means = check_array("states", states, (len(weights), shape[1], size))
         matrices = check_covariance(
-            "covariances",
-            check_array("covariances", covariances, (len(weights), shape[1], size, size)),
-            definite=False,
+            "covariances", check_array("covariances", covariances, (len(weights), shape[1], size, size)), definite=False
         )
         self._begin(len(weights))
         self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
@@ -197,9 +193,7 @@ class IMMFilter(TrackFilter):
     def _begin(self, tracks: int) -> None:
         for one in self.filters:
             one._begin(tracks)
-        self._log_probabilities = np.log(
-            np.broadcast_to(self._stationary, (tracks, len(self.filters)))
-        ).copy()
+        self._log_probabilities = np.log(np.broadcast_to(self._stationary, (tracks, len(self.filters)))).copy()
         self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
         self._merge()
 
@@ -266,9 +260,7 @@ def _resized(
     mean = np.zeros((tracks, axes, order))
     mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
     matrix = np.zeros((tracks, axes, order, axes, order))
-    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[
-        :, :, :common, :, :common
-    ]
+    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
     if variances is not None:
         for k in range(common, order):
             for axis in range(axes):
@@ -276,9 +268,7 @@ def _resized(
     return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
 
 
-def merged(
-    parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def merged(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and covariance of one mixture of normal distributions for each track.
 
     Args:

@@ -116,11 +116,7 @@ class KalmanFilter(TrackFilter):
             return
         if used.any():
             self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = correct(
-                self.state[used],
-                self.covariance[used],
-                measurement[used],
-                principal.of(used),
-                self.robust,
+                self.state[used], self.covariance[used], measurement[used], principal.of(used), self.robust
             )
         first = np.flatnonzero(measured & ~begun)
         if first.size:
@@ -128,11 +124,7 @@ class KalmanFilter(TrackFilter):
 
 
 def propagate(
-    state: FloatArray,
-    covariance: FloatArray,
-    transition: FloatArray,
-    step_noise: FloatArray,
-    intensity: FloatArray,
+    state: FloatArray, covariance: FloatArray, transition: FloatArray, step_noise: FloatArray, intensity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Predicted estimates, (..., n), and covariances F P F' + Q, (..., n, n).
 

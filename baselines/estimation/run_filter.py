@@ -138,9 +138,7 @@ def run_filter(
 
 
 def _empty(states: FloatArray, covariances: FloatArray | None, order: int) -> Estimates:
-    return Estimates(
-        np.empty_like(states), None if covariances is None else np.empty_like(covariances), order
-    )
+    return Estimates(np.empty_like(states), None if covariances is None else np.empty_like(covariances), order)
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
@@ -161,10 +159,7 @@ def _check_noises(noises: ArrayLike, total: int, tracks: int, axes: int) -> Floa
 
 
 def _begin_from(
-    track_filter: TrackFilter,
-    start: tuple[ArrayLike, ArrayLike, float],
-    tracks: int,
-    moments: FloatArray,
+    track_filter: TrackFilter, start: tuple[ArrayLike, ArrayLike, float], tracks: int, moments: FloatArray
 ) -> FloatArray:
     """Begin a filter from a start, see `run_filter`; return its time for each track."""
     if not isinstance(start, tuple) or len(start) != 3:
@@ -172,9 +167,7 @@ def _begin_from(
     estimates, covariances, time = start
     size = track_filter.axes * track_filter.order
     one = dimensions(estimates) == 1 and tracks == 1
-    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(
-        tracks, size
-    )
+    means = check_array("start estimates", estimates, (size,) if one else (tracks, size)).reshape(tracks, size)
     track_filter.begin_from(means, covariances)
     first = check_scalar("start time", time)
     if (np.asarray(first) > moments[0]).any():

@@ -46,12 +46,7 @@ def smooth(model: MotionModel, filtered: Filtered, times: ArrayLike) -> Estimate
 
 
 def _step_back(
-    model: MotionModel,
-    step: FloatArray,
-    states: FloatArray,
-    covariances: FloatArray,
-    k: int,
-    chosen: BoolArray,
+    model: MotionModel, step: FloatArray, states: FloatArray, covariances: FloatArray, k: int, chosen: BoolArray
 ) -> None:
     """Smooth the estimates of tick k of some tracks, in place, by those of tick k + 1."""
     state, covariance = states[k, chosen], covariances[k, chosen]

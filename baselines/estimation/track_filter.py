@@ -7,15 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item, check_scalar
-from hybrid_env.checks import (
-    ArgumentError,
-    FloatArray,
-    check_array,
-    check_integer,
-    check_positive,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_integer, check_positive, dimensions, reject
 
 
 class TrackFilter(ABC):
@@ -87,9 +79,7 @@ class TrackFilter(ABC):
         if covariance is None:
             raise reject("covariance", covariance, "a matrix (n, n) or (B, n, n)")
         shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
-        matrices = check_covariance(
-            "covariance", check_array("covariance", covariance, shape), definite=False
-        )
+        matrices = check_covariance("covariance", check_array("covariance", covariance, shape), definite=False)
         self._begin(len(means))
         self._set(means, np.broadcast_to(matrices, (len(means), size, size)).copy())
 

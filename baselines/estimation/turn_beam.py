@@ -48,9 +48,7 @@ class Histories(NamedTuple):
     log_weight: FloatArray
 
 
-def run_turn_beam(
-    batch: Batch, model: TurnModel | None = None, histories: TurnHistories | None = None
-) -> FloatArray:
+def run_turn_beam(batch: Batch, model: TurnModel | None = None, histories: TurnHistories | None = None) -> FloatArray:
     """Return the probabilities (T, B, 3) of straight motion, left and right turns at every position."""
     settings = TurnModel() if model is None else model
     beam = TurnHistories() if histories is None else histories
@@ -70,8 +68,7 @@ def run_turn_beam(
                 climb = np.take_along_axis(climb, now.model, axis=1)
             log_weight = now.log_weight + after.log_likelihood + climb
             now = _keep(
-                now._replace(state=after.state, covariance=after.covariance, log_weight=log_weight),
-                beam.branches,
+                now._replace(state=after.state, covariance=after.covariance, log_weight=log_weight), beam.branches
             )
         weights = np.exp(now.log_weight)
         for mode in range(3):

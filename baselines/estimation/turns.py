@@ -205,9 +205,7 @@ def step_turns(
     spread = (weights[..., None, None] * covariance[..., ::m, ::m]).sum(1) + noise
     used = ~np.isnan(position[:, :1])
     measured = np.where(used, position, 0.0)[:, None]
-    after = correct(
-        state, covariance, measured, principal_noise(noise[:, None]), WholeStudentT(model.freedom)
-    )
+    after = correct(state, covariance, measured, principal_noise(noise[:, None]), WholeStudentT(model.freedom))
     return TurnStep(
         np.where(used[..., None], after.state, state),
         np.where(used[..., None, None], after.covariance, covariance),
@@ -272,17 +270,13 @@ def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:
             log_probability, weights = mix_models(log_probability, chain.transition(steps[k]), SMALLEST)
             probability = np.exp(log_probability)
             state, covariance = mixture(state, covariance, weights)
-            now = step_turns(
-                batch, batch.positions[k], steps[k], state, covariance, omega, probability, settings
-            )
+            now = step_turns(batch, batch.positions[k], steps[k], state, covariance, omega, probability, settings)
             state, covariance = now.state, now.covariance
             likelihood = now.log_likelihood + climb_evidence(batch, settings, k)
             prior = np.log(np.maximum(probability @ groups.T, SMALLEST))
             joint = (log_probability + likelihood)[:, None] + np.where(groups > 0.0, 0.0, -np.inf)
             output.log_likelihoods[k] = np.where(present[k], log_sum(joint, 2) - prior, 0.0)
-            output.innovations[k] = np.where(
-                present[k], _turned(now.mean, now.spread, batch.positions[k]), 0.0
-            )
+            output.innovations[k] = np.where(present[k], _turned(now.mean, now.spread, batch.positions[k]), 0.0)
             log_probability, _ = weigh_models(log_probability, likelihood, SMALLEST)
         probability = np.exp(log_probability)
         mean = (probability[..., None] * state).sum(1)

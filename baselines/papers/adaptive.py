@@ -31,15 +31,7 @@ from abc import abstractmethod
 import numpy as np
 
 from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import (
-    FloatArray,
-    check_between,
-    check_flag,
-    check_integer,
-    check_number,
-    check_positive,
-    reject,
-)
+from hybrid_env.checks import FloatArray, check_between, check_flag, check_integer, check_number, check_positive, reject
 
 
 class GainFilter(TrackFilter):
@@ -292,13 +284,7 @@ class CorrectedAdaptiveFilter(ConstantStepFilter):
     """
 
     def __init__(
-        self,
-        axes: int,
-        tau: float,
-        *,
-        window: int = 15,
-        smallest_gain: float = 0.12,
-        largest_gain: float = 0.9,
+        self, axes: int, tau: float, *, window: int = 15, smallest_gain: float = 0.12, largest_gain: float = 0.9
     ):
         super().__init__(axes, tau)
         self.window = check_integer("window", window)

@@ -164,9 +164,7 @@ def filter_known_modes(
     values, segment_lengths, starts = check_recording(measurements, lengths, start, tau)
     radii = check_array("signed_radii", signed_radii, (None,))
     if radii.size != segment_lengths.size:
-        raise reject(
-            "signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments"
-        )
+        raise reject("signed_radii", signed_radii, f"one radius for each of the {segment_lengths.size} segments")
     filters = make_filters(np.ones(1), tau, process_variance, measurement_variance)
     first = check_array("start_covariance", start_covariance, (3,))
     known = _Known(segment_lengths, radii, first, check_flag("carry_covariance", carry_covariance))
@@ -187,9 +185,7 @@ def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
         **options: of `baselines.track_ate`.
     """
     chosen: dict[str, Any] = {"start": START, "alpha": ALPHA} | options
-    return track_ate(
-        recording.measurements, recording.lengths, radii=RADII, measurement_variance=variance, **chosen
-    )
+    return track_ate(recording.measurements, recording.lengths, radii=RADII, measurement_variance=variance, **chosen)
 
 
 def correct_types(tracks: Tracks, recording: Simulation) -> BoolArray:
@@ -283,9 +279,7 @@ def _scans(seed: int) -> list[Finding]:
     found: dict[str, list[Cell]] = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
         for tau in SCANNED_TAU:
-            one = simulate(
-                SCHEME, SCANNED_RUNS, seed + index, start=START, tau=tau, measurement_variance=variance
-            )
+            one = simulate(SCHEME, SCANNED_RUNS, seed + index, start=START, tau=tau, measurement_variance=variance)
             for alpha in SCANNED_ALPHA:
                 label = f"tables 3, 4 and percentages with tau = {tau:g} s, alpha = beta = {alpha:g}"
                 tracks = run_ate(one, variance, tau=tau, alpha=alpha)
@@ -298,8 +292,7 @@ def _scans(seed: int) -> list[Finding]:
             cells = _known_modes_cells(name, recording, seed, **options)
             found.setdefault(f"table 2, {setting}", []).extend(cells)
     return [
-        Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside(cells), "not stated")
-        for label, cells in found.items()
+        Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside(cells), "not stated") for label, cells in found.items()
     ]
 
 

@@ -30,15 +30,7 @@ from baselines.recordings.arrays import check_recording, make_filters
 from baselines.rules.measurements import run_compiled
 from baselines.rules.restarted_filters import RestartModel, begin_restarted, restart_arrays, step_restarted
 from baselines.rules.sprt import sprt_thresholds
-from hybrid_env.checks import (
-    FloatArray,
-    IntArray,
-    check_flag,
-    check_integer,
-    check_positive,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import FloatArray, IntArray, check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.limits import check_within, distinct_radii
 from hybrid_env.simulation import Simulation, simulate
@@ -213,9 +205,7 @@ def delay_statistics(ticks: IntArray) -> dict[str, float]:
     statistics = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
     statistics[MEAN_DELAY] = float(delays.mean()) if delays.size else math.nan
     for percentile in PERCENTILES:
-        statistics[f"{percentile} % quantile"] = (
-            float(np.percentile(delays, percentile)) if delays.size else math.nan
-        )
+        statistics[f"{percentile} % quantile"] = float(np.percentile(delays, percentile)) if delays.size else math.nan
     return statistics | {"missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size)}
 
 
@@ -252,15 +242,10 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
         published_root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
         findings += [
-            Finding(
-                f"{row}: false alarms in 40 ticks without a turn",
-                f"{false_alarms:.2f} %",
-                f"{100 * alpha:g} %",
-            ),
+            Finding(f"{row}: false alarms in 40 ticks without a turn", f"{false_alarms:.2f} %", f"{100 * alpha:g} %"),
             Finding(
                 f"{row}: root of eq. (7) as published",
-                f"{MEAN_DELAY} {published_root[MEAN_DELAY]:.1f}, "
-                f"missed {published_root['missed by tick 40, %']:.1f} %",
+                f"{MEAN_DELAY} {published_root[MEAN_DELAY]:.1f}, missed {published_root['missed by tick 40, %']:.1f} %",
             ),
         ]
         examples[row] = (recording, detection)
@@ -284,9 +269,7 @@ def _identification(runs: int, seed: int) -> list[Finding]:
     for name, radii in IDENTIFICATION.items():
         turns = [(side, radius) for side in "LR" for radius in radii]
         parts = [
-            simulate(
-                f"S{SWITCH} {side}{HORIZON}r{radius:g}", max(runs // len(turns), 1), seed + index, start=START
-            )
+            simulate(f"S{SWITCH} {side}{HORIZON}r{radius:g}", max(runs // len(turns), 1), seed + index, start=START)
             for index, (side, radius) in enumerate(turns)
         ]
         measurements = np.concatenate([part.measurements for part in parts])

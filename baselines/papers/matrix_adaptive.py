@@ -67,9 +67,7 @@ class MatrixAdaptiveFilter(ConstantStepFilter):
         gains: (2, B, d, n d) of positions [-] and velocities [1/s] at the last measurement.
     """
 
-    def __init__(
-        self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10
-    ):
+    def __init__(self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10):
         self.dimensions = check_integer("dimensions", dimensions)
         self.sensors = check_integer("sensors", sensors)
         super().__init__(self.dimensions * self.sensors, tau)

@@ -125,9 +125,7 @@ def _run_detector(recording: Simulation, setting: Setting, variance: float) -> T
     return output
 
 
-def _run_models(
-    recording: Simulation, setting: Setting, variance: float, method: Any, known: bool
-) -> Tracked:
+def _run_models(recording: Simulation, setting: Setting, variance: float, method: Any, known: bool) -> Tracked:
     output, lengths, modes = _no_output(recording), recording.lengths, len(setting.sides)
     groups = setting.sides[:, None] == (0, 1, -1)
     prior = (groups / groups.sum(0)).sum(1) / 3.0

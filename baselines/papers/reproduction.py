@@ -59,8 +59,7 @@ class Cell:
         """Values for JSON, with None for NaN."""
         values = {key: value for key, value in vars(self).items() if key not in ("digits", "note")}
         return {
-            key: None if isinstance(value, float) and math.isnan(value) else value
-            for key, value in values.items()
+            key: None if isinstance(value, float) and math.isnan(value) else value for key, value in values.items()
         } | {"verdict": self.verdict, "note": self.note}
 
 
@@ -126,10 +125,7 @@ class Reproduction:
 
 
 def study_interval(
-    per_run: FloatArray,
-    statistics: Callable[[FloatArray], FloatArray],
-    seed: int,
-    study_runs: int = PAPER_RUNS,
+    per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Statistics of all runs, and the bootstrap interval of a study with fewer runs.
 
@@ -148,10 +144,7 @@ def study_interval(
 
 
 def with_own_interval(
-    per_run: FloatArray,
-    statistics: Callable[[FloatArray], FloatArray],
-    seed: int,
-    study_runs: int = PAPER_RUNS,
+    per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, ...]:
     """`study_interval`, the the 95 % interval of its first result, and the median of single runs."""
     _, low, high = study_interval(per_run, statistics, seed, len(per_run))
@@ -230,9 +223,7 @@ def table_row(
         excuses: `Cell.excuse` by column.
     """
     known = np.array([*interval], np.float64)
-    found = np.full(
-        (len(known[0]), 6), math.nan
-    )  # without those of `with_own_interval` if they are not given
+    found = np.full((len(known[0]), 6), math.nan)  # without those of `with_own_interval` if they are not given
     found[:, : len(known)] = known.T
     return [
         Cell(

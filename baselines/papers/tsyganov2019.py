@@ -42,10 +42,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     AS_PUBLISHED: {"recalculation": "as_published"},
     "lines 17 to 20 as printed, no rewind": {"recalculation": "literal"},
     "rewind of state and covariance": {"recalculation": "rewind"},
-    "rewind of state and covariance, tests against straight": {
-        "recalculation": "rewind",
-        "reference": "straight",
-    },
+    "rewind of state and covariance, tests against straight": {"recalculation": "rewind", "reference": "straight"},
 }
 
 

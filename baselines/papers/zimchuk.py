@@ -264,8 +264,7 @@ def _equation_difference(flights: Flights) -> float:
     predicted = np.concatenate([z[:1], filtered[:-1, 0, 0]])
     innovation = z - predicted
     newest_first = [
-        np.stack([values[3 - lag : len(z) - lag] for lag in range(4)])
-        for values in (z, innovation, predicted)
+        np.stack([values[3 - lag : len(z) - lag] for lag in range(4)]) for values in (z, innovation, predicted)
     ]
     measured, new, expected = (third_difference(values) for values in newest_first)
     return float(np.abs((measured - new - expected) * innovation[3:]).max())

@@ -6,15 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import (
-    FloatArray,
-    IntArray,
-    axis_variances,
-    check_array,
-    check_integer,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import FloatArray, IntArray, axis_variances, check_array, check_integer, dimensions, reject
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays, estimate_of
 from hybrid_env.core.banks.published import PublishedBank, covariance_published
 from hybrid_env.core.compilation import internal

@@ -24,12 +24,7 @@ from hybrid_env.core.records import LANES
 from hybrid_env.limits import check_within, distinct_radii
 
 NO_RECALCULATION, AS_PUBLISHED, REWIND, LITERAL = 0, 1, 2, 3
-RECALCULATIONS = {
-    "none": NO_RECALCULATION,
-    "as_published": AS_PUBLISHED,
-    "rewind": REWIND,
-    "literal": LITERAL,
-}
+RECALCULATIONS = {"none": NO_RECALCULATION, "as_published": AS_PUBLISHED, "rewind": REWIND, "literal": LITERAL}
 
 
 class Tracks(NamedTuple):
@@ -101,12 +96,7 @@ def _recalculate(
 
 @compiled
 def _track_run(
-    measurements: FloatArray,
-    lengths: IntArray,
-    start: FloatArray,
-    filters: Filters,
-    rule: _Rule,
-    output: Tracks,
+    measurements: FloatArray, lengths: IntArray, start: FloatArray, filters: Filters, rule: _Rule, output: Tracks
 ) -> None:
     """Apply ATE to one run. Golubkov 2018, algorithm 1."""
     bank, radii, model = filters

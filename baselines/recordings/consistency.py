@@ -64,15 +64,11 @@ class Consistency:
         if not 1.0 / LARGEST_SCATTER <= scatter <= LARGEST_SCATTER:
             found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
-            found.append(
-                f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii"
-            )
+            found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
         given = ", ".join(f"{radius:.4g}" for radius in model.radii)
         if not found and model.better_radii:
             radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
-            found.append(
-                f"turns of radius {given} do not explain the recording, {radii} does: check units and radii"
-            )
+            found.append(f"turns of radius {given} do not explain the recording, {radii} does: check units and radii")
         elif not found and not model.turns and "radii" not in model.estimated:
             found.append(
                 f"turns of radius {given} explain the recording no better than straight motion: check units "
@@ -84,9 +80,7 @@ class Consistency:
                 "(motion other than lines and arcs, smoothed positions, or wrong radii)"
             )
         if self.far > MOST_FAR:
-            found.append(
-                f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off"
-            )
+            found.append(f"{self.far:.1%} of the residuals are outliers, more than three standard deviations off")
         return found
 
 

@@ -180,9 +180,7 @@ def _measured(point: list[float], rate: float, options: Any) -> tuple[float, flo
     return Fused((point[0], point[1]), options.sensors[0].noise(*point), (float(rate),))
 
 
-def _begin_from_first(
-    tracker: OnlineTracker, points: FloatArray, rates: FloatArray, lengths: Sequence[int]
-) -> None:
+def _begin_from_first(tracker: OnlineTracker, points: FloatArray, rates: FloatArray, lengths: Sequence[int]) -> None:
     """Begin a track from its first measurements, with known switches those of the first piece.
 
     An announced switch begins the first piece, whatever the mode before it.
@@ -224,10 +222,7 @@ def _with_runs(found: TickDecisions) -> TickDecisions:
 
 
 def first_state(
-    measurements: FloatArray,
-    options: WorldOptions | QuickestOptions,
-    hazard: float,
-    rates: FloatArray | None = None,
+    measurements: FloatArray, options: WorldOptions | QuickestOptions, hazard: float, rates: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
     """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
 

@@ -98,10 +98,7 @@ def make_chunks(
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
-    begins, own_rates = (
-        np.zeros((blocks, longest, LANES), np.bool_),
-        np.full((blocks, longest, LANES), np.nan),
-    )
+    begins, own_rates = (np.zeros((blocks, longest, LANES), np.bool_), np.full((blocks, longest, LANES), np.nan))
     for k, part in enumerate(parts):
         measurements[k // LANES, : len(part), :, k % LANES] = part
         if switches is not None:
@@ -120,18 +117,12 @@ def _sense(block: Any, lane: int, rate: float, radar: Any, variance: float) -> N
     """Write the covariance of a position that a radar has measured, over R, and its range rate."""
     x, y = block.measurement[0, lane], block.measurement[1, lane]
     xx, xy, yy = position_noise(x, y, radar.deviation, radar.bearing_deviation)
-    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (
-        xx / variance,
-        xy / variance,
-        yy / variance,
-    )
+    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = (xx / variance, xy / variance, yy / variance)
     block.rates[0, lane] = rate
 
 
 @internal
-def _begin(
-    bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel
-) -> None:
+def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, turn: float, model: FilterModel) -> None:
     """Start the filters of a lane from two measurements that are some ticks apart.
 
     The velocity is that of the chord. Its variance has the noise of both measurements, the process noise, and
@@ -220,10 +211,7 @@ def imm_pass(
                 if seen[lane] < 2 or math.isnan(measurement[0, lane]) or chunks.switches[b, k, lane]:
                     together = False
             for lane in range(LANES):  # an assignment of arrays would take seconds to compile
-                block.measurement[0, lane], block.measurement[1, lane] = (
-                    measurement[0, lane],
-                    measurement[1, lane],
-                )
+                block.measurement[0, lane], block.measurement[1, lane] = (measurement[0, lane], measurement[1, lane])
             if together:
                 step_imm(bank, block, FIRST, LAST, radii, model)
             for lane in range(lanes):
@@ -279,9 +267,7 @@ def cut(grid: TickGrid, length: int) -> list[tuple[int, int, int]]:
     return places
 
 
-def chunks_at(
-    grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]
-) -> Chunks:
+def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, lengths: Sequence[int]) -> Chunks:
     """Return the chunks at `places`, see `cut`; with known switches if lengths are given.
 
     Lengths are in units of `scale`, times in ticks; the origin is the first measurement, or the radar.

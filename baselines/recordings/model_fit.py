@@ -198,9 +198,7 @@ def nominal_variance(grid: TickGrid) -> float:
     return float(np.median(np.sqrt(noises[:, 0] * noises[:, 2] - noises[:, 1] ** 2)))
 
 
-def _proposed(
-    likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float
-) -> _Parameters:
+def _proposed(likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float) -> _Parameters:
     """Return the best point of a grid of one radius and Q. speed: [standard deviations / tick]."""
     points = [replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]]
     best = _best(likelihood, points)[0]

@@ -122,22 +122,10 @@ def make_recording(
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
     tick = float(np.median(steps))
-    pieces = _pieces(
-        instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks
-    )
+    pieces = _pieces(instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks)
     unit_of_time = time_unit or "s"
     return Recording(
-        name,
-        frozen(instants),
-        frozen(values),
-        tick,
-        pieces,
-        unit,
-        unit_of_time,
-        epoch,
-        projection,
-        radar,
-        rates,
+        name, frozen(instants), frozen(values), tick, pieces, unit, unit_of_time, epoch, projection, radar, rates
     )
 
 

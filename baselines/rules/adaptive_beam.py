@@ -58,9 +58,7 @@ def default_prior() -> Prior:
         weights += [1.0 / len(shortest)] * len(shortest)
     geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
     means = np.log([law.mean_duration for law in (*laws, *geometric)])
-    usual = np.append(weights, np.ones(len(geometric))) * np.exp(
-        -0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2
-    )
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2)
     kinds = np.split(usual, [len(laws)])
     shares = [share * kind / kind.sum() for share, kind in zip((UNIFORM, GEOMETRIC), kinds, strict=True)]
     everything = (*laws, *geometric, GeometricDurations(50.0, 25))

@@ -68,9 +68,7 @@ def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArra
     along = anchor[:, [1, 3]] / np.maximum(np.hypot(anchor[:, 1], anchor[:, 3]), 1e-300)[:, None]
     across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     position, velocity = errors[:, [0, 2]], errors[:, [1, 3]]
-    return np.stack(
-        [(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)], axis=-1
-    )
+    return np.stack([(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)], axis=-1)
 
 
 def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) -> AnchorPrior:
@@ -92,9 +90,7 @@ def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) ->
             if not turn:  # symmetric
                 values = np.concatenate([values, values * MIRROR])
             fits.append(_fit_mixture(values))
-    weight, mean, covariance = (
-        np.array(part).reshape(2, 2, *np.shape(part)[1:]) for part in zip(*fits, strict=True)
-    )
+    weight, mean, covariance = (np.array(part).reshape(2, 2, *np.shape(part)[1:]) for part in zip(*fits, strict=True))
     return AnchorPrior(weight, mean, covariance)
 
 
@@ -112,9 +108,7 @@ def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
         weight = count / len(values)
         mean = share.T @ values / count[:, None]
         centred = values[:, None] - mean
-        covariance = (
-            np.einsum("nc,nci,ncj->cij", share, centred, centred) / count[:, None, None] + RIDGE * pooled
-        )
+        covariance = np.einsum("nc,nci,ncj->cij", share, centred, centred) / count[:, None, None] + RIDGE * pooled
         white = np.linalg.solve(np.linalg.cholesky(covariance), centred[..., None])[..., 0]
         log_density = np.log(weight) - 0.5 * (np.linalg.slogdet(covariance)[1] + (white**2).sum(-1))
         share = np.exp(log_density - log_density.max(-1, keepdims=True))

@@ -72,9 +72,7 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
         else:
             log_error_probability = paths.log_error_probability[running, k]
             # advantage of declaring over waiting, evaluated only in the range that the paths cover
-            gain = _ridge_regression(
-                _basis_functions(log_error_probability), declared[running] - value[running]
-            )
+            gain = _ridge_regression(_basis_functions(log_error_probability), declared[running] - value[running])
             inside = grid[grid >= np.quantile(log_error_probability, 0.02)]
             waits = np.flatnonzero(_basis_functions(inside) @ gain < 0.0)
             if waits.size:

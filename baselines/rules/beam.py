@@ -8,14 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.beam_filters import (
-    BeamModel,
-    Branches,
-    begin_branches,
-    branch_arrays,
-    step_branches,
-    step_memory,
-)
+from baselines.rules.beam_filters import BeamModel, Branches, begin_branches, branch_arrays, step_branches, step_memory
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
@@ -92,9 +85,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
         assumed = {"durations": durations, "order": order}
-        options = dataclasses.replace(
-            options, **{name: law for name, law in assumed.items() if law is not None}
-        )
+        options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
         merged, sensors = check_flag("merged", merged), sensors_of(options)
         self.model = BeamModel(
             np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
@@ -109,9 +100,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
     @classmethod
     def family(cls, options: QuickestOptions) -> DeciderFamily:
         """See `Decider.family`."""
-        return dataclasses.replace(
-            super().family(options), thresholds=reachable_probabilities(options.hypotheses)
-        )
+        return dataclasses.replace(super().family(options), thresholds=reachable_probabilities(options.hypotheses))
 
     @classmethod
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
@@ -154,9 +143,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
     def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the posterior of the modes, (N, M)."""
         # a copy, because `decide` changes the state in place
-        return np.asarray(
-            np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability)
-        )
+        return np.asarray(np.exp(self.decide(observation, copy.deepcopy(state), episode_start)[1].log_probability))
 
 
 class GeometricBeamDecider(BeamDecider):
@@ -207,7 +194,6 @@ class Beams(SeveralThresholds):
         last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
         started = ~np.asarray(episode_start)
         self.chosen = [
-            rule.choose(state.log_probability, stated, started)
-            for rule, stated in zip(self.rules, last, strict=True)
+            rule.choose(state.log_probability, stated, started) for rule, stated in zip(self.rules, last, strict=True)
         ]
         return self.chosen[0], state

@@ -21,21 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.beam_habits import (
-    Habits,
-    begin_habits,
-    expected_hazard,
-    free_slots,
-    merge_habits,
-    next_mode,
-)
+from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
 from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import (
-    AWARE_HYPOTHESIS,
-    begin_hypothesis,
-    covariance_of,
-    sense_hypothesis,
-)
+from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
@@ -159,9 +147,7 @@ def copy_filter(source: Any, source_lane: int, target: Any, target_lane: int) ->
 @internal
 def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, track: int, c: int) -> None:
     """Copy branch b of a track to branch c of another."""
-    copy_filter(
-        source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES
-    )
+    copy_filter(source.filters[source_track, b // LANES], b % LANES, target.filters[track, c // LANES], c % LANES)
     target.modes[track, c] = source.modes[source_track, b]
     target.ages[track, c] = source.ages[source_track, b]
     target.rows[track, c] = source.rows[source_track, b]
@@ -178,9 +164,7 @@ def triangle(entries: NDArray[np.float64]) -> Triangle4:
 
 
 @internal
-def _begin_child(
-    children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel
-) -> None:
+def _begin_child(children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel) -> None:
     """Begin child c with a segment of a mode, from an estimate and its covariance."""
     radius = signed_radius(mode, model.radii)
     kalman = children.filters[0, c // LANES]

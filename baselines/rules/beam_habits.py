@@ -67,11 +67,7 @@ def expected_hazard(
 
 @internal
 def _add_posterior(
-    target: NDArray[np.float64],
-    laws: NDArray[np.float32],
-    weight: float,
-    turns: int,
-    ended: NDArray[np.float64],
+    target: NDArray[np.float64], laws: NDArray[np.float32], weight: float, turns: int, ended: NDArray[np.float64]
 ) -> None:
     """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
     same, own, before = 0.0, 0.0, 0.0

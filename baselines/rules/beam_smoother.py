@@ -58,12 +58,7 @@ class SmootherState(NamedTuple):
 
 @compiled
 def carry_past(
-    before: BranchTable,
-    now: BranchTable,
-    past: FloatArray,
-    carried: FloatArray,
-    hazards: FloatArray,
-    order: FloatArray,
+    before: BranchTable, now: BranchTable, past: FloatArray, carried: FloatArray, hazards: FloatArray, order: FloatArray
 ) -> None:
     """Give the branches of a tick the probabilities of the modes at the last ticks.
 
@@ -95,9 +90,7 @@ def carry_past(
                 for b in range(before.counts[track]):
                     parent, row = before.modes[track, b], 2 * before.rows[track, b]
                     row += 1 if parent > 0 else 0
-                    hazard = (
-                        hazards[row, min(before.ages[track, b], hazards.shape[1]) - 1] * order[parent, mode]
-                    )
+                    hazard = hazards[row, min(before.ages[track, b], hazards.shape[1]) - 1] * order[parent, mode]
                     weights[b] = -np.inf
                     if hazard > 0.0:
                         weights[b] = before.log_weights[track, b] + math.log(hazard)
@@ -154,13 +147,7 @@ class BeamSmoother(Decider):
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
         run_compiled(
-            carry_past,
-            state.table,
-            now,
-            state.past,
-            state.spare,
-            self.beam.model.hazards,
-            self.beam.model.order,
+            carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards, self.beam.model.order
         )
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():

@@ -134,9 +134,7 @@ class XcsoarRule(GroundTrackRule):
 
     name, title = "xcsoar", "XCSoar, tuned"
     numbers, usual = ("rate", "enter", "leave"), (7.0, 10.0, 6.0)
-    grid = tuple(
-        product((4.0, 5.0, 6.0, 7.0, 8.0, 10.0), (4.0, 6.0, 8.0, 10.0, 15.0), (0.0, 2.0, 4.0, 6.0, 8.0))
-    )
+    grid = tuple(product((4.0, 5.0, 6.0, 7.0, 8.0, 10.0), (4.0, 6.0, 8.0, 10.0, 15.0), (0.0, 2.0, 4.0, 6.0, 8.0)))
     fastest, factor = np.radians(50.0), 0.3
 
     def begin(self, shape: tuple[int, int]) -> tuple[Any, ...]:

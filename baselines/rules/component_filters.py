@@ -317,9 +317,7 @@ def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> Floa
     return np.asarray(share / share.sum((0, 2), keepdims=True))
 
 
-def anchor_rows(
-    layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray
-) -> FloatArray:
+def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray) -> FloatArray:
     """Return the estimate in the heading frame with its covariance, (N, 14).
 
     Args:

@@ -108,9 +108,7 @@ class MeasurementDecider(Decider, Generic[State]):
         """
         width = OBSERVED + self.hypotheses
         if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):
-            raise reject(
-                "observation shape", observation.shape, f"(N, {width}), with sensors {width + SENSED}"
-            )
+            raise reject("observation shape", observation.shape, f"(N, {width}), with sensors {width + SENSED}")
         tracks = len(observation)
         if state is None:
             state = self.begin(tracks)

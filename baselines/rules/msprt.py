@@ -15,15 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations, RowRule
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    check_choice,
-    check_number,
-    check_positive,
-    reject,
-)
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_number, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR, Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, posterior_panel, ratio_limits
@@ -93,9 +85,7 @@ def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -
     """
     types = type_sums(posterior)
     best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
-    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
-        -1, dtype=np.float64
-    )
+    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(-1, dtype=np.float64)
     return np.where(by_type, _other_types_sum(types, types.argmax(-1)), others), best
 
 

@@ -57,9 +57,7 @@ class Adapted(Decider):
         if self._rows_only:
             answer = self._call(observation)
         else:
-            answer = self._call(
-                observation, state=state, episode_start=episode_start, deterministic=deterministic
-            )
+            answer = self._call(observation, state=state, episode_start=episode_start, deterministic=deterministic)
         actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
         return actions, state
 

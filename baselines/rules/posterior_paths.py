@@ -45,9 +45,7 @@ class Never(RowRule):
         return np.zeros(len(rows), np.int64)
 
 
-def simulate_posterior_paths(
-    episodes: int, seed: int, ticks: int | None = None, **options: Any
-) -> PosteriorPaths:
+def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
     """Simulate episodes in which every segment is decided at its end, so that most anchors are accurate.
 
     Args:
@@ -63,9 +61,7 @@ def simulate_posterior_paths(
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})
     env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
-    last = (
-        world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
-    )
+    last = world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
     by = rewarded(world)
     n = len(world.radii)
     kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)

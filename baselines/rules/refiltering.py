@@ -74,9 +74,7 @@ class RefilteringDecider(Decider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def anchors(
-        self, rows: Observations, first: BoolArray, correct: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return initial estimates with covariances, (C, N, 14), and weights, (N, C).
 
         Args:
@@ -128,9 +126,7 @@ class KeptCovarianceDecider(RefilteringDecider):
         """See `Decider.maker`."""
         return lambda alpha: cls(options, alpha)
 
-    def anchors(
-        self, rows: Observations, first: BoolArray, correct: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         covariance = stated_covariance(self.layout, rows)
         return anchor_rows(self.layout, rows, 0.0, covariance)[None], np.ones((len(rows), 1))
@@ -152,9 +148,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
     components = 4
     rejects_outliers: ClassVar[bool] = False
 
-    def __init__(
-        self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False
-    ):
+    def __init__(self, world: WorldOptions, prior: AnchorPrior | None, alpha: float = 0.02, robust: bool = False):
         super().__init__(world, alpha, robust)
         self.prior = prior
 
@@ -169,9 +163,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
 
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
-    def anchors(
-        self, rows: Observations, first: BoolArray, correct: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         tracks = len(rows)
         weight = np.tile([1.0, 0.0, 0.0, 0.0], (tracks, 1))
@@ -198,12 +190,7 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
 
 
 def fit_calibrated_anchor(
-    world: WorldOptions,
-    episodes: int,
-    seed: int,
-    rounds: int = 2,
-    alpha: float = 0.05,
-    robust: bool = False,
+    world: WorldOptions, episodes: int, seed: int, rounds: int = 2, alpha: float = 0.05, robust: bool = False
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
@@ -223,9 +210,7 @@ def fit_calibrated_anchor(
     return prior
 
 
-def _anchor_errors(
-    decider: RefilteringDecider, episodes: int, seed: int
-) -> tuple[FloatArray, IntArray, BoolArray]:
+def _anchor_errors(decider: RefilteringDecider, episodes: int, seed: int) -> tuple[FloatArray, IntArray, BoolArray]:
     """Return the errors at the switches of simulated episodes; see `fit_anchor_prior`."""
     world = decider.world
     rows = world.longest_segment + 1  # a segment decided at once, and the first tick of the next

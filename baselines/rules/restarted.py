@@ -82,9 +82,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 
     def begin_track(self, state: RestartedFilters, track: int, start: FloatArray) -> None:
         """State the most probable mode and start its filter; see `MeasurementDecider.begin_track`."""
-        run_compiled(
-            begin_restarted, state, track, int(start[-self.hypotheses :].argmax()), start, self.model
-        )
+        run_compiled(begin_restarted, state, track, int(start[-self.hypotheses :].argmax()), start, self.model)
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""

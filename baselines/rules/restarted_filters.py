@@ -19,12 +19,7 @@ from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import copy_filter, triangle
 from hybrid_env.core.arrays import aligned_zeros
-from hybrid_env.core.banks.anchor_aware import (
-    AWARE_HYPOTHESIS,
-    begin_hypothesis,
-    covariance_of,
-    sense_hypothesis,
-)
+from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
 from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal
@@ -93,9 +88,7 @@ def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
 
 
 @internal
-def _begin_filter(
-    kalman: Any, lane: int, anchor: State, covariance: Triangle4, mode: int, model: RestartModel
-) -> None:
+def _begin_filter(kalman: Any, lane: int, anchor: State, covariance: Triangle4, mode: int, model: RestartModel) -> None:
     """Start the filter of a mode from an estimate and its covariance."""
     radius, exact = signed_radius(mode, model.radii), model.exact_anchor
     begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau, exact)

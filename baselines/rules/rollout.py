@@ -235,9 +235,7 @@ def evaluate_batch(
     if env.options.actions != "all":
         raise reject("actions", env.options.actions, "'all': deciders declare hypotheses")
     segments = env.options.segments
-    recorded: dict[str, NDArray[Any]] = {
-        name: np.zeros((episodes, segments), kind) for name, kind in DECIDED.items()
-    }
+    recorded: dict[str, NDArray[Any]] = {name: np.zeros((episodes, segments), kind) for name, kind in DECIDED.items()}
     finished = np.zeros(episodes, np.int64)  # recorded decisions of each track
     unfinished = np.ones(episodes, np.bool_)
     for now in rollout(env, decider, seed, unfinished):

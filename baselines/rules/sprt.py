@@ -42,11 +42,7 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 
 @compiled
 def sprt_test(
-    log_likelihood: NDArray[np.float64],
-    running: NDArray[np.bool_],
-    reference: int,
-    upper: float,
-    lower: float,
+    log_likelihood: NDArray[np.float64], running: NDArray[np.bool_], reference: int, upper: float, lower: float
 ) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
@@ -152,9 +148,7 @@ class SPRTDecider(Decider):
         lower, upper = math.exp(self.lower), math.exp(self.upper)
         return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: Any = None
-    ) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)

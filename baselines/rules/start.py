@@ -112,10 +112,7 @@ class FirstMeasurements:
         self._points.append((x, y))
         self._noises.append(unit_noise(self.options) if noise is None else noise)
         ticks, points, noises = np.array(self._ticks), np.array(self._points), np.array(self._noises)
-        fits = [
-            line_estimate(ticks[-m:], points[-m:], self.options, noises[-m:])
-            for m in range(2, len(ticks) + 1)
-        ]
+        fits = [line_estimate(ticks[-m:], points[-m:], self.options, noises[-m:]) for m in range(2, len(ticks) + 1)]
         if not fits:
             self.estimate, self.covariance = line_estimate(ticks, points, self.options, noises)
             return

@@ -102,18 +102,14 @@ class ThresholdDecider(RowRule):
         actions = np.empty(len(rows), np.int64)
         columns = layout.slices["log_probability"].start, layout.slices["stated"].start
         scale = layout.scales["log_probability"]
-        _choose_by_rows(
-            rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions
-        )
+        _choose_by_rows(rows, layout.hypotheses, columns, scale, self._log_threshold, self._log_release, actions)
         return actions
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
         return probability_panel("bank", self.threshold)
 
-    def choose(
-        self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]
-    ) -> Actions:
+    def choose(self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]) -> Actions:
         """Return the next statements of N tracks, (N,).
 
         Args:

@@ -319,9 +319,7 @@ class OnlineTracker:
             allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
             raise reject("decider", self.decider.class_name, allowed) from error
 
-    def _checked_estimate(
-        self, estimate: ArrayLike, covariance: ArrayLike | None
-    ) -> tuple[FloatArray, FloatArray]:
+    def _checked_estimate(self, estimate: ArrayLike, covariance: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
         mean = check_array("estimate", estimate, (4,))
         if covariance is None:

@@ -52,9 +52,7 @@ class Decisions:
     def figures(self) -> FloatArray:
         """Figures of each episode, (E, 11), see `COLUMNS`."""
         previous, wrong = self.correct[:, :-1], ~self.correct[:, 1:]
-        shares = [
-            one.mean(1) for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)
-        ]
+        shares = [one.mean(1) for one in (self.correct, self.type_correct, self.ticks, self.reward, self.forced)]
         sums = [self.squared_error.sum(1), self.length.sum(1)]
         after = [(wrong & previous).sum(1), previous.sum(1), (wrong & ~previous).sum(1), (~previous).sum(1)]
         return np.stack([*shares, *sums, *after], axis=1)

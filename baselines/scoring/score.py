@@ -72,9 +72,7 @@ class TimelineScores:
         """Return figures and differences as plain values."""
 
         def plain(found: dict[str, dict[str, Estimate]]) -> dict[str, Any]:
-            return {
-                set_: {key: one.as_json() for key, one in figures.items()} for set_, figures in found.items()
-            }
+            return {set_: {key: one.as_json() for key, one in figures.items()} for set_, figures in found.items()}
 
         first = next(iter(self.scores.values()))
         return {
@@ -99,13 +97,7 @@ class _Track(NamedTuple):
 
 
 def score(
-    times: Any,
-    truth: Any,
-    statements: Any,
-    *,
-    statement_times: Any = None,
-    per: float = HOUR,
-    normal: Any = None,
+    times: Any, truth: Any, statements: Any, *, statement_times: Any = None, per: float = HOUR, normal: Any = None
 ) -> TimelineScores:
     """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
 
@@ -144,9 +136,7 @@ def score(
     for name, stated in sets.items():
         place = f"statements[{name!r}]" if isinstance(statements, Mapping) else "statements"
         own = statement_times.get(name) if isinstance(statement_times, Mapping) else statement_times
-        found = _tracks(
-            "times" if own is None else "statement_times", times if own is None else own, place, stated
-        )
+        found = _tracks("times" if own is None else "statement_times", times if own is None else own, place, stated)
         if len(found) != len(true):
             raise ArgumentError(f"{place} has {len(found)} tracks: expected {len(true)}, as the truth")
         coded = [_Track(track.times, [_code(mode, codes) for mode in track.modes]) for track in found]
@@ -223,9 +213,7 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
     clock = np.union1d(true.times, stated.times)
     clock = clock[(clock >= true.times[0]) & (clock <= true.times[-1])]
     if stated.times[0] > true.times[-1]:
-        raise reject(
-            name, str(stated.times[0]), f"a first time before the end of the truth, {true.times[-1]}"
-        )
+        raise reject(name, str(stated.times[0]), f"a first time before the end of the truth, {true.times[-1]}")
     rows = np.searchsorted(true.times, clock, "right") - 1
     modes = np.array(true.modes)[rows]
     at = np.searchsorted(stated.times, clock, "right") - 1

@@ -141,9 +141,7 @@ class Scores:
         """Return the scores of a single threshold."""
         extra = {name: array[index : index + 1] for name, array in self.extra.items()}
         chosen = self.thresholds[index : index + 1]
-        return replace(
-            self, thresholds=chosen, values=np.ascontiguousarray(self.values[..., index, None]), extra=extra
-        )
+        return replace(self, thresholds=chosen, values=np.ascontiguousarray(self.values[..., index, None]), extra=extra)
 
     def some(self, episodes: Sequence[int]) -> "Scores":
         """Return the scores on some of the episodes, without `extra`."""

@@ -190,8 +190,7 @@ def find_switches(switched: NDArray[np.bool_], right: NDArray[np.bool_]) -> Swit
     times = np.arange(ticks)[:, None]
     # for every tick the next one, itself included, with a right statement, and the next with a switch
     next_right, next_switch = (
-        np.minimum.accumulate(np.where(flags, times, ticks)[::-1], axis=0)[::-1]
-        for flags in (right, switched)
+        np.minimum.accumulate(np.where(flags, times, ticks)[::-1], axis=0)[::-1] for flags in (right, switched)
     )
     end = np.vstack([next_switch[1:], np.full((1, tracks), ticks)])  # of the segment that begins at a switch
     begin, track = np.nonzero(switched)

@@ -89,8 +89,7 @@ def statistics(period: float) -> dict[str, Statistic]:
     return {
         "agreement": ratio("agreed", "scored"),
         "delay": Statistic(
-            ("delay", "switches", "missed"),
-            lambda delay, switches, missed: quotient(delay, switches - missed),
+            ("delay", "switches", "missed"), lambda delay, switches, missed: quotient(delay, switches - missed)
         ),
         "misses": ratio("missed", "switches"),
         "full_delay": Statistic(
@@ -104,9 +103,7 @@ def statistics(period: float) -> dict[str, Statistic]:
     }
 
 
-def count_timeline(
-    timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None
-) -> FloatArray:
+def count_timeline(timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None) -> FloatArray:
     """Return the `TimelineCounts` of B blocks of a track, (B, 15). Events belong to the block they begin in.
 
     Args:

@@ -79,10 +79,7 @@ for step, mode, correct in decisions:
     text = ("straight", "left", "right")[mode] + ("" if correct else ", wrong")
     axes.text(step, 1.02, text, ha="right", va="bottom", fontsize=9)
 axes.set(
-    xlabel="step of the episode",
-    ylabel="probability of the action",
-    ylim=(0, 1),
-    xlim=(1, len(probabilities) + 0.5),
+    xlabel="step of the episode", ylabel="probability of the action", ylim=(0, 1), xlim=(1, len(probabilities) + 0.5)
 )
 axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=4, frameon=False)
 plt.show()

@@ -59,9 +59,7 @@ for name, rule in rules.items():
     (line,) = right.plot(at, 100 * wrong / counts, label=name)
     right.fill_between(at, *100 * bounds.T, color=line.get_color(), alpha=0.25, linewidth=0)
 left.set(xlabel="decision time, ticks", ylabel="segments, %", title="When they decide", xlim=(0, 70))
-right.set(
-    xlabel="decision time, ticks", ylabel="wrong decisions, %", title="Errors, with 95 % intervals (Wilson)"
-)
+right.set(xlabel="decision time, ticks", ylabel="wrong decisions, %", title="Errors, with 95 % intervals (Wilson)")
 right.set_ylim(bottom=0)
 for axes in (left, right):
     axes.grid(alpha=0.25)

@@ -98,10 +98,7 @@ statements = {
 }
 result = score([times] * tracks, list(true), statements, per=60.0)
 for name, figures in result.estimates.items():
-    print(
-        f"{name}:",
-        ", ".join(f"{key} {one.value:.2f}" for key, one in figures.items() if key != "false_alarms"),
-    )
+    print(f"{name}:", ", ".join(f"{key} {one.value:.2f}" for key, one in figures.items() if key != "false_alarms"))
 for name, figures in result.differences.items():
     delay = figures["full_delay"]
     print(f"{name}: delay {delay.value:+.2f} s [{delay.low:+.2f}, {delay.high:+.2f}] from that of the IMM")
@@ -114,12 +111,7 @@ for name, figures in result.differences.items():
 figure, (bars, plane) = plt.subplots(1, 2, figsize=(10, 3.2), width_ratios=(2, 1), layout="constrained")
 rows = np.stack([true[0], *(stated[0] for stated in statements.values())])
 bars.imshow(
-    rows,
-    aspect="auto",
-    interpolation="nearest",
-    extent=(0, times[-1], len(rows) - 0.5, -0.5),
-    cmap="Set2",
-    vmax=7,
+    rows, aspect="auto", interpolation="nearest", extent=(0, times[-1], len(rows) - 0.5, -0.5), cmap="Set2", vmax=7
 )
 bars.set_yticks(range(len(rows)), ["truth", *statements])
 bars.set(xlabel="t, s", title="One track: straight green, left orange, right blue")

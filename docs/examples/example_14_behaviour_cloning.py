@@ -29,9 +29,7 @@ main(["dataset", "--policies", "shipped", "--episodes", "1000"])
 episodes = list(minari.load_dataset("HybridTrack-v0/shipped-v0"))
 rows = torch.as_tensor(np.concatenate([episode.observations[:-1] for episode in episodes]))
 actions = torch.as_tensor(np.concatenate([episode.actions for episode in episodes]))
-print(
-    f"{len(rows):,} rows of {rows.shape[1]} numbers; it waits in {100 * (actions == 0).float().mean():.0f} %"
-)
+print(f"{len(rows):,} rows of {rows.shape[1]} numbers; it waits in {100 * (actions == 0).float().mean():.0f} %")
 
 # %%
 # Behaviour cloning is classification of the rows by the action.
@@ -78,11 +76,7 @@ class Clone:
 
 
 options = gym.make("hybrid_env:HybridTrack-v0").unwrapped.options
-deciders = {
-    "shipped": load_decider("shipped", options),
-    "clone": Clone(),
-    "ATE": load_decider("ate", options),
-}
+deciders = {"shipped": load_decider("shipped", options), "clone": Clone(), "ATE": load_decider("ate", options)}
 results = {name: evaluate(decider, episodes=1000) for name, decider in deciders.items()}
 for name, found in results.items():
     low, high = confidence_interval(found.reward.mean(1))

@@ -55,9 +55,7 @@ def desired_attitude(thrust: np.ndarray) -> np.ndarray:
     return np.stack([cross(second, third), second, third], axis=1)
 
 
-def rotor_commands(
-    rotation: np.ndarray, rates: np.ndarray, desired: np.ndarray, thrust: np.ndarray
-) -> np.ndarray:
+def rotor_commands(rotation: np.ndarray, rates: np.ndarray, desired: np.ndarray, thrust: np.ndarray) -> np.ndarray:
     """Forces of the four rotors, (4,) [N].
 
     Args:

@@ -120,11 +120,7 @@ def _save_checksums(name: Path | None) -> None:
     """Write the checksums of the files of a function, unless the folder is not writable."""
     text = "".join(f"{_checksum(path)}\n" for path in cached_files(name))
     with suppress(OSError):
-        if (
-            name is not None
-            and text
-            and not (_checksums(name).exists() and _checksums(name).read_text() == text)
-        ):
+        if name is not None and text and not (_checksums(name).exists() and _checksums(name).read_text() == text):
             part = _checksums(name).with_suffix(f".{os.getpid()}")
             part.write_text(text)
             part.replace(_checksums(name))
@@ -136,9 +132,7 @@ def _remove(name: Path | None) -> None:
         for path in cached_files(name):
             path.unlink(missing_ok=True)
     except OSError:
-        raise RuntimeError(
-            f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR"
-        ) from None
+        raise RuntimeError(f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR") from None
 
 
 def _announce(dispatcher: Any, name: Path | None) -> None:

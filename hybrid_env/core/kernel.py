@@ -25,12 +25,7 @@ from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covarian
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.observation_row import (
-    compare_hypotheses,
-    write_expected_displacement,
-    write_segment,
-    write_tick,
-)
+from hybrid_env.core.observation_row import compare_hypotheses, write_expected_displacement, write_segment, write_tick
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
@@ -61,9 +56,7 @@ def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) 
 
 
 @inlined
-def _record_estimate(
-    block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: bool
-) -> None:
+def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: bool) -> None:
     """Record the estimate of the active filter, or the merged one."""
     if merged:
         estimate = merged_estimate(hypotheses, lane)
@@ -270,9 +263,7 @@ def _clear_step(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> Non
 
 
 @inlined
-def _tick(
-    block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any
-) -> None:
+def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
     move(block, scratch.noise, first, last, sensors, setting)
     step_lanes(block, bank, first, last, sensors, setting)

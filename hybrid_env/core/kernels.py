@@ -20,14 +20,7 @@ from hybrid_env.core.banks.bank import likeliest_of_type
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
-from hybrid_env.core.kernel import (
-    HAS_DECISION,
-    begin_bank,
-    chosen_mode,
-    follow_irregular,
-    set_anchor,
-    step_irregular,
-)
+from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, follow_irregular, set_anchor, step_irregular
 from hybrid_env.core.observation_row import (
     compare_hypotheses,
     write_expected_displacement,
@@ -186,16 +179,8 @@ def live_quickest(address: int, command: int) -> int:
     return advance_live_quickest(command == BEGIN, imm_banks(setting), arrays_of(setting), setting)
 
 
-KERNELS: dict[type, Any] = {
-    PublishedBank: advance_published,
-    AnchorAwareBank: advance_aware,
-    ImmBank: advance_quickest,
-}
+KERNELS: dict[type, Any] = {PublishedBank: advance_published, AnchorAwareBank: advance_aware, ImmBank: advance_quickest}
 """The entry point of each bank."""
 
-LIVE_KERNELS: dict[type, Any] = {
-    PublishedBank: live_published,
-    AnchorAwareBank: live_aware,
-    ImmBank: live_quickest,
-}
+LIVE_KERNELS: dict[type, Any] = {PublishedBank: live_published, AnchorAwareBank: live_aware, ImmBank: live_quickest}
 """The entry point of each bank on a live sensor."""

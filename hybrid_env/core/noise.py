@@ -90,9 +90,7 @@ def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: i
 
 
 @internal
-def draw_noise(
-    state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, setting: Any
-) -> None:
+def draw_noise(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Draw the noise of one tick for lanes first .. last - 1.
 
     Args:
@@ -126,9 +124,7 @@ def draw_noise_ahead(
 
 
 @internal
-def _draw_further(
-    state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int, setting: Any
-) -> None:
+def _draw_further(state: NDArray[np.uint64], lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
     """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and `LOST`."""
     if setting.noise_law == OUTLIERS or setting.noise_law == LEVY:
         noise[4, column] = uniform(state, lane)

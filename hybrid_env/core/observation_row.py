@@ -63,9 +63,7 @@ QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
 """Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
-TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(
-    SINGLES
-)
+TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(SINGLES)
 
 
 @inlined
@@ -81,9 +79,7 @@ def clipped_innovation(white: float) -> float:
 
 
 @inlined
-def innovation_in_frame(
-    innovation: Any, lane: int, heading_x: float, heading_y: float
-) -> tuple[float, float]:
+def innovation_in_frame(innovation: Any, lane: int, heading_x: float, heading_y: float) -> tuple[float, float]:
     """Return the clipped whitened innovation of one lane along and across a heading."""
     return heading_frame(
         clipped_innovation(innovation.white_x[lane]), clipped_innovation(innovation.white_y[lane]),
@@ -109,9 +105,7 @@ def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_
 
 
 @internal
-def write_segment(
-    row: NDArray[np.float32], block: Any, lane: int, radii: NDArray[np.float64], setting: Any
-) -> None:
+def write_segment(row: NDArray[np.float32], block: Any, lane: int, radii: NDArray[np.float64], setting: Any) -> None:
     """Write the values that are constant over a segment. row: (6 M + 10,); setting: record `PARAMETERS`."""
     n = radii.size
     M = 2 * n + 1
@@ -154,9 +148,7 @@ def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last:
 
 
 @internal
-def write_tick(
-    row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any
-) -> None:
+def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any) -> None:
     """Write the values that change with every tick. `compare_hypotheses` is called before.
 
     Args:
@@ -191,9 +183,7 @@ def write_tick(
 
 
 @internal
-def write_expected_displacement(
-    row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any
-) -> None:
+def write_expected_displacement(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the displacement that the likeliest filter expects, if the tick has no measurement.
 
     Arguments as in `write_tick`, which is called before.

@@ -52,9 +52,7 @@ def to_position(
 
 
 @inlined
-def position_noise(
-    x: float, y: float, range_deviation: float, bearing_deviation: float
-) -> tuple[float, float, float]:
+def position_noise(x: float, y: float, range_deviation: float, bearing_deviation: float) -> tuple[float, float, float]:
     """Return the covariance xx, xy, yy of a position (x, y) relative to the radar from `to_position`."""
     length = max(math.hypot(x, y), 1e-300)
     distance = length * math.exp(0.5 * bearing_deviation * bearing_deviation)

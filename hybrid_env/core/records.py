@@ -110,16 +110,5 @@ DECISION_FLAGS = ("has_decision", "correct", "type_correct", "forced")
 SEGMENT_COLUMNS = ("signed_radius", "mode", "length")
 """Columns of the segment table: radius [m], positive to the left; mode (hypothesis); length [ticks]."""
 
-TRACE_COLUMNS = (
-    "x",
-    "vx",
-    "y",
-    "vy",
-    "measured_x",
-    "measured_y",
-    "estimate_x",
-    "estimate_y",
-    "active_mode",
-    "segment",
-)
+TRACE_COLUMNS = ("x", "vx", "y", "vy", "measured_x", "measured_y", "estimate_x", "estimate_y", "active_mode", "segment")
 """Columns of the trace. It has one row per tick, including fast-forwarded ticks."""

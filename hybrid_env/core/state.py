@@ -27,11 +27,7 @@ from hybrid_env.core.records import (
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-BANKS: dict[str, type] = {
-    "published": PublishedBank,
-    "oracle": PublishedBank,
-    "anchor_aware": AnchorAwareBank,
-}
+BANKS: dict[str, type] = {"published": PublishedBank, "oracle": PublishedBank, "anchor_aware": AnchorAwareBank}
 """The bank of each value of the option `bank`."""
 
 

@@ -50,9 +50,7 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
         velocity_variance = setting.initial_velocity
         position, velocity = noise[2 * axis, lane], noise[2 * axis + 1, lane]
         block.estimate[2 * axis, lane] = block.truth[2 * axis, lane] + math.sqrt(position_variance) * position
-        block.estimate[2 * axis + 1, lane] = (
-            block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
-        )
+        block.estimate[2 * axis + 1, lane] = block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
         # the variances of the axis in the upper triangle
         covariance[0 if axis == 0 else 7, lane] = position_variance
         covariance[4 if axis == 0 else 9, lane] = velocity_variance
@@ -96,12 +94,8 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
     cosine, sine_velocity, sine_position = (
         block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
     )  # fmt: skip
-    x, vx = propagate(
-        truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position
-    )
-    y, vy = propagate(
-        truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position
-    )
+    x, vx = propagate(truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position)
+    y, vy = propagate(truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position)
     truth[0, lane] = x
     truth[1, lane] = vx + setting.process_deviation * noise[0, column]
     truth[2, lane] = y
@@ -182,9 +176,7 @@ def sum_errors(block: Any, lane: int, hypotheses: NDArray[Any], errors: NDArray[
 
 
 @internal
-def move(
-    block: Any, noise: NDArray[np.float64], first: int, last: int, sensors: NDArray[Any], setting: Any
-) -> None:
+def move(block: Any, noise: NDArray[np.float64], first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions.
 
     Args:

@@ -128,9 +128,7 @@ def sprt_panel(alpha: float) -> EvidencePanel:
     )
 
 
-def posterior_panel(
-    source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None
-) -> EvidencePanel:
+def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None) -> EvidencePanel:
     """Return the panel of posterior probabilities with the threshold 1 - alpha.
 
     Args:

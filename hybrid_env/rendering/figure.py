@@ -75,11 +75,7 @@ class EpisodeFigure:
         legend = self._add_legend(_colour_legend(colours) | threshold, 0.04)
         if legend.get_window_extent().width > 0.97 * FRAME_SIZE[0]:
             legend.remove()
-            names = (
-                "straight (S)",
-                "left turns (L), darker is tighter",
-                "right turns (R), darker is tighter",
-            )
+            names = ("straight (S)", "left turns (L), darker is tighter", "right turns (R), darker is tighter")
             colours = dict(zip(names, TYPE_COLOURS, strict=True))
             self._add_legend(_colour_legend(colours) | threshold, 0.04)
 

@@ -67,11 +67,7 @@ class History:
         self._true_modes: list[NDArray[Any]] = []
 
     def add(
-        self,
-        trace: Sequence[ArrayLike] | FloatArray,
-        evidence: FloatArray,
-        info: dict[str, Any],
-        finished: bool,
+        self, trace: Sequence[ArrayLike] | FloatArray, evidence: FloatArray, info: dict[str, Any], finished: bool
     ) -> None:
         """Store the ticks of one step, or the first tick of an episode.
 
@@ -104,9 +100,7 @@ class History:
         current = rows[:, SEGMENT] == info["segment"]
         self._traces.append(rows)
         self._evidence.append(values)
-        self._true_modes.append(
-            np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"]))
-        )
+        self._true_modes.append(np.where(current, info["true_mode"], info.get("decided_true_mode", info["true_mode"])))
 
     def state(self, mode: int) -> None:
         """Store the mode that is stated at the current tick."""

@@ -97,9 +97,7 @@ class TrackAxes:
             line.set_visible(bool(active.any()))
         self._switches.set_data(column["x"][switches], column["y"][switches])
         rows = [decision.time - 1 for decision in history.decisions]
-        self._decisions.update(
-            history.decisions, list(zip(column["x"][rows], column["y"][rows], strict=True))
-        )
+        self._decisions.update(history.decisions, list(zip(column["x"][rows], column["y"][rows], strict=True)))
         self._current.set_data(column["x"][-1:], column["y"][-1:])
 
 
@@ -123,9 +121,7 @@ class EvidenceAxes:
             axes.yaxis.set_minor_locator(NullLocator())
         if panel.ribbons:
             axes.set_yticks(
-                [*RIBBONS.values(), 0.0, 0.25, 0.5, 0.75, 1.0],
-                [*RIBBONS, "0", "", "0.5", "", "1"],
-                fontsize=8,
+                [*RIBBONS.values(), 0.0, 0.25, 0.5, 0.75, 1.0], [*RIBBONS, "0", "", "0.5", "", "1"], fontsize=8
             )
         axes.set_ylim(panel.limits)
         axes.set_xlabel("time [ticks]", fontsize=9)
@@ -165,9 +161,7 @@ class EvidenceAxes:
         self._skipped.set_verts([[(start, 0), (start, 1), (end, 1), (end, 0)] for start, end in skipped])
         self._update_thresholds(history)
         self._update_ribbons(history)
-        points = [
-            (decision.time, np.clip(decision.evidence, *self.panel.limits)) for decision in history.decisions
-        ]
+        points = [(decision.time, np.clip(decision.evidence, *self.panel.limits)) for decision in history.decisions]
         self._decisions.update(history.decisions, points)
 
     def _update_thresholds(self, history: History) -> None:
@@ -226,8 +220,6 @@ def track_legend() -> dict[str, Line2D]:
 def decision_legend() -> dict[str, Line2D]:
     """Return the entries of the decisions in the legend, with their handles."""
     return {
-        name: Line2D(
-            [], [], color="white", marker=marker, markersize=7, linestyle="none", markeredgecolor="black"
-        )
+        name: Line2D([], [], color="white", marker=marker, markersize=7, linestyle="none", markeredgecolor="black")
         for name, marker in (("correct decision", CORRECT), ("wrong decision", WRONG))
     }

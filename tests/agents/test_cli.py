@@ -89,12 +89,7 @@ def test_compare_reports_the_spread_over_training_seeds(tmp_path, capsys):
     )
     assert main(line.split()) == 0
     printed = capsys.readouterr().out
-    for words in (
-        "small-anchor seed 0",
-        "small-anchor seed 1",
-        "small-anchor over 2 training seeds",
-        "90.0% accuracy",
-    ):
+    for words in ("small-anchor seed 0", "small-anchor seed 1", "small-anchor over 2 training seeds", "90.0% accuracy"):
         assert words in printed
 
 

@@ -27,8 +27,7 @@ def test_evaluate_returns_the_figures_of_the_command(tmp_path):
     (figures,) = json.loads(out.read_text())
     assert figures["reward"] == found["reward"].as_json()
     assert (
-        figures["accuracy"]
-        == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
+        figures["accuracy"] == agents.evaluate(MSPRTDecider(0.02), episodes=10, seed=3, **WORLD)["accuracy"].as_json()
     )
     assert agents.evaluate(agents.load("msprt:0.02", **WORLD), episodes=10, seed=3, **WORLD) == found
 

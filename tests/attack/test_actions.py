@@ -71,9 +71,7 @@ def several(generator, count):
         return one_action(generator, count)
     if choice < 0.6:
         return [one_action(generator, count) for _ in range(3)]
-    found = generator.integers(0, count, 3).astype(
-        generator.choice(["i1", "i4", "i8", "u1", "u8", "f4", "O"])
-    )
+    found = generator.integers(0, count, 3).astype(generator.choice(["i1", "i4", "i8", "u1", "u8", "f4", "O"]))
     if choice < 0.7:
         found[generator.integers(3)] = generator.integers(0, 100)
     return torch.tensor(found) if choice > 0.9 and found.dtype != object else found

@@ -70,11 +70,7 @@ def attack_live(seed):
             continue
         elif kind == "value":
             near = generator.random() < 0.5
-            given = (
-                tuple(10.0 ** generator.uniform(-300, 31, 2))
-                if near
-                else VALUES[generator.integers(len(VALUES))]
-            )
+            given = tuple(10.0 ** generator.uniform(-300, 31, 2)) if near else VALUES[generator.integers(len(VALUES))]
         elif kind == "time":
             time = generator.choice([clock - 3.0 * tau, clock + 0.4 * tau, clock * 1e9, np.nan, np.inf])
         found = accepted(functools.partial(tracker.update, given, time))

@@ -57,9 +57,7 @@ others = st.one_of(
     st.datetimes(),
     st.complex_numbers(),
     st.dictionaries(st.text(), numbers, max_size=2),
-    st.sampled_from(
-        [object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]
-    ),
+    st.sampled_from([object(), len, int, np.timedelta64(5, "s"), decimal.Decimal(5), datetime.date(2020, 1, 1)]),
 )
 values = st.one_of(numbers, sequences, words, others)
 

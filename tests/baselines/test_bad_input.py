@@ -68,15 +68,11 @@ def test_measurements(positions):
         assert refused(call).startswith("measurements")
 
 
-@pytest.mark.parametrize(
-    "tested", [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []], ids=str
-)
+@pytest.mark.parametrize("tested", [0, 3, "1", [1, "2"], RAGGED, [[1]], np.array([[1]]), 1.0, {1: 2}, []], ids=str)
 def test_tested_hypotheses(tested):
     assert refused(detect_switch, POSITIONS, tested=tested).startswith("tested")
 
 
-@pytest.mark.parametrize(
-    "start", [RAGGED, [1.0] * 3, "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))], ids=str
-)
+@pytest.mark.parametrize("start", [RAGGED, [1.0] * 3, "1234", [0.0, np.nan, 0.0, 0.0], np.zeros((2, 4))], ids=str)
 def test_start(start):
     assert refused(track_ate, POSITIONS, [10], start).startswith("start")

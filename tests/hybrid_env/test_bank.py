@@ -37,9 +37,7 @@ def test_the_bank_equals_matrix_filters_on_random_tracks(isotropic):
         np.testing.assert_allclose(log_likelihood, [one.log_likelihood for one in reference], **tolerance)
         np.testing.assert_allclose(bank.estimates, [one.x for one in reference], **tolerance)
         np.testing.assert_allclose(bank.innovations, [one.innovation for one in reference], **tolerance)
-        np.testing.assert_allclose(
-            bank.innovation_variances, [np.diag(one.Sigma) for one in reference], **tolerance
-        )
+        np.testing.assert_allclose(bank.innovation_variances, [np.diag(one.Sigma) for one in reference], **tolerance)
         blocks = [[(one.P[k, k], one.P[k, k + 1], one.P[k + 1, k + 1]) for k in (0, 2)] for one in reference]
         np.testing.assert_allclose(bank.covariances, blocks, **tolerance)
 

@@ -175,9 +175,7 @@ def test_info_and_observation_equal_those_of_a_separate_bank(options):
             "log_noise": np.log(R).mean(),
         }
         for name, value in expected.items():
-            np.testing.assert_allclose(
-                layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name
-            )
+            np.testing.assert_allclose(layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name)
         assert env.observation_space.contains(observation)
         action = 0
         if step % 40 == 39:
@@ -302,9 +300,7 @@ def test_unpickling_records_of_another_layout_raises():
     world = HybridTrackEnv().world
     state = world.__getstate__()
     blocks = state["arrays"]["blocks"]
-    state["arrays"]["blocks"] = blocks.astype(
-        [(name, blocks.dtype[name]) for name in reversed(blocks.dtype.names)]
-    )
+    state["arrays"]["blocks"] = blocks.astype([(name, blocks.dtype[name]) for name in reversed(blocks.dtype.names)])
     with pytest.raises(ArgumentError, match="saved by another version of hybrid_env"):
         World.__new__(World).__setstate__(state)
 

@@ -54,12 +54,7 @@ def test_every_access_fills_the_dictionary_once(use):
 
 def test_a_converted_dictionary_has_the_expected_entries():
     expected = {"tick": [3, 4], "_tick": [True, True], "decided_mode": 1}
-    for convert in (
-        dict,
-        copy.deepcopy,
-        lambda info: pickle.loads(pickle.dumps(info)),
-        lambda info: {**info},
-    ):
+    for convert in (dict, copy.deepcopy, lambda info: pickle.loads(pickle.dumps(info)), lambda info: {**info}):
         found = convert(lazy([], {"decided_mode": 1}))
         plain = {key: np.asarray(value).tolist() for key, value in found.items()}
         assert plain == expected

@@ -64,9 +64,7 @@ def test_arrays_and_lists_that_change_later_do_not_change_the_options():
     variances, radii, error = np.array([0.1, 0.2]), [5.0], [0.3, 0.02]
     pieces, lengths = [Segment("L", 5, 5.0)], [5, 9]
     random = RandomScheme(2, lengths)
-    env = HybridTrackEnv(
-        scheme=FixedScheme(pieces), measurement_variance=variances, radii=radii, initial_error=error
-    )
+    env = HybridTrackEnv(scheme=FixedScheme(pieces), measurement_variance=variances, radii=radii, initial_error=error)
     expected = WorldOptions(scheme="L5r5", measurement_variance=(0.1, 0.2))
     env.reset(seed=0)
     variances[:] = 0.3
@@ -111,9 +109,7 @@ def test_every_option_is_tested():
 @pytest.mark.parametrize("name", NUMBERS + WORDS)
 def test_values_of_other_types_are_refused_in_one_line(name):
     for value in NASTY:
-        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(
-            name, ()
-        )
+        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(name, ())
         if any(value is one for one in allowed):
             continue
         message = refused(WorldOptions, **{name: value})
@@ -142,9 +138,7 @@ def test_values_of_other_types_are_refused_as_sensors_in_one_line():
 @pytest.mark.parametrize("name", ["mode", "length", "radius"])
 def test_values_of_a_segment_of_other_types_are_refused_in_one_line(name):
     for value in NASTY:
-        assert refused(Segment, **({"mode": "L", "length": 5, "radius": 5.0} | {name: value})).startswith(
-            name
-        )
+        assert refused(Segment, **({"mode": "L", "length": 5, "radius": 5.0} | {name: value})).startswith(name)
 
 
 @pytest.mark.parametrize("name", ["segments", "lengths", "radii"])

@@ -49,9 +49,7 @@ def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
         rows, info = env.reset(seed=4)
         for tick in range(40):
             filters = env.world.bank.hypotheses[:, kind]
-            white = np.array(
-                [env.world.layout.read(rows, f"innovation_{one}") for one in ("along", "across")]
-            )
+            white = np.array([env.world.layout.read(rows, f"innovation_{one}") for one in ("along", "across")])
             if tick % 13 == 12:
                 states = np.stack([filters[one] for one in ("x", "vx", "y", "vy")], -1).reshape(-1, 4)
                 P = filters["covariance"][:, OF_SEVEN].swapaxes(1, 2).reshape(-1, 10)[:tracks, SQUARE]

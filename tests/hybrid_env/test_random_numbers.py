@@ -44,10 +44,7 @@ def test_draws_are_standard_normal_in_moments_histogram_and_tails(count):
 
 @pytest.mark.parametrize(
     ("seeds", "ticks"),
-    [
-        pytest.param(64, 4000, id="quick"),
-        pytest.param(1024, 25_000, id="study", marks=pytest.mark.study),
-    ],
+    [pytest.param(64, 4000, id="quick"), pytest.param(1024, 25_000, id="study", marks=pytest.mark.study)],
 )
 def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
     # lane i of the environment has seed 1000 + i

@@ -12,11 +12,7 @@ import hybrid_env
 from hybrid_env import Sensor
 
 IDS = tuple(hybrid_env.ENVIRONMENTS)
-SENSORS = (
-    Sensor(variance=0.4, period=2),
-    Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
-    Sensor(variance=1.0),
-)
+SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0), Sensor(variance=1.0))
 CHECKED = [
     *((env_id, {}) for env_id in IDS),
     *(

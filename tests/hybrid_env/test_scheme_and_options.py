@@ -40,8 +40,7 @@ def test_random_schemes_are_parsed():
 
 
 @pytest.mark.parametrize(
-    ("name", "pieces", "ticks"),
-    [("golubkov2018", 6, 360), ("tsyganov2019", 9, 2506), ("golubkov2020", 2, 40)],
+    ("name", "pieces", "ticks"), [("golubkov2018", 6, 360), ("tsyganov2019", 9, 2506), ("golubkov2020", 2, 40)]
 )
 def test_schemes_of_the_papers_have_their_published_lengths(name, pieces, ticks):
     scheme = parse_scheme(name)
@@ -57,9 +56,7 @@ def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curv
 
 
 def test_an_unknown_option_raises_an_error_with_the_closest_known_name():
-    with pytest.raises(
-        TypeError, match=r"argument 'mesurement_variance': did you mean 'measurement_variance'"
-    ):
+    with pytest.raises(TypeError, match=r"argument 'mesurement_variance': did you mean 'measurement_variance'"):
         HybridTrackVectorEnv(2, mesurement_variance=0.1)
 
 

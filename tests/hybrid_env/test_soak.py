@@ -50,9 +50,7 @@ EDGES = {
     "outliers": {"noise": "outliers 0.999999", "measurement_variance": 100.0},
     "heavy tails": {"noise": "student_t 1", "missed": 0.5},
     "no measurements": {"missed": 0.999999, "scheme": "random 1000x50-3000"},
-    "far sensors": {
-        "sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]
-    },
+    "far sensors": {"sensors": [Sensor(variance=1e-6, range=3.0), Sensor(variance=1e6, period=7, range=40.0)]},
     "huge tick": {"tau": 1e9, "speed": 1e-7},
     "keeps covariance": {"reset_covariance": False, "process_variance": 0.0, "scheme": "random 1000x5-50"},
 }

@@ -39,9 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "groups", nargs="*", metavar="group",
         help=f"all by default, in about three minutes: {', '.join(GROUPS)}",
     )  # fmt: skip
-    parser.add_argument(
-        "--out", type=Path, default=Path("results"), help="folder for bench.json and bench.md"
-    )
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for bench.json and bench.md")
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.groups) - set(GROUPS):
         parser.error(f"unknown group {', '.join(sorted(unknown))}: expected some of {', '.join(GROUPS)}")

@@ -55,12 +55,7 @@ def _nanoseconds(cases: list[tuple[int, int, str]]) -> FloatArray:
 
 
 def _growing(
-    name: str,
-    figures: FloatArray,
-    costs: FloatArray,
-    sizes: Sequence[int],
-    of: str,
-    goal: float | None = None,
+    name: str, figures: FloatArray, costs: FloatArray, sizes: Sequence[int], of: str, goal: float | None = None
 ) -> Measurement:
     shown = ", ".join(
         f"{size:,}{of}: {cost:,.0f} ns" for size, cost in zip(sizes, np.median(costs, axis=0), strict=True)

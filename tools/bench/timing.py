@@ -76,12 +76,7 @@ def measure_in_turn(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple
 
 
 def speed_ratio(
-    group: str,
-    name: str,
-    ours: list[float],
-    theirs: list[float],
-    goal: float | None = None,
-    work: float = 1.0,
+    group: str, name: str, ours: list[float], theirs: list[float], goal: float | None = None, work: float = 1.0
 ) -> Measurement:
     """How many times as fast ours is: theirs over ours, times the work of our call in units of theirs."""
     detail = f"{_time(float(np.median(ours)))} against {_time(float(np.median(theirs)))}"
@@ -105,11 +100,6 @@ def words(one: Measurement) -> tuple[str, str, str, str, str]:
 
 def markdown(found: Sequence[Measurement], title: str) -> str:
     """Measurements as a table in Markdown."""
-    lines = [
-        f"{title}.",
-        "",
-        "| measurement | median | range | goal | | times |",
-        "|---|---|---|---|---|---|",
-    ]
+    lines = [f"{title}.", "", "| measurement | median | range | goal | | times |", "|---|---|---|---|---|---|"]
     lines += [f"| {one.group}: {one.name} | " + " | ".join(words(one)) + " |" for one in found]
     return "\n".join(lines) + "\n"

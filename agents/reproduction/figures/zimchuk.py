@@ -26,9 +26,7 @@ LIMITS = (1.2, 50.0)  # of the error axes [m]
 def draw(result: Reproduction) -> dict[str, Figure]:
     """Return the figure by its file name."""
     figure, (time_axes, leg_axes) = paper_figure(
-        f"{result.paper}: uniform motion and two manoeuvres, R = {zimchuk.VARIANCE:g} m²",
-        (14.0, 5.6),
-        (1.4, 1.0),
+        f"{result.paper}: uniform motion and two manoeuvres, R = {zimchuk.VARIANCE:g} m²", (14.0, 5.6), (1.4, 1.0)
     )
     _draw_errors(time_axes, result)
     _draw_legs(leg_axes, result)

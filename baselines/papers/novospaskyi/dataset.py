@@ -132,12 +132,7 @@ def load_radar_data(folder: str | Path) -> RadarData:
     tables = {name: _read(folder / f"{name}.parquet") for name in TABLES}
     states, measured = tables["flights"], tables["measurements"]
     flights = [
-        Flight(
-            *(
-                np.stack([part[axis] for axis in axes], axis=-1)
-                for axes in (("x", "y", "z"), ("vx", "vy", "vz"))
-            )
-        )
+        Flight(*(np.stack([part[axis] for axis in axes], axis=-1) for axes in (("x", "y", "z"), ("vx", "vy", "vz"))))
         for part in _groups(states)
     ]
     parts = _groups(measured)

@@ -96,9 +96,7 @@ class Contender:
     trials: int | None = None
 
 
-def run_contender(
-    contender: Contender, parameters: Parameters, tracks: Tracks
-) -> tuple[FloatArray, FloatArray]:
+def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
     """Estimated positions [m] and velocities [m/s] after every measurement, each (N, K, 3)."""
     filtered = filter_tracks(contender, parameters, tracks)
     return np.swapaxes(filtered.positions, 0, 1), np.swapaxes(filtered.velocities, 0, 1)

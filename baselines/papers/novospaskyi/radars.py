@@ -92,9 +92,7 @@ def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
         point = flight.positions[generator.integers(len(flight.positions))]
         distance, azimuth = generator.uniform(*OFFSETS), generator.uniform(0.0, 2.0 * math.pi)
         height = generator.uniform(*HEIGHTS)
-        radar = np.array(
-            [point[0] + distance * math.cos(azimuth), point[1] + distance * math.sin(azimuth), height]
-        )
+        radar = np.array([point[0] + distance * math.cos(azimuth), point[1] + distance * math.sin(azimuth), height])
         if all(np.linalg.norm(radar - other) >= SEPARATION for other in placed):
             placed.append(radar)
         if len(placed) == RADARS:

@@ -180,9 +180,7 @@ def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: 
 def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
     """Measurements of the test flights with `runs` seeds of the noise, run by run: N = runs x flights."""
     parts = [measure(scans, noise, (seed, TEST_NOISE, run)) for run in range(runs)]
-    return Tracks(
-        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks))
-    )
+    return Tracks(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks)))
 
 
 def evaluate(
@@ -216,9 +214,7 @@ def _evaluate(
     return found
 
 
-def _example(
-    flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]
-) -> Example:
+def _example(flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]) -> Example:
     """The first test flight with estimates of every filter."""
     tracks = {noise: draw_test_tracks([scan], noise, 1, seed) for noise in NOISES}
     estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]] = {noise: {} for noise in NOISES}

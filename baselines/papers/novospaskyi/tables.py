@@ -16,14 +16,7 @@ import numpy as np
 
 from baselines.papers.novospaskyi.filters import COMBINED, ROBUST, SOUND, THESIS
 from baselines.papers.novospaskyi.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
-from baselines.papers.reproduction import (
-    Cell,
-    Finding,
-    paired_ratio,
-    study_interval,
-    table_row,
-    with_own_interval,
-)
+from baselines.papers.reproduction import Cell, Finding, paired_ratio, study_interval, table_row, with_own_interval
 from hybrid_env.checks import FloatArray
 
 PAPER = "Novospaskyi 2025"
@@ -163,9 +156,7 @@ def findings(results: Results, seed: int, flights: int, training: int) -> tuple[
         training: number of flights for tuning.
     """
     runs = len(results.errors["gaussian"][UNFILTERED])
-    made = [
-        Finding("flights", f"{flights}: {training} to tune, {flights - training} to test, {runs} noise seeds")
-    ]
+    made = [Finding("flights", f"{flights}: {training} to tune, {flights - training} to test, {runs} noise seeds")]
     for noise in NOISES:
         made += [_unfiltered(results, noise), *_orders(results, noise)]
     made += [*_anomaly(results), *_sound(results, seed), *_robust(results, seed)]
@@ -175,8 +166,7 @@ def findings(results: Results, seed: int, flights: int, training: int) -> tuple[
         for name in (*THESIS, *SOUND)
     ]
     made += [
-        Finding(f"tuned parameters, both noises: {name}", _text(results.parameters["levy"][name]))
-        for name in ROBUST
+        Finding(f"tuned parameters, both noises: {name}", _text(results.parameters["levy"][name])) for name in ROBUST
     ]
     return tuple(made)
 
@@ -224,9 +214,7 @@ def _anomaly(results: Results) -> list[Finding]:
     made = []
     for noise in NOISES:
         shown = [results.errors[noise][name] for name in (as_published("KF CV"), LIMIT_CV, "KF CV")]
-        velocities, positions = (
-            [values[..., metric].mean() for values in shown] for metric in (VELOCITY, POSITION)
-        )
+        velocities, positions = ([values[..., metric].mean() for values in shown] for metric in (VELOCITY, POSITION))
         made.append(
             Finding(
                 f"KF CV with the published R and Q, {NOISE_NAMES[noise]}",
@@ -255,9 +243,7 @@ def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
 
 def _sound(results: Results, seed: int) -> list[Finding]:
     errors = results.errors["gaussian"]
-    start = ", ".join(
-        f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h")
-    )
+    start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
     return [
         Finding(
             "sound CV: position RMSE as a share of no filter, Gaussian noise",

@@ -139,9 +139,7 @@ def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels
     known = np.flatnonzero(scored)
     if known.size:  # elsewhere the mode of the nearest row
         modes = modes[known][np.searchsorted(0.5 * (known[1:] + known[:-1]), np.arange(len(modes)))]
-    return Labels(
-        flight.times, modes, scored, np.where(scored, weights, 0.0), motion.rates, motion.speeds, other
-    )
+    return Labels(flight.times, modes, scored, np.where(scored, weights, 0.0), motion.rates, motion.speeds, other)
 
 
 def decode(records: Sequence[bytes]) -> IntArray:

@@ -141,12 +141,7 @@ class Flight:
 
 
 def clean_flight(
-    identity: str,
-    tier: Tier,
-    times: FloatArray,
-    latitudes: FloatArray,
-    longitudes: FloatArray,
-    angles: FloatArray,
+    identity: str, tier: Tier, times: FloatArray, latitudes: FloatArray, longitudes: FloatArray, angles: FloatArray
 ) -> Flight:
     """Return a flight of reports in any order.
 
@@ -186,8 +181,7 @@ def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -
         return found
     share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
     off = [
-        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
-        for values in (latitudes, longitudes)
+        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) for values in (latitudes, longitudes)
     ]
     found[1:-1] = np.maximum(*off) < ON_A_LINE
     return found
@@ -202,12 +196,7 @@ def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int 
         margin: so many positions before and after a part are filtered too, so that it is as without the cut.
     """
     parts = [
-        (
-            k,
-            max(begin - margin, first),
-            min(begin + longest + margin, end),
-            (begin, min(begin + longest, end)),
-        )
+        (k, max(begin - margin, first), min(begin + longest + margin, end), (begin, min(begin + longest, end)))
         for k, flight in enumerate(flights)
         for first, end in flight.pieces
         for begin in range(first, end, longest)

@@ -82,9 +82,7 @@ class Labels:
 
 
 def label_flights(
-    flights: Sequence[Flight],
-    rules: LabelRules | None = None,
-    smoothed: tuple[FloatArray, FloatArray] | None = None,
+    flights: Sequence[Flight], rules: LabelRules | None = None, smoothed: tuple[FloatArray, FloatArray] | None = None
 ) -> list[Labels]:
     """Return the labels of flights.
 
@@ -132,11 +130,7 @@ def label_flight(flight: Flight, rates: FloatArray, speeds: FloatArray, rules: L
 
 def scored_alike(labels: Labels, other: Labels) -> Labels:
     """Return labels that are scored only where those of another flight with the same times are scored too."""
-    return replace(
-        labels,
-        scored=labels.scored & other.scored,
-        weights=np.where(other.scored, labels.weights, 0.0),
-    )
+    return replace(labels, scored=labels.scored & other.scored, weights=np.where(other.scored, labels.weights, 0.0))
 
 
 def smoothed_rates(batch: Batch, jerk: float) -> tuple[FloatArray, FloatArray]:
@@ -151,9 +145,7 @@ def smoothed_states(batch: Batch, jerk: float) -> FloatArray:
     """Return the states [x, vx, ax, y, vy, ay] of this smoother, (T, B, 6) [m, m/s, m/s^2]."""
     noises = batch.noise(local_velocities(batch))
     model = MotionModel("CA", 2, jerk)
-    filtered = run_filter(
-        KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises
-    )
+    filtered = run_filter(KalmanFilter(model, 1.0, START_DEVIATIONS), batch.positions, batch.times, noises=noises)
     return np.asarray(smooth(model, filtered, batch.times).states)
 
 
@@ -208,9 +200,7 @@ def angle_rates(times: FloatArray, angles: FloatArray) -> FloatArray:
     unwrapped = np.unwrap(angles)
     rows = np.arange(len(times))
     first = np.minimum(np.searchsorted(times, times - 0.5 * OWN_WINDOW), np.maximum(rows - 1, 0))
-    end = np.maximum(
-        np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"), np.minimum(rows + 2, len(times))
-    )
+    end = np.maximum(np.searchsorted(times, times + 0.5 * OWN_WINDOW, "right"), np.minimum(rows + 2, len(times)))
     origin = times - times[0]
 
     def total(values: FloatArray) -> FloatArray:

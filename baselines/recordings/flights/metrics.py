@@ -31,9 +31,7 @@ straight motion; changes of the statement for each change of the label; delay an
 changes to turns (enter, in) and to straight motion (leave, out). NaN where nothing is counted."""
 
 
-def score_flights(
-    name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]
-) -> Scores:
+def score_flights(name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]) -> Scores:
     """Return the scores of a decider, whose figures are those of `TimelineCounts`, one row for each flight.
 
     Args:
@@ -52,8 +50,6 @@ def count_flight(flight: Flight, labels: Labels, stated: IntArray) -> TimelineCo
     for piece in flight.pieces:
         rows = slice(*piece)
         scored = labels.scored[rows]
-        track = Timeline(
-            labels.times[rows], labels.modes[rows], stated[rows], scored, labels.weights[rows], scored
-        )
+        track = Timeline(labels.times[rows], labels.modes[rows], stated[rows], scored, labels.weights[rows], scored)
         counts.append(count_timeline(track, normal=STRAIGHT))
     return TimelineCounts(*np.sum(counts, axis=(0, 1)).tolist())

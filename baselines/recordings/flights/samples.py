@@ -130,9 +130,7 @@ def installed_samples() -> Path:
         ArgumentError: the package is not installed.
     """
     spec = importlib.util.find_spec("traffic")
-    places = (
-        [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
-    )
+    places = [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
     for place in places:
         folder = Path(place) / "data" / "samples"
         if folder.is_dir():

@@ -76,8 +76,7 @@ WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0
 def draw_world(generator: np.random.Generator) -> FlightWorld:
     """Return settings of one flight: those of `DRAWN`, and the others of `WIDE`."""
     drawn: dict[str, Any] = {
-        name: float(np.exp(generator.uniform(np.log(low), np.log(high))))
-        for name, (low, high) in DRAWN.items()
+        name: float(np.exp(generator.uniform(np.log(low), np.log(high)))) for name, (low, high) in DRAWN.items()
     }
     straight = drawn.pop("straight")
     return replace(WIDE, straight=tuple((name, straight) for name in "ABCD"), **drawn)
@@ -186,9 +185,7 @@ def _draw_times(tier: Tier, duration: float, generator: np.random.Generator) -> 
     return np.asarray(times[times < duration] - times[0])
 
 
-def _draw_rates(
-    grid: FloatArray, median: float, generator: np.random.Generator, world: FlightWorld
-) -> FloatArray:
+def _draw_rates(grid: FloatArray, median: float, generator: np.random.Generator, world: FlightWorld) -> FloatArray:
     """Return the wanted turn rate at every time of the grid [rad/s]."""
     rates = np.zeros(len(grid))
     time = median * np.exp(world.spread * generator.standard_normal()) * generator.uniform()

@@ -93,9 +93,7 @@ class FlightTracks:
         (stated,) = self.statements_together(decider, lengths, 1)
         return stated
 
-    def statements_together(
-        self, decider: Any, lengths: Sequence[int], count: int
-    ) -> list[list[NDArray[Any]]]:
+    def statements_together(self, decider: Any, lengths: Sequence[int], count: int) -> list[list[NDArray[Any]]]:
         """Return `statements` of each of the `count` deciders that are computed together."""
         total = len(self.batch.times)
         stated: NDArray[Any] = np.empty((count, *self.batch.times.shape), np.int8)

@@ -111,9 +111,7 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
         roles[role] = named[0]
     if polar:
         if not set(roles) >= POLAR:
-            raise ArgumentError(
-                f"{table.file}: no columns range and bearing ({listed_columns(table)}): {HINT}"
-            )
+            raise ArgumentError(f"{table.file}: no columns range and bearing ({listed_columns(table)}): {HINT}")
         return {role: k for role, k in roles.items() if role in ("time", "range", "bearing", "rate")}
     plane, degrees = set(roles) >= PLANE, set(roles) >= DEGREES
     if plane and degrees:

@@ -236,11 +236,7 @@ def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
     [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
     if usual < 2:
         return -1, delimiter == ","
-    return (
-        sum(role_of(cell) is not None for cell in header),
-        times / max(len(rows), 1),
-        abs(usual - len(header)) <= 1,
-    )
+    return (sum(role_of(cell) is not None for cell in header), times / max(len(rows), 1), abs(usual - len(header)) <= 1)
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -283,9 +279,7 @@ def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: in
                 column_names=[str(k) for k in range(columns)], use_threads=False, block_size=4_000_000
             ),
             pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
-            pyarrow.csv.ConvertOptions(
-                null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True
-            ),
+            pyarrow.csv.ConvertOptions(null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True),
         )
     except pa.ArrowException as error:
         if not wrong:

@@ -10,13 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines.recordings.reading.cells import Table, parse_times
-from baselines.recordings.reading.columns import (
-    ONE_OBJECT,
-    Columns,
-    listed_columns,
-    numbered_column,
-    object_column_of,
-)
+from baselines.recordings.reading.columns import ONE_OBJECT, Columns, listed_columns, numbered_column, object_column_of
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import plain_name, role_of
 from baselines.recordings.reading.read import cell_text, check_order, object_rows
@@ -53,13 +47,9 @@ class ModeFile(NamedTuple):
             return self
         missing = [track for track in other.times if track not in self.times]
         if missing:
-            raise reject(
-                f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}"
-            )
+            raise reject(f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}")
         order = list(other.times)
-        return ModeFile(
-            {name: self.times[name] for name in order}, {name: self.modes[name] for name in order}
-        )
+        return ModeFile({name: self.times[name] for name in order}, {name: self.modes[name] for name in order})
 
 
 def read_modes(

@@ -69,9 +69,7 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
         raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
     if not degrees and unit is None:
         if len(named) > 1:
-            raise ArgumentError(
-                f"{table.file}: {table.labels(axes)} have different units: expected one, or --unit"
-            )
+            raise ArgumentError(f"{table.file}: {table.labels(axes)} have different units: expected one, or --unit")
         unit = named.pop()
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
@@ -187,7 +185,5 @@ def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]
     at = int(np.argmax(speeds))
     others = np.delete(speeds, at).max()
     if speeds[at] > JUMP * others > 0.0 and END_SHARE <= (at + 1) / count <= 1.0 - END_SHARE:
-        return (
-            f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any other step"
-        )
+        return f"a jump of {before[0, at + 1]:.6g}, {speeds[at] / others:.0f} times faster than any other step"
     return None

@@ -151,9 +151,7 @@ def _times(table: Table, found: Columns, unit: str | None, tau: float | None, on
     if "time" in found.roles:
         return parse_times(table, found.roles["time"], unit)
     if unit is not None:
-        raise reject(
-            "time_unit", unit, f"no value, as {table.file} has no times: name them by --columns time=..."
-        )
+        raise reject("time_unit", unit, f"no value, as {table.file} has no times: name them by --columns time=...")
     ticks = np.arange(len(table.frame), dtype=np.float64)
     if found.index is not None and one:
         numbers = parse_numbers(table.frame[found.index]).values
@@ -179,9 +177,7 @@ def check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArra
     advice = "(several objects? name their column by --object)" if found.object is None else (
         f"of object {name}"
     )  # fmt: skip
-    raise reject(
-        table.place(int(row), column), str(cells.iloc[row]), f"a time after {cells.iloc[before]} {advice}"
-    )
+    raise reject(table.place(int(row), column), str(cells.iloc[row]), f"a time after {cells.iloc[before]} {advice}")
 
 
 def _summary(table: Table, found: Columns, times: Times, recordings: Sequence[Recording]) -> str:

@@ -68,12 +68,7 @@ aware_of_block = block_reader(AnchorAwareBank)
 
 @internal
 def begin_aware(
-    bank: AnchorAwareBank,
-    lane: int,
-    anchor: State,
-    covariance: Triangle4,
-    radii: NDArray[np.float64],
-    model: Any,
+    bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: NDArray[np.float64], model: Any
 ) -> None:
     """Start every filter of a lane from the anchor.
 
@@ -92,13 +87,7 @@ def begin_aware(
 
 @internal
 def begin_hypothesis(
-    kalman: Any,
-    lane: int,
-    anchor: State,
-    covariance: Triangle4,
-    radius: float,
-    tau: float,
-    exact: bool = False,
+    kalman: Any, lane: int, anchor: State, covariance: Triangle4, radius: float, tau: float, exact: bool = False
 ) -> None:
     """Start one filter of a lane from the anchor.
 
@@ -147,9 +136,7 @@ def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float
     by_rate = (
         dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y,
     )  # fmt: skip
-    predicted = predict_covariance(
-        _covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance
-    )
+    predicted = predict_covariance(_covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance)
     new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
     new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
     return new_x, new_u, new_y, new_v, predicted
@@ -240,9 +227,7 @@ def step_hypothesis(
 
 
 @internal
-def step_aware(
-    bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any
-) -> None:
+def step_aware(bank: AnchorAwareBank, first: int, last: int, measurement: NDArray[np.float64], model: Any) -> None:
     """Advance every filter of lanes first .. last - 1 by one tick; see `published.step_published`."""
     for h in range(bank.hypotheses.size):
         step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
@@ -255,9 +240,7 @@ def follow_aware(
     """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
-    step_hypothesis(
-        kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model
-    )
+    step_hypothesis(kalman, bank.innovations[hypothesis], np.uint64(lane), np.uint64(lane + 1), measurement, model)
     kalman.log_likelihood[lane] = before
 
 
@@ -273,9 +256,7 @@ def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
     """Advance one filter of a lane by one tick without a measurement."""
     x, u, y, v, predicted = predict_hypothesis(kalman, lane, model)
     # also False for NaN: a filter that diverges keeps its state
-    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (
-        predicted[7] + predicted[18] < LARGEST * LARGEST
-    )
+    valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (predicted[7] + predicted[18] < LARGEST * LARGEST)
     if valid & (abs(u) + abs(v) < LARGEST):
         set_estimate(kalman, lane, (x, u, y, v))
         for k, value in enumerate(predicted):
@@ -295,9 +276,7 @@ def correct_aware(
 
 
 @internal
-def correct_hypothesis(
-    kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any
-) -> None:
+def correct_hypothesis(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any) -> None:
     """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
     state = (
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],

@@ -65,9 +65,7 @@ def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
     safe = 1.0 if small else angle
     quotient = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)) if small else sine / safe
     derivative = (
-        -angle / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))
-        if small
-        else (cosine - sine / safe) / safe
+        -angle / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0)) if small else (cosine - sine / safe) / safe
     )
     return cosine, quotient, angle * sine, derivative
 

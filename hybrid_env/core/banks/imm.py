@@ -27,15 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import (
-    INNOVATION,
-    Records,
-    State,
-    Triangle4,
-    filter_model,
-    set_estimate,
-    signed_radius,
-)
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, filter_model, set_estimate, signed_radius
 from hybrid_env.core.banks.coordinated_turn import (
     condition_x,
     exchange_axes,
@@ -149,14 +141,7 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
 
 @internal
 def _step_hypothesis(
-    kalman: Any,
-    innovation: Any,
-    block: Any,
-    first: int,
-    last: int,
-    curvature: float,
-    model: Any,
-    freedom: float | None,
+    kalman: Any, innovation: Any, block: Any, first: int, last: int, curvature: float, model: Any, freedom: float | None
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its probability."""
     P = kalman.covariance
@@ -218,9 +203,7 @@ def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
 
 
 @internal
-def step_imm(
-    bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any
-) -> None:
+def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
 
     Args:
@@ -253,9 +236,7 @@ def _finite(covariance: Triangle4, u: float, v: float) -> bool:
 
 
 @internal
-def _predict_imm_hypothesis(
-    kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any
-) -> None:
+def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any) -> None:
     """Mix and predict one filter of a lane in a tick without a measurement."""
     prior, mean, mixed = mix(kalman, block, lane, model)
     moved, predicted = predict(mean, mixed, curvature, model)
@@ -263,10 +244,7 @@ def _predict_imm_hypothesis(
     set_estimate(kalman, lane, moved if finite else mean)
     for k, value in enumerate(predicted if finite else mixed):
         kalman.covariance[k, lane] = value
-    sigma_x, sigma_y = (
-        kalman.covariance[0, lane] + model.variance_x,
-        kalman.covariance[7, lane] + model.variance_y,
-    )
+    sigma_x, sigma_y = (kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y)
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
     innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
     kalman.log_likelihood[lane] = 0.0

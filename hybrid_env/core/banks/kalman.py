@@ -17,11 +17,7 @@ Covariance = tuple[float, float, float]
 
 @inlined
 def predict_covariance(
-    covariance: Covariance,
-    cosine: float,
-    sine_velocity: float,
-    sine_position: float,
-    process_variance: float,
+    covariance: Covariance, cosine: float, sine_velocity: float, sine_position: float, process_variance: float
 ) -> Covariance:
     """Return the predicted covariance Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
 
@@ -115,7 +111,4 @@ def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | 
     """
     if freedom is None:
         return 1.0, log_likelihood(white_x, white_y, log_variance)
-    return (
-        student_weight(white_x, white_y, freedom),
-        student_log_likelihood(white_x, white_y, log_variance, freedom),
-    )
+    return (student_weight(white_x, white_y, freedom), student_log_likelihood(white_x, white_y, log_variance, freedom))

@@ -24,13 +24,7 @@ from hybrid_env.core.banks.bank import (
     set_estimate,
     signed_radius,
 )
-from hybrid_env.core.banks.kalman import (
-    correct_covariance,
-    kalman_gain,
-    predict_covariance,
-    student_weight,
-    weigh,
-)
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, student_weight, weigh
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
@@ -134,19 +128,13 @@ def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     cosine, sine_velocity, sine_position = (
         shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
     )  # fmt: skip
-    x, vx = propagate(
-        kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], cosine, sine_velocity, sine_position
-    )
-    y, vy = propagate(
-        kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position
-    )
+    x, vx = propagate(kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], cosine, sine_velocity, sine_position)
+    y, vy = propagate(kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position)
     return x, vx, y, vy
 
 
 @inlined
-def _correct_estimate(
-    kalman: Any, predicted: State, gain_x: Any, gain_y: Any, lane: int, x: float, y: float
-) -> None:
+def _correct_estimate(kalman: Any, predicted: State, gain_x: Any, gain_y: Any, lane: int, x: float, y: float) -> None:
     """Correct the predicted estimate of a filter by an innovation, which may be weighted [m]."""
     kalman.x[lane] = predicted[0] + gain_x.gain_x[lane] * x
     kalman.vx[lane] = predicted[1] + gain_x.gain_v[lane] * x
@@ -155,9 +143,7 @@ def _correct_estimate(
 
 
 @inlined
-def _step_estimates(
-    bank: PublishedBank, first: int, last: int, measurement: FloatArray, freedom: float | None
-) -> None:
+def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: FloatArray, freedom: float | None) -> None:
     """Predict and correct the estimates of every filter, and update their log-likelihoods."""
     axes, columns = bank.covariances.shape
     for h in range(bank.hypotheses.size):
@@ -173,9 +159,7 @@ def _step_estimates(
             white_y = innovation_y * gain_y.whitener[lane]
             log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
             weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
-            _correct_estimate(
-                kalman, predicted, gain_x, gain_y, lane, weight * innovation_x, weight * innovation_y
-            )
+            _correct_estimate(kalman, predicted, gain_x, gain_y, lane, weight * innovation_x, weight * innovation_y)
             innovation.white_x[lane] = white_x
             innovation.white_y[lane] = white_y
             innovation.log_variance[lane] = log_variance
@@ -208,9 +192,7 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
 
 
 @internal
-def follow_published(
-    bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any
-) -> None:
+def follow_published(bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
     """Advance the filter of one hypothesis of a lane by one tick. Golubkov 2018, algorithm 1, line 15.
 
     This is used after a decision. The log-likelihood is not updated.

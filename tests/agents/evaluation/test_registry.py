@@ -21,9 +21,7 @@ OPTIONS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("task", "name"), [(task, name) for task in OPTIONS for name in (*rules(task), SHIPPED)]
-)
+@pytest.mark.parametrize(("task", "name"), [(task, name) for task in OPTIONS for name in (*rules(task), SHIPPED)])
 def test_every_decider_decides_at_its_default_and_can_be_made_at_every_threshold(task, name, monkeypatch):
     monkeypatch.setattr(refiltering, "CALIBRATION_EPISODES", 100)
     options = OPTIONS[task]

@@ -20,8 +20,7 @@ from hybrid_env.rendering.evidence import TYPE_COLOURS, mode_colour
 
 RADII = tuple(map(float, range(1, 11)))
 STYLES = {
-    task: {kind.title: rule_styles()[kind.title] for kind in rules(task).values() if kind.colour}
-    | AGENT_STYLES
+    task: {kind.title: rule_styles()[kind.title] for kind in rules(task).values() if kind.colour} | AGENT_STYLES
     for task in (ANNOUNCED, UNKNOWN)
 }
 """Styles of the deciders that may share a figure, by task and title."""
@@ -30,16 +29,8 @@ COLOURS = sorted({*PALETTE, *(style.colour for style in FURTHER_STYLES)})
 VISION = {
     "normal": np.eye(3),
     # Machado, Oliveira and Fernandes 2009, severity 1
-    "protanopia": [
-        [0.152286, 1.052583, -0.204868],
-        [0.114503, 0.786281, 0.099216],
-        [-0.003882, -0.048116, 1.051998],
-    ],
-    "deuteranopia": [
-        [0.367322, 0.860646, -0.227968],
-        [0.280085, 0.672501, 0.047413],
-        [-0.011820, 0.042940, 0.968881],
-    ],
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
 }
 
 

@@ -66,9 +66,5 @@ def test_lines_of_docstrings_are_joined(capsys):
     with pytest.raises(SystemExit):
         tyro.cli(kind, description=description, args=["--help"])
     printed = " ".join(capsys.readouterr().out.split())
-    for words in (
-        "paragraph of two lines.",
-        "Size, (in words). (default: that of the file)",
-        "(default: off)",
-    ):
+    for words in ("paragraph of two lines.", "Size, (in words). (default: that of the file)", "(default: off)"):
         assert words in printed

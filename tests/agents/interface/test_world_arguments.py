@@ -33,10 +33,7 @@ def test_given_flags_become_options_of_the_environment():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            {"durations": "geometric 9"},
-            r"^durations='geometric 9' is .*, because HybridTrack-v0 has no such option$",
-        ),
+        ({"durations": "geometric 9"}, r"^durations='geometric 9' is .*, because HybridTrack-v0 has no such option$"),
         ({"env": "hybrid_env:HybridTrackBank-v0", "ticks": 9}, r"^ticks=9 is .*HybridTrackBank-v0 has no"),
         ({"env": QUICKEST, "recalculation": True}, r"^recalculation=True is .*HybridTrackQuickest-v0 has no"),
         ({"env": QUICKEST, "scheme": "S5"}, r"^scheme='S5' is .*HybridTrackQuickest-v0 has no"),

@@ -75,9 +75,7 @@ def test_kinds_tell_what_a_decider_is_told_and_remembers():
             return np.zeros(len(rows), int), 1
 
     assert kind_of("", as_decider(Remembers()), world_task("R = 0.1")) == "recurrent"
-    assert (
-        kind_of("", as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
-    )
+    assert kind_of("", as_decider(lambda rows: np.zeros(len(rows), int)), world_task("R = 0.1")) == "memoryless"
 
 
 def test_the_command_shows_files_and_refuses_those_that_were_changed(folder, capsys, monkeypatch):

@@ -41,14 +41,7 @@ def mirrored(rows):
     M, n = layout.hypotheses, layout.hypotheses // 2
     order = np.array([0, *range(n + 1, M), *range(1, n + 1)])
     out = rows.copy()
-    for name in (
-        "log_ratio",
-        "innovation_along",
-        "innovation_across",
-        "log_variance",
-        "previous",
-        "curvature",
-    ):
+    for name in ("log_ratio", "innovation_along", "innovation_across", "log_variance", "previous", "curvature"):
         out[:, layout.slices[name]] = rows[:, layout.slices[name]][:, order]
     for name in ("innovation_across", "curvature", "displacement_across"):
         out[:, layout.slices[name]] *= -1
@@ -91,12 +84,7 @@ def in_other_units(world, length, time):
     [
         {"reset_covariance": False},
         {"bank": "anchor_aware", "radii": (3.0, 6.0), "correctness": "type"},
-        {
-            "bank": "anchor_aware",
-            "follow": "bank",
-            "measurement_variance": (0.05, 0.2),
-            "noise": "outliers 0.05",
-        },
+        {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
     ],
 )
 def test_a_change_of_units_changes_no_decision(options, length, time):
@@ -215,9 +203,7 @@ def test_weights_and_card_are_restored_and_a_folder_is_a_decider(tmp_path):
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
     world = WorldOptions(radii=(2.0, 2.0001, 8.0), correctness="type")
     rows, _ = HybridTrackVectorEnv(3, **vars(world)).reset(seed=0)
-    posterior = np.array(
-        [[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]]
-    )
+    posterior = np.array([[0.0, 0.5, 0.5, 0, 0, 0, 0], [0.0, 0.5, 0, 0.5, 0, 0, 0], [0.2, 0.4, 0.4, 0, 0, 0, 0]])
     net, scales, alpha = random_net(), Scales.of([world], [3]), np.full(3, 0.1)
     error, best = errors_and_best(net, rows, scales, posterior, np.ones(3, np.bool_), alpha)
     assert error[0] == pytest.approx(0.0, abs=1e-5)  # both turns are the same
@@ -241,11 +227,7 @@ def test_the_shipped_agent_beats_the_sprt_at_any_threshold(options):
 
 
 def test_the_shipped_agent_beats_the_sprt_on_a_bank_of_101_hypotheses():
-    world = {
-        "radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()),
-        "correctness": "type",
-        "delay_cost": 0.01,
-    }
+    world = {"radii": tuple(np.arange(0.5, 10.4, 0.2).round(1).tolist()), "correctness": "type", "delay_cost": 0.01}
     options = WorldOptions(**world)
     assert options.hypotheses == 101
     reward = evaluate(load_decider("shipped", options), episodes=30, seed=50, **world).reward.mean(1)

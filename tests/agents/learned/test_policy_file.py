@@ -101,9 +101,7 @@ def test_weights_of_another_type_or_shape_are_refused(folder):
     for changed in (bias.double(), torch.zeros(3), torch.zeros(0), torch.zeros(len(bias)).bool()):
         save_file(weights | {"anchor.output.bias": changed}, folder / WEIGHTS)
         assert "anchor.output.bias" in refusal(folder)
-    save_file(
-        {name: value for name, value in weights.items() if name != "regret.base.0.bias"}, folder / WEIGHTS
-    )
+    save_file({name: value for name, value in weights.items() if name != "regret.base.0.bias"}, folder / WEIGHTS)
     assert "regret.base.0.bias" in refusal(folder)
 
 
@@ -151,9 +149,7 @@ def save_small_actor(folder, recipe="ppo", **policy_kwargs):
     torch.manual_seed(0)
     policy_kwargs = {"net_arch": [6, 5]} | policy_kwargs
     env = HybridTrackVectorEnv(1, **OPTIONS)
-    policy = make_policy(
-        env.single_observation_space, env.single_action_space, policy_kwargs, (), recipe != "ppo"
-    )
+    policy = make_policy(env.single_observation_space, env.single_action_space, policy_kwargs, (), recipe != "ppo")
     changes = [f"policy_kwargs.{name}={value}" for name, value in policy_kwargs.items()]
     save_actor(folder, policy, card_of(recipe, *changes))
 

@@ -70,9 +70,7 @@ def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_
     Track(files=files[:1], radar=TEXT, out=tmp_path / "out", picture=False).run()
     modes = np.genfromtxt(tmp_path / "out" / "estimates.csv", delimiter=",", names=True)
     assert len(modes) == len(TRUE)
-    assert (
-        math.hypot(modes["x"][-1] - first.positions[-1, 0], modes["y"][-1] - first.positions[-1, 1]) < 500.0
-    )
+    assert math.hypot(modes["x"][-1] - first.positions[-1, 0], modes["y"][-1] - first.positions[-1, 1]) < 500.0
 
 
 @pytest.mark.parametrize("text", ["", "30", "30 x", "30 0.015 rate", "30 2", "30 0.01 at 5", "0.4 at 1 2 x"])

@@ -62,9 +62,7 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
     names = np.array(["S", "L", "R"])
     assert (table["mode"] == names[expected.modes]).all()
     np.testing.assert_allclose(table[["p_S", "p_L", "p_R"]].sum(axis=1), 1.0)
-    np.testing.assert_allclose(
-        table[["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]], expected.estimates
-    )
+    np.testing.assert_allclose(table[["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]], expected.estimates)
     np.testing.assert_allclose(table["cov_vx_y"], expected.covariances[:, 1, 2])
     truth = CAR.simulate(1, 3, "RLSL", LENGTHS).truth[0]
     errors = [np.hypot(*(table[columns].to_numpy() - truth[:, ::2]).T).mean() for columns in
@@ -104,9 +102,7 @@ def test_the_map_needs_its_extra(drive, monkeypatch, capsys):
 
 def test_the_picture_has_a_bounded_number_of_points():
     points = CAR.simulate(1, 3, "RLSL" * 30, LENGTHS * 30).measurements[0]
-    tracked = track_recording(
-        None, np.tile(points, (4, 1)) + np.repeat(np.arange(4) * 1e4, len(points))[:, None]
-    )
+    tracked = track_recording(None, np.tile(points, (4, 1)) + np.repeat(np.arange(4) * 1e4, len(points))[:, None])
     lines = mode_lines(tracked, 2000)
     assert sum(len(rows) for _, rows in lines) < 2000 + 3 * len(tracked.pieces)
     assert MAX_POINTS < 100_000
@@ -190,9 +186,7 @@ def test_existing_results_are_not_overwritten_without_a_word(tmp_path, capsys):
     capsys.readouterr()
     write(path, seed=1)
     assert main(["track", str(path)]) == 2
-    assert "walk_track' is not allowed: expected a new or empty folder, or --overwrite" in (
-        capsys.readouterr().err
-    )
+    assert "walk_track' is not allowed: expected a new or empty folder, or --overwrite" in (capsys.readouterr().err)
     results = contents(tmp_path / "walk_track")
     assert results == before
     assert main(["track", str(path), "--overwrite"]) == 0

@@ -71,9 +71,7 @@ def test_accuracy_levels_that_are_not_reached_are_marked_at_the_edge():
     left, _ = figure_of(comparison(ANNOUNCED, ATE, INACCURATE)).axes
     notes = [text for text in labels_of(left) if "not reached" in text]
     assert notes == ["95 % not reached", "98 % not reached"]
-    marks = [
-        line for line in left.lines if len(line.get_xdata()) == 1 and line.get_markerfacecolor() == "white"
-    ]
+    marks = [line for line in left.lines if len(line.get_xdata()) == 1 and line.get_markerfacecolor() == "white"]
     assert [line.get_color() for line in marks] == 2 * [decider_style("MSPRT").colour]
     assert not any("not reached" in name for name in labels_of(figure_of(RESULTS["announced"]).axes[0]))
     single = comparison(ANNOUNCED, ATE, INACCURATE.at(2), curves=False)  # says nothing about the others
@@ -91,14 +89,11 @@ def test_training_seeds_are_one_curve(task):
     if task == "announced":
         first = ATE
         seeds = [
-            announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k)
-            for k in range(3)
+            announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k) for k in range(3)
         ]
     else:
         first = IMM
-        seeds = [
-            unknown_scores(f"agent seed {k}", [9.0, 3.0], [11.0 + k, 15.0 + k], [0.7, 0.78]) for k in range(3)
-        ]
+        seeds = [unknown_scores(f"agent seed {k}", [9.0, 3.0], [11.0 + k, 15.0 + k], [0.7, 0.78]) for k in range(3)]
     name = seeds[0].name.partition(" ")[0]
     result = comparison(ANNOUNCED if task == "announced" else UNKNOWN, first, *seeds, agents=3)
     assert {key: len(group) for key, group in result.seed_groups.items()} == {first.name: 1, name: 3}

@@ -48,9 +48,7 @@ def policy_decider(actions, threshold):
 
 
 @pytest.mark.parametrize("correctness", ["exact", "type"])
-@pytest.mark.parametrize(
-    "name", ["msprt:0.05", "msprt:1e-6", "msprt-type:0.05", "gap:3", "bayes", "shipped:0.05"]
-)
+@pytest.mark.parametrize("name", ["msprt:0.05", "msprt:1e-6", "msprt-type:0.05", "gap:3", "bayes", "shipped:0.05"])
 def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name, correctness):
     env = make_env(correctness)
     decider = load_decider(name, env.options)
@@ -92,9 +90,7 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold(actions):
     assert panel.curves == ("single" if actions == 2 else "hypothesis")
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(chosen > 0, values.max(axis=1) > panel.thresholds[0].levels[0])
-        np.testing.assert_array_equal(
-            values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1)
-        )
+        np.testing.assert_array_equal(values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1))
 
 
 def test_a_fixed_time_has_the_posterior_without_a_threshold():

@@ -41,18 +41,7 @@ def compare(archive, *flags):
     pytest.importorskip("libigc")
     out = archive.parent / "out"
     code = main(
-        [
-            "compare",
-            "--gliders",
-            "--source",
-            str(archive),
-            "--deciders",
-            "imm",
-            "xcsoar",
-            "--out",
-            str(out),
-            *flags,
-        ]
+        ["compare", "--gliders", "--source", str(archive), "--deciders", "imm", "xcsoar", "--out", str(out), *flags]
     )
     return code, out
 
@@ -60,9 +49,7 @@ def compare(archive, *flags):
 def test_rules_are_compared_on_open_logs_only(archive, monkeypatch, capsys):
     parsed = []
     plain = evaluated.parse_igc
-    monkeypatch.setattr(
-        evaluated, "parse_igc", lambda name, content: parsed.append(name) or plain(name, content)
-    )
+    monkeypatch.setattr(evaluated, "parse_igc", lambda name, content: parsed.append(name) or plain(name, content))
     code, out = compare(archive)
     printed = capsys.readouterr().out
     assert not code
@@ -132,7 +119,5 @@ def test_a_log_is_tracked_by_its_circles(tmp_path, capsys):
         assert float(row["climb"]) == pytest.approx(1.5, abs=0.3)
         assert 0.0 < float(row["stated_after"]) < 20.0
     assert (tmp_path / "flight_track" / "track.png").stat().st_size > 10_000
-    assert not main(
-        ["track", str(path), "--decider", "threshold", "--out", str(tmp_path / "any"), "--no-picture"]
-    )
+    assert not main(["track", str(path), "--decider", "threshold", "--out", str(tmp_path / "any"), "--no-picture"])
     assert (tmp_path / "any" / "modes.csv").is_file()

@@ -54,13 +54,9 @@ def announced():
         missed = rule == RULES[0] and bank == BANKS[0]
         curve = announced_scores(rule, [0.5, 0.9 if missed else 1.0], [time, time])
         rules.append(Limit(THREE_MODE_ENV, noise, rule, curve.at(0), bank, curve))
-    for env, noise, (k, step) in itertools.product(
-        (THREE_MODE_ENV, BANK_ENV), NOISE_LEVELS, enumerate(STEPS)
-    ):
+    for env, noise, (k, step) in itertools.product((THREE_MODE_ENV, BANK_ENV), NOISE_LEVELS, enumerate(STEPS)):
         steps.append(Limit(env, noise, step, announced_scores(step, [0.7 + 0.02 * k], [10.0])))
-    calibration = [
-        {"bank": "oracle", "noise": 0.1, "ticks": 5, "right": 0.5, "stated": 0.52, "worst": -0.031}
-    ]
+    calibration = [{"bank": "oracle", "noise": 0.1, "ticks": 5, "right": 0.5, "stated": 0.52, "worst": -0.031}]
     accuracy = announced_scores("gap", [0.98], [45.5])
     golubkov = [Limit(BANK_ENV, 1.0, "gap", accuracy, "anchor_aware")]
     return {"steps": steps, "rules": rules, "calibration": calibration, "golubkov2018": golubkov}
@@ -87,9 +83,7 @@ def test_tables_for_announced_switches(announced):
     assert sum(row.startswith(tuple(f"| {step} |" for step in STEPS)) for row in rows) == 2 * len(STEPS)
     banks = [row for row in rows if any(f"| {rule} |" in row for rule in RULES)]
     assert len(banks) == len(BANKS) * len(RULES)
-    assert banks[0].startswith(
-        "| published | ATE (SPRT) | not reached / not reached; -0.400 [-0.400, -0.400]"
-    )
+    assert banks[0].startswith("| published | ATE (SPRT) | not reached / not reached; -0.400 [-0.400, -0.400]")
     assert banks[1].startswith("| published | MSPRT | 17.0 [17.0, 17.0] / 17.0 [17.0, 17.0]; -0.340")
     assert "| oracle | 0.1 | 50.0 / 52.0 (-3.1) |" in text
     assert "| anchor-aware | 1 | 98.0 [98.0, 98.0] | 45.5 |" in text
@@ -142,9 +136,7 @@ def test_the_gap_rule_reaches_a_high_type_accuracy_on_the_scheme_of_2018(monkeyp
     monkeypatch.setattr(limits, "BANKS", BANKS[:1] * 2)
     found = [one for _, rows in Workers().results(calls("", 20, 0)["golubkov2018"]) for one in rows]
     assert [one.noise for one in found] == list(NOISE_LEVELS)
-    accuracy, ticks = (
-        [float(one.scores.curve(mean(name))[0]) for one in found] for name in ("type_accuracy", "ticks")
-    )
+    accuracy, ticks = ([float(one.scores.curve(mean(name))[0]) for one in found] for name in ("type_accuracy", "ticks"))
     assert min(accuracy) > 0.9
     assert ticks == sorted(ticks)
 

@@ -173,10 +173,7 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            {"out": "episode.mp4"},
-            r"^out='.*episode.mp4' is not allowed: expected a file name that ends in .gif or",
-        ),
+        ({"out": "episode.mp4"}, r"^out='.*episode.mp4' is not allowed: expected a file name that ends in .gif or"),
         ({"out": "episode"}, r"^out='.*episode' is not allowed"),
         ({"out": "folder.gif"}, r"^out=.* expected a file, not a folder$"),
         ({"out": "missing/episode.gif"}, r"^out=.* expected a file in an existing folder$"),

@@ -28,10 +28,7 @@ def files(tmp_path):
 def test_it_prints_and_writes_what_the_function_finds(files, capsys):
     line = [str(files / f"{name}.csv") for name in ("truth", "late", "mine")]
     out, picture = files / "score.json", files / "score.png"
-    assert (
-        main(["score", *line, "--out", str(out), "--picture", str(picture), "--per", "min", "--normal", "A"])
-        == 0
-    )
+    assert main(["score", *line, "--out", str(out), "--picture", str(picture), "--per", "min", "--normal", "A"]) == 0
     printed = capsys.readouterr().out
     for words in ("3 tracks, 0.6 min scored", "over tracks", "Less that of late", "/min", "away from A"):
         assert words in printed

@@ -24,13 +24,7 @@ ENVIRONMENTS = {
 RECIPES = {
     "ppo": ("n_envs=4", "n_steps=16", "batch_size=32", "policy_kwargs.net_arch=[4]"),
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
-    "statements": (
-        "n_envs=2",
-        "batch_size=4",
-        "n_steps=4",
-        "hidden=4",
-        "durations=[uniform 2-4, geometric 3]",
-    ),
+    "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
 
@@ -52,9 +46,7 @@ def resume(folder):
 def folder(request, tmp_path):
     folder = tmp_path / "run"
     env_id, options = ENVIRONMENTS.get(request.param, KNOWN_SWITCHES)
-    make_run(
-        env_id, options, load_recipe(request.param, env_id, RECIPES[request.param]), 0, folder, 128
-    ).train()
+    make_run(env_id, options, load_recipe(request.param, env_id, RECIPES[request.param]), 0, folder, 128).train()
     (folder / PREVIOUS).unlink(missing_ok=True)  # is used if the last one is damaged
     resume(folder)
     return folder

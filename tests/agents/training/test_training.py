@@ -78,9 +78,7 @@ def test_ppo_learns_to_state_the_mode():
     assert right.mean() > 0.55
 
 
-@pytest.mark.parametrize(
-    ("kind", "rounds", "more"), [("statements", 40, ()), ("flights", 12, ("learning_rate=0.01",))]
-)
+@pytest.mark.parametrize(("kind", "rounds", "more"), [("statements", 40, ()), ("flights", 12, ("learning_rate=0.01",))])
 def test_training_increases_the_expected_reward(kind, rounds, more):
     rewards = []
     run = small_run(kind, steps=1, more=more)
@@ -100,9 +98,7 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, folders):
     assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
     assert {"torch", "stable-baselines3", "numpy", "hybrid-track"} <= set(card["versions"])
     if "Quickest" in env:
-        assert (
-            card["observation_scales"] == QuickestLayout.hypothesis_features | QuickestLayout.track_features
-        )
+        assert card["observation_scales"] == QuickestLayout.hypothesis_features | QuickestLayout.track_features
     assert ("per tick" in run.notes[-1]) == (flights or "Quickest" in env)
     rows = read_metrics(folder)
     assert [row["step"] for row in rows if "evaluation/reward" in row][-1] == run.num_timesteps

@@ -24,9 +24,7 @@ OTHER_BY_NATURE = {
 
 
 def test_it_passes_check_estimator():
-    results = check_estimator(
-        ModeDetector(), expected_failed_checks=OTHER_BY_NATURE, on_fail="raise", on_skip=None
-    )
+    results = check_estimator(ModeDetector(), expected_failed_checks=OTHER_BY_NATURE, on_fail="raise", on_skip=None)
     assert {one["status"] for one in results} <= {"passed", "xfail", "skipped"}
     assert sum(one["status"] == "passed" for one in results) >= 38
     assert is_change_detector(ModeDetector())

@@ -40,9 +40,7 @@ def moment(tick):
 
 
 def adapted(noises=(0.01, 5.0)):
-    imm = IMMFilter(
-        [KalmanFilter(MotionModel("CV", 2, noise), VARIANCE, (3.0,)) for noise in noises], sojourns=3.0
-    )
+    imm = IMMFilter([KalmanFilter(MotionModel("CV", 2, noise), VARIANCE, (3.0,)) for noise in noises], sojourns=3.0)
     return IMMPredictor(imm, measurement_model=SENSOR), IMMUpdater(imm, measurement_model=SENSOR)
 
 
@@ -54,9 +52,7 @@ def two_targets(ticks=90):
     scans = []
     for k in range(ticks):
         points = [one.measurements[0, k] for one in (down, up)]
-        scans.append(
-            (moment(k), {Detection(point[:, None], timestamp=moment(k)) for point in rng.permutation(points)})
-        )
+        scans.append((moment(k), {Detection(point[:, None], timestamp=moment(k)) for point in rng.permutation(points)}))
     return np.stack([down.truth[0][:, ::2], up.truth[0][:, ::2]]), scans
 
 

@@ -19,9 +19,7 @@ def test_the_program_of_the_page_prints_its_table(capsys):
     prior = ours.probabilities[0]
     spreads = [np.sqrt(one.covariance[0, 0, 0] + 1.0) for one in ours.filters]
     measured = ours.state[0, 0] + 60.0 * spreads[1]
-    expected = [
-        norm.logpdf(measured, one.state[0, 0], s) for one, s in zip(ours.filters, spreads, strict=True)
-    ]
+    expected = [norm.logpdf(measured, one.state[0, 0], s) for one, s in zip(ours.filters, spreads, strict=True)]
     ours.update([[measured]])
     found = np.diff(np.log(ours.probabilities[0]) - np.log(prior))
     np.testing.assert_allclose(found, np.diff(expected), rtol=1e-9)

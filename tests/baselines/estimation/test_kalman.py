@@ -175,9 +175,7 @@ def test_two_sensors_at_one_time_equal_their_weighted_mean():
 
 def test_a_far_more_accurate_measurement_keeps_the_covariance_positive():
     model = MotionModel("CV", 3, 1e-6)
-    filtered = run_filter(
-        KalmanFilter(model, 1e-12, start_deviations=(1e4,)), np.ones((50, 3)), np.arange(50.0)
-    )
+    filtered = run_filter(KalmanFilter(model, 1e-12, start_deviations=(1e4,)), np.ones((50, 3)), np.arange(50.0))
     deviations = np.sqrt(np.diagonal(filtered.covariances, axis1=1, axis2=2))
     correlations = filtered.covariances / deviations[:, :, None] / deviations[:, None, :]
     assert np.linalg.eigvalsh(correlations).min() > -1e-9
@@ -202,9 +200,7 @@ def test_units_of_length_and_time_change_nothing_but_the_units(name, kind):
     np.testing.assert_allclose(second.nis, first.nis, rtol=1e-9)
     shifted = second.log_likelihoods[1:] + 2 * np.log(length)
     np.testing.assert_allclose(shifted, first.log_likelihoods[1:], rtol=1e-9)
-    smoothed = [
-        smooth(f.model, run, t).states for f, run, t in ((one, first, times), (other, second, time * times))
-    ]
+    smoothed = [smooth(f.model, run, t).states for f, run, t in ((one, first, times), (other, second, time * times))]
     np.testing.assert_allclose(smoothed[1], smoothed[0] * np.tile(scales, 2), rtol=1e-6, atol=1e-9)
 
 

@@ -24,11 +24,7 @@ def kalman_step(x, P, curvature, z):
     x, P = F @ x, F @ P @ F.T + np.diag([0.0, Q, 0.0, Q])
     S = H @ P @ H.T + np.diag(R)
     K, v = P @ H.T @ np.linalg.inv(S), z - H @ x
-    return (
-        x + K @ v,
-        P - K @ H @ P,
-        np.exp(-0.5 * v @ np.linalg.solve(S, v)) / np.sqrt(np.linalg.det(2 * np.pi * S)),
-    )
+    return (x + K @ v, P - K @ H @ P, np.exp(-0.5 * v @ np.linalg.solve(S, v)) / np.sqrt(np.linalg.det(2 * np.pi * S)))
 
 
 def moments(weights, states, covariances):
@@ -52,9 +48,7 @@ def literal_step(method, states, covariances, mu, z):
         for j in range(M):
             children = [kalman_step(states[i], covariances[i], CURVATURES[j], z) for i in range(M)]
             joint = np.array([children[i][2] * CHAIN[i, j] * mu[i] for i in range(M)])
-            new.append(
-                moments(joint / joint.sum(), [one[0] for one in children], [one[1] for one in children])
-            )
+            new.append(moments(joint / joint.sum(), [one[0] for one in children], [one[1] for one in children]))
             weights.append(joint.sum())
     total = sum(weights)
     return [one[0] for one in new], [one[1] for one in new], np.array(weights) / total, np.log(total)
@@ -91,9 +85,7 @@ def test_imm_equals_the_literal_one_also_without_some_measurements():
         for track, z in enumerate(measured):
             literal[track].step(None if np.isnan(z[0]) else z)
             np.testing.assert_allclose(models.state[track], literal[track].estimate, rtol=1e-9)
-            np.testing.assert_allclose(
-                models.covariance[track], literal[track].covariance, rtol=1e-8, atol=1e-9
-            )
+            np.testing.assert_allclose(models.covariance[track], literal[track].covariance, rtol=1e-8, atol=1e-9)
             np.testing.assert_allclose(models.probabilities[track], literal[track].probability, rtol=1e-9)
     assert np.isnan(models.nis).tolist() == np.isnan(measured[:, 0]).tolist()
 

@@ -77,6 +77,4 @@ def test_a_wide_kernel_gives_the_kalman_filter_and_a_narrow_one_ignores_outliers
 @pytest.mark.parametrize("changes", [{"deviation": 0.0}, {"particles": 1}, {"degrees_of_freedom": -1.0}])
 def test_particles_refuse(changes):
     with pytest.raises(ArgumentError, match=next(iter(changes))):
-        ParticleFilter(
-            **{"model": MotionModel("CV", 2, 1.0), "deviation": 1.0, "start_deviations": (1.0,)} | changes
-        )
+        ParticleFilter(**{"model": MotionModel("CV", 2, 1.0), "deviation": 1.0, "start_deviations": (1.0,)} | changes)

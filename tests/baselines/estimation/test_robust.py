@@ -56,9 +56,7 @@ def test_huber_is_the_maximum_of_its_posterior(threshold):
             loss = 0.5 * size**2 if size <= threshold else threshold * size - 0.5 * threshold**2
             return 0.5 * u * u / m + loss
 
-        best = optimize.minimize_scalar(
-            cost, bounds=sorted((0.0, y)), method="bounded", options={"xatol": 1e-12}
-        )
+        best = optimize.minimize_scalar(cost, bounds=sorted((0.0, y)), method="bounded", options={"xatol": 1e-12})
         factors = Huber(threshold).factors(one(y), one(m), one(r))
         np.testing.assert_allclose(m * y * factors.state, best.x, rtol=1e-5, atol=1e-5 * abs(y))
 
@@ -98,9 +96,7 @@ def test_full_covariances_of_a_measurement_are_turned_to_their_axes():
     big = np.kron(turn, np.eye(2))
     state, measured = rng.normal(size=(5, 4)), 10.0 * rng.normal(size=(5, 2))
     for method in (None, *ALL):
-        straight = correct(
-            state, np.broadcast_to(spread, (5, 4, 4)), measured, principal_noise(noise), method
-        )
+        straight = correct(state, np.broadcast_to(spread, (5, 4, 4)), measured, principal_noise(noise), method)
         turned = correct(
             state @ big.T, np.broadcast_to(big @ spread @ big.T, (5, 4, 4)), measured @ turn.T,
             principal_noise(turn @ noise @ turn.T), method,
@@ -147,8 +143,7 @@ def test_robust_filters_lose_little_in_gaussian_noise_and_win_with_outliers():
 
     for method in (Huber(2.0), StudentT(30.0)):
         gaussian = [
-            errors_in_world(one, lambda rng, shape: rng.normal(0.0, 2.0, shape), 7)[2]
-            for one in (None, method)
+            errors_in_world(one, lambda rng, shape: rng.normal(0.0, 2.0, shape), 7)[2] for one in (None, method)
         ]
         heavy = [errors_in_world(one, outliers, 8)[2] for one in (None, method)]
         assert gaussian[1] < 1.01 * gaussian[0]

@@ -11,9 +11,7 @@ from baselines.recordings.flights.simulated import simulate_flights
 
 
 def one_piece(positions, times, across, timing=0.0):
-    return Batch(
-        ((0, 0, len(times)),), times[:, None], positions[:, None], np.array([across]), np.array([timing])
-    )
+    return Batch(((0, 0, len(times)),), times[:, None], positions[:, None], np.array([across]), np.array([timing]))
 
 
 def test_without_information_the_posterior_is_the_law_of_durations():

@@ -119,9 +119,7 @@ def test_the_mean_ratio_equals_equations_6_and_7(published):
         started = {1: [], 2: []}  # (filter, psi) of every start tick
         for k, z in enumerate(recording.measurements[run]):
             for mode, side in ((1, "L"), (2, "R")):
-                started[mode].append(
-                    [MatrixKalmanFilter(nominal.x, nominal.P, side, 5.0, 0.1, 0.001, R), 1.0]
-                )
+                started[mode].append([MatrixKalmanFilter(nominal.x, nominal.P, side, 5.0, 0.1, 0.001, R), 1.0])
             nominal.step(z)
             quadratic = nominal.innovation @ np.linalg.solve(nominal.Sigma, nominal.innovation)
             for mode in (1, 2):

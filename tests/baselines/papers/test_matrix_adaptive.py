@@ -35,9 +35,7 @@ def test_diagonal_matrices_have_the_gains_of_the_axes(limited):
     means[0] = random.uniform(5.0, 30.0, (500, 2))
     zero, h1, h2, h3, h4, position, velocity, _ = means
     means[7] = zero - 3.0 * (h1 - h2) - h3  # D^3 nu nu belongs to the lags
-    spread = np.stack(
-        [3.0 * (h1 - h2) + h3 - position, (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / TAU - velocity]
-    )
+    spread = np.stack([3.0 * (h1 - h2) + h3 - position, (3.0 * h1 - 6.0 * h2 + 4.0 * h3 - h4) / TAU - velocity])
     first, second = published_gain(means, TAU)
     if limited:
         first = np.clip(first, 0.0, 1.0)

@@ -22,9 +22,7 @@ def test_figures_of_two_runs_are_those_counted_by_hand():
     truth = np.zeros((2, 6, 4))
     recording = Simulation(truth, truth[..., :2], np.array([4, 2]), np.array([0.0, -5.0]))
     sides = np.array([[0, 1, 0, 0, 0, -1], [0, 0, 0, 1, 1, 0]])
-    scores = score(
-        "name", recording, Tracked(truth + np.array([1.0, 2.0, 0.0, 0.0]), sides, np.array([3.0, 5.0]))
-    )
+    scores = score("name", recording, Tracked(truth + np.array([1.0, 2.0, 0.0, 0.0]), sides, np.array([3.0, 5.0])))
     by_run = {name: scores.of(name, 0).tolist() for name in scores.columns}
     assert by_run == {
         "squares": [5.0, 5.0],
@@ -64,9 +62,7 @@ def test_detector_of_2020_starts_from_straight_motion_and_restarts_at_its_change
 def test_small_study_has_a_table_of_every_setting(monkeypatch):
     monkeypatch.setattr(multiple_models, "SETTINGS", SETTINGS[:1])
     monkeypatch.setattr(multiple_models, "VARIANCES", (0.1,))
-    monkeypatch.setattr(
-        multiple_models, "MULTIPLE_MODELS", {"static": "static", "IMM": "imm", "GPB1": "gpb1"}
-    )
+    monkeypatch.setattr(multiple_models, "MULTIPLE_MODELS", {"static": "static", "IMM": "imm", "GPB1": "gpb1"})
     result = multiple_models.reproduce(runs=3, seed=1)
     names = {name: list(dict.fromkeys(cell.row for cell in cells)) for name, cells in result.tables.items()}
     known, unknown = (f"Golubkov 2018, {moments} moments, R = 0.1" for moments in ("known", "unknown"))

@@ -90,9 +90,7 @@ def test_the_first_trial_of_every_filter_is_in_its_space(name):
     contender.build({"q CV": 1.0, **contender.start})  # a robust filter takes the process noise of another
 
 
-@pytest.mark.parametrize(
-    ("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)]
-)
+@pytest.mark.parametrize(("variance", "process", "step"), [(156.25, 4.0, 0.5), (9e-10, 0.003, 1.0), (1.0, 1.0, 2.0)])
 def test_steady_gains_are_those_that_the_kalman_filter_reaches(variance, process, step):
     model = MotionModel("CV", axes=1, noise=process, discretization="discrete")
     kalman = KalmanFilter(model, variance, start_deviations=(1.0,))
@@ -170,9 +168,7 @@ def test_the_published_pattern_and_the_better_filters(tmp_path):
         assert ours[table, "KF CA", position] < ours[table, "KF CJ", position]
         assert ours[table, "g-h", velocity] < ours[table, "KF CA", velocity] < ours[table, "KF CJ", velocity]
     gaussian, levy = (f"Sound settings, {name}" for name in tables.NOISE_NAMES.values())
-    errors = {
-        row: value for (table, row, metric), value in ours.items() if (table, metric) == (gaussian, position)
-    }
+    errors = {row: value for (table, row, metric), value in ours.items() if (table, metric) == (gaussian, position)}
     unfiltered = ours[TABLES["gaussian"], UNFILTERED, position]
     assert errors["CV"] <= 0.75 * unfiltered
     assert errors["IMM (CV, CA)"] < errors["CV"] < min(errors["CA"], errors["g-h, plain"])

@@ -85,8 +85,7 @@ def test_recalculated_and_refined_estimates_are_those_of_the_environment(recalcu
 
 
 @pytest.mark.parametrize(
-    ("alpha", "accuracy", "ticks"),
-    [(0.1, 0.846, 20.4), (0.01, 0.935, 24.5), (0.001, 0.958, 26.9), (1e-6, 0.986, 31.5)],
+    ("alpha", "accuracy", "ticks"), [(0.1, 0.846, 20.4), (0.01, 0.935, 24.5), (0.001, 0.958, 26.9), (1e-6, 0.986, 31.5)]
 )
 def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation(alpha, accuracy, ticks):
     # 9,000 segments: standard errors of at most .004 and .1 tick; tolerances .012 and .6

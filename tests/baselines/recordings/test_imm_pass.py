@@ -44,9 +44,7 @@ def matrix_likelihood(z, R, Q):
         S, innovation = H @ P @ H.T + R * np.eye(2), z[k] - H @ x
         seen += 1
         if seen > 2 + BURN_IN:
-            total -= 0.5 * (
-                innovation @ np.linalg.solve(S, innovation) + math.log(np.linalg.det(2 * math.pi * S))
-            )
+            total -= 0.5 * (innovation @ np.linalg.solve(S, innovation) + math.log(np.linalg.det(2 * math.pi * S)))
         K = P @ H.T @ np.linalg.inv(S)
         x, P = x + K @ innovation, P - K @ H @ P
     return total
@@ -92,9 +90,7 @@ def test_modes_are_free_again_at_a_known_switch_and_only_there():
     seen = {}
     for name, switches in (("known", [begins]), ("never", None)):
         output = PassOutput(np.full((1, 120, 2, LANES), np.nan), np.zeros((1, 120, 3, LANES)))
-        seen[name] = run_pass(
-            [z], [car.radius / car.deviation], imm_model(1.0, 1e-3, NEVER, 1), switches, output
-        )[0]
+        seen[name] = run_pass([z], [car.radius / car.deviation], imm_model(1.0, 1e-3, NEVER, 1), switches, output)[0]
         probabilities = output.probabilities[0, :, :, 0]
         assert probabilities[59, 2] > 0.99
         if name == "known":

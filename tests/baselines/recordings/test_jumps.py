@@ -38,9 +38,7 @@ def test_errors_and_jumps_spoil_neither_the_fit_nor_later_decisions(points, undi
     rows[:] = size * np.column_stack([np.cos(angles), np.sin(angles)])[: len(rows)]
     found = track_recording(None, scale * (points + errors))
     assert found.outliers == ERRORS[kind] % 500
-    assert found.model.measurement_variance == pytest.approx(
-        scale**2 * undisturbed.model.measurement_variance, rel=0.1
-    )
+    assert found.model.measurement_variance == pytest.approx(scale**2 * undisturbed.model.measurement_variance, rel=0.1)
     moved = errors if kind == "jump" else 0.0
     distance = np.hypot(*(found.estimates[:, ::2] / scale - moved - undisturbed.estimates[:, ::2]).T)
     assert np.nanmax(distance[FIRST + 60 :]) < 0.5

@@ -80,8 +80,7 @@ def test_refinement_improves_the_radius_and_keeps_the_decided_side():
     np.testing.assert_array_equal(plain.ticks, refined.ticks)
     assert (refined.decided == 4).mean() > (plain.decided == 4).mean()
     plain_types, refined_types = (  # 0 straight, 1 left, 2 right
-        np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2))
-        for found in (plain, refined)
+        np.where(found.decided == 0, 0, np.where(found.decided <= len(radii), 1, 2)) for found in (plain, refined)
     )
     np.testing.assert_array_equal(plain_types, refined_types)
 
@@ -90,9 +89,7 @@ def test_a_rewind_changes_no_refined_decision():
     radii = tuple(range(1, 11))
     recording = simulate("L100r4", runs=20, seed=2, measurement_variance=0.1)
     plain, rewound = (
-        track_ate(
-            recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation
-        )
+        track_ate(recording.measurements, [100], START, radii=radii, refine_radius=True, recalculation=recalculation)
         for recalculation in ("none", "rewind")
     )
     np.testing.assert_array_equal(plain.decided, rewound.decided)

@@ -30,10 +30,7 @@ REFUSED = [
     (ShiryaevRobertsDecider, {"threshold": [NAN]}),
     (partial(GLRDecider, QuickestOptions()), RESTARTED),
     (partial(MeanRatioDecider, QuickestOptions()), RESTARTED),
-    (
-        partial(BeamDecider, QuickestOptions()),
-        {"branches": [2], "threshold": [2.0], "durations": ["often"]},
-    ),
+    (partial(BeamDecider, QuickestOptions()), {"branches": [2], "threshold": [2.0], "durations": ["often"]}),
 ]
 CASES = [(rule, name, value) for rule, bad in REFUSED for name, values in bad.items() for value in values]
 

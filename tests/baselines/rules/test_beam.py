@@ -56,12 +56,7 @@ def test_the_enumerated_histories_are_complete():
 @pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
 def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
     options = QuickestOptions(
-        durations=text,
-        measurement_variance=(0.01, 0.02),
-        process_variance=0.01,
-        ticks=40,
-        radii=(1.5,),
-        start="random",
+        durations=text, measurement_variance=(0.01, 0.02), process_variance=0.01, ticks=40, radii=(1.5,), start="random"
     )
     law, R = options.law, options.measurement_variance
     generator = np.random.default_rng(5)
@@ -102,9 +97,7 @@ def test_without_pruning_the_beam_is_the_posterior_of_all_histories(text):
         weights = np.zeros(3)
         for path, starts, probability in histories(law, 3, tick + 1):
             weights[path[-1]] += probability * np.exp(filter_after(path, starts).log_likelihood)
-        np.testing.assert_allclose(
-            np.exp(state.log_probability[0]), weights / weights.sum(), rtol=2e-5, atol=1e-9
-        )
+        np.testing.assert_allclose(np.exp(state.log_probability[0]), weights / weights.sum(), rtol=2e-5, atol=1e-9)
     assert 50 < state.branches.counts[0] < 20_000
 
 

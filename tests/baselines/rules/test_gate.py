@@ -103,9 +103,7 @@ def test_the_distance_is_that_of_the_nearest_motion():
     estimate, covariance = np.array([1.0, 2.0, 0.0, 0.0]), np.diag([0.2, 0.1, 0.2, 0.1])
     radii, tau, noise = np.array([5.0]), 1.0, np.array([0.5, 0.0, 0.5])
     angle = 2.0 / 5.0
-    ends = [(3.0, 0.0)] + [
-        (1.0 + 5.0 * np.sin(angle), side * 5.0 * (1.0 - np.cos(angle))) for side in (1.0, -1.0)
-    ]
+    ends = [(3.0, 0.0)] + [(1.0 + 5.0 * np.sin(angle), side * 5.0 * (1.0 - np.cos(angle))) for side in (1.0, -1.0)]
     for x, y in ends:
         assert gate_distance(np.array([x, y]), estimate, covariance, radii, tau, noise, 1) < 1e-9
     point, spread = np.array([3.5, 1.2]), 0.2 + 0.1 + 0.5

@@ -17,12 +17,7 @@ from hybrid_env.simulation import simulate
 TRIANGLE = np.triu_indices(4)
 RESTARTED = (GLRDecider, MeanRatioDecider)
 RULES = (*RESTARTED, BeamDecider)
-SHORT = {
-    "ticks": 45,
-    "durations": "uniform 8-15",
-    "measurement_variance": (0.001, 0.002),
-    "radii": (2.0, 4.0),
-}
+SHORT = {"ticks": 45, "durations": "uniform 8-15", "measurement_variance": (0.001, 0.002), "radii": (2.0, 4.0)}
 
 
 SENSED = SHORT | {
@@ -174,10 +169,7 @@ SCALED = {
 
 @pytest.mark.parametrize(
     ("rule", "own"),
-    [
-        *((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")),
-        (BeamDecider, {}),
-    ],
+    [*((rule, {"bank": bank}) for rule in RESTARTED for bank in ("published", "anchor_aware")), (BeamDecider, {})],
 )
 def test_units_change_no_statement(rule, own):
     results = []

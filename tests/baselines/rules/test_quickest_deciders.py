@@ -42,11 +42,7 @@ def shiryaev_roberts(ratios):
 
 
 @pytest.mark.parametrize(
-    ("decider", "statistic"),
-    [
-        (CusumDecider(2.5), cusum),
-        (ShiryaevRobertsDecider(4.0), shiryaev_roberts),
-    ],
+    ("decider", "statistic"), [(CusumDecider(2.5), cusum), (ShiryaevRobertsDecider(4.0), shiryaev_roberts)]
 )
 def test_statements_equal_those_of_a_literal_loop(decider, statistic):
     rows, stated = run(decider, episodes=2)
@@ -62,9 +58,7 @@ def test_statements_equal_those_of_a_literal_loop(decider, statistic):
                 values = [
                     -math.inf
                     if other == mode
-                    else statistic(
-                        list(ratio[since + 1 : k + 1, i, other] - ratio[since + 1 : k + 1, i, mode])
-                    )
+                    else statistic(list(ratio[since + 1 : k + 1, i, other] - ratio[since + 1 : k + 1, i, mode]))
                     for other in range(3)
                 ]
                 best = int(np.argmax(values))

@@ -16,9 +16,7 @@ from baselines.rules.refiltering import KeptCovarianceDecider
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 
 START = [0.0, 2.0, 0.0, 0.3]
-P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array(
-    [[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]]
-)
+P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array([[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0.0]])
 
 
 def quickest(**options):
@@ -99,10 +97,7 @@ def test_missing_ticks_count_in_observations():
     tracker.switch(ticks=30)
     for time in (1.0, 1.1, 1.4):
         tracker.update((2 * time - 1.8, 0.0), time)
-    read = {
-        name: tracker.world.layout.read(tracker.world.observations[0], name)
-        for name in ("ticks", "ticks_left")
-    }
+    read = {name: tracker.world.layout.read(tracker.world.observations[0], name) for name in ("ticks", "ticks_left")}
     assert read == {"ticks": pytest.approx(5), "ticks_left": pytest.approx(25)}
 
 

@@ -31,10 +31,7 @@ def test_a_case_counted_by_hand():
 
 
 def test_false_alarms_are_counted_in_the_time_of_normal_operation():
-    truth, stated = (
-        list("AAAABBBBCCAA"),
-        list("ACAABBABCCAB"),
-    )  # C is one, A in B is none; the last is no time
+    truth, stated = (list("AAAABBBBCCAA"), list("ACAABBABCCAB"))  # C is one, A in B is none; the last is no time
     found = values(score(np.arange(12) * 10.0, truth, stated, per=60.0, normal="A"))
     assert found["false_changes"] == pytest.approx(3 / 110.0 * 60.0)
     assert found["false_alarms"] == pytest.approx(2 / 50.0 * 60.0)

@@ -63,8 +63,7 @@ def test_paired_intervals_are_narrower_than_those_of_independent_episodes():
     generator = np.random.default_rng(5)
     common = generator.normal(size=(60, 1, 1))
     first, second = (
-        Scores("x", "k", (0.0,), ("reward",), common + 0.2 * generator.normal(size=common.shape))
-        for _ in range(2)
+        Scores("x", "k", (0.0,), ("reward",), common + 0.2 * generator.normal(size=common.shape)) for _ in range(2)
     )
     one, other = first.estimate(mean("reward")), second.estimate(mean("reward"))
     paired = second.difference(first, mean("reward"))

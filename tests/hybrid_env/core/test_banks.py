@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter, MatrixKalmanFilter, transition_matrix
 
-from hybrid_env import (
-    HybridTrackEnv,
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    KalmanBank,
-    Radar,
-    Sensor,
-)
+from hybrid_env import HybridTrackEnv, HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, KalmanBank, Radar, Sensor
 from hybrid_env.core.records import LANES
 from hybrid_env.live import SQUARE
 
@@ -54,10 +47,7 @@ ROBUST = {
     "robust, unequal": {"likelihood": f"student_t {FREEDOM}"} | UNEQUAL | HEAVY,
 }
 ANNOUNCED = [
-    *(
-        pytest.param({"bank": "published"} | one, id=f"published, {k}")
-        for k, one in (MEASURED | ROBUST).items()
-    ),
+    *(pytest.param({"bank": "published"} | one, id=f"published, {k}") for k, one in (MEASURED | ROBUST).items()),
     *(pytest.param({"bank": "anchor_aware"} | one, id=f"aware, {k}") for k, one in MEASURED.items()),
     pytest.param({"reset_covariance": False} | UNEQUAL, id="published, kept covariance"),
     pytest.param({"follow": "bank", "reset_covariance": True} | ROBUST["robust"], id="published, merged"),
@@ -130,11 +120,7 @@ def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
         np.testing.assert_allclose(covariance.transpose(2, 0, 1), P, rtol=1e-5, atol=1e-8)
 
 
-UNKNOWN = (
-    {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}}
-    | MEASURED
-    | ROBUST
-)
+UNKNOWN = {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}} | MEASURED | ROBUST
 
 
 @pytest.mark.parametrize("options", UNKNOWN.values(), ids=UNKNOWN)
@@ -160,9 +146,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
         np.testing.assert_allclose(found, [one.states for one in literal], rtol=1e-8, atol=1e-8)
         P = [[own[TRIANGLE] for own in one.covariances] for one in literal]
         np.testing.assert_allclose(bank["covariance"].transpose(2, 0, 1), P, rtol=1e-7, atol=1e-10)
-        np.testing.assert_allclose(
-            bank["log_likelihood"].T, [one.log_likelihood for one in literal], rtol=1e-7
-        )
+        np.testing.assert_allclose(bank["log_likelihood"].T, [one.log_likelihood for one in literal], rtol=1e-7)
         probability = [one.probability for one in literal]
         np.testing.assert_allclose(np.exp(info["log_probability"]), probability, rtol=1e-7, atol=1e-9)
         np.testing.assert_allclose(info["estimate"], [one.estimate for one in literal], rtol=1e-8, atol=1e-8)
@@ -175,9 +159,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
 
 def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance():
     R = (0.1, 0.2)
-    env = HybridTrackEnv(
-        bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array"
-    )
+    env = HybridTrackEnv(bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array")
     _, info = env.reset(seed=4)
     P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
     chosen = MatrixExtendedKalmanFilter(info["anchor"], P, 5.0, 0.1, 0.001, R)
@@ -190,9 +172,7 @@ def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance()
         chosen.step(z)
     np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(env.world.field("covariance")[0], chosen.P[:4, :4][TRIANGLE], rtol=1e-5)
-    mean = [
-        0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1]) for a, b in ((0, 0), (0, 1), (1, 1))
-    ]
+    mean = [0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1]) for a, b in ((0, 0), (0, 1), (1, 1))]
     found = [env.world.layout.read(row, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")]
     np.testing.assert_allclose(found, mean, rtol=1e-5)
 

@@ -88,8 +88,7 @@ def _replace_by_text(path):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "damage"),
-    [("nbi", _truncate), ("nbc", _truncate), ("nbc", _flip), ("nbc", _replace_by_text)],
+    ("suffix", "damage"), [("nbi", _truncate), ("nbc", _truncate), ("nbc", _flip), ("nbc", _replace_by_text)]
 )
 def test_a_damaged_cache_is_replaced(tmp_path, run, suffix, damage):
     run()

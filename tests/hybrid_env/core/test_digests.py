@@ -12,11 +12,7 @@ from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv
 
 BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
-    pytest.param(
-        {},
-        "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b",
-        id="default",
-    ),
+    pytest.param({}, "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b", id="default"),
     pytest.param(
         {"measurement_variance": (0.05, 0.2), "noise": "outliers 0.1", "radii": (3.0, 8.0)},
         "7dfc38ec40d304a3b3b0f689c143b3204d914f5c3c723dbac68766ffb4fb14bc",
@@ -28,9 +24,7 @@ DIGESTS = [
         id="21 hypotheses",
     ),
     pytest.param(
-        {"bank": "anchor_aware"},
-        "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1",
-        id="anchor-aware",
+        {"bank": "anchor_aware"}, "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1", id="anchor-aware"
     ),
     pytest.param(
         {"bank": "anchor_aware", "radii": BANK, "correctness": "type", "measurement_variance": 1.0},

@@ -25,9 +25,7 @@ def test_one_tick_of_the_covariance_equals_the_matrix_equations(rate):
     np.testing.assert_allclose(triangle, predicted[np.triu_indices(2)], rtol=1e-14)
     gain = kalman_gain(triangle, triangle[0] + R)
     np.testing.assert_allclose(gain, K[:, 0], rtol=1e-14)
-    np.testing.assert_allclose(
-        correct_covariance(triangle, *gain, R), corrected[np.triu_indices(2)], rtol=1e-12
-    )
+    np.testing.assert_allclose(correct_covariance(triangle, *gain, R), corrected[np.triu_indices(2)], rtol=1e-12)
 
 
 def test_the_log_likelihood_equals_that_of_a_normal_innovation():

@@ -78,14 +78,7 @@ def test_the_generator_gives_the_published_stream():
     # first outputs of the reference implementation of xoshiro256++ from the state (1, 2, 3, 4)
     state = np.zeros((4, LANES), np.uint64)
     state[:, 2] = [1, 2, 3, 4]
-    expected = [
-        41943041,
-        58720359,
-        3588806011781223,
-        3591011842654386,
-        9228616714210784205,
-        9973669472204895162,
-    ]
+    expected = [41943041, 58720359, 3588806011781223, 3591011842654386, 9228616714210784205, 9973669472204895162]
     assert [int(value) for value in bits(state, len(expected))] == expected
     assert not state[:, [0, 1, *range(3, LANES)]].any()
 

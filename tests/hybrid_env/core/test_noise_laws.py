@@ -27,9 +27,7 @@ DISTRIBUTIONS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("law", "distribution", "count"), DISTRIBUTIONS, ids=[one[0] for one in DISTRIBUTIONS]
-)
+@pytest.mark.parametrize(("law", "distribution", "count"), DISTRIBUTIONS, ids=[one[0] for one in DISTRIBUTIONS])
 def test_errors_have_the_distribution_of_their_law(law, distribution, count):
     drawn, velocities = errors(law, count // 2)
     assert stats.kstest(drawn.ravel(), distribution.cdf).pvalue > 1e-3

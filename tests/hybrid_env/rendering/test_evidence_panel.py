@@ -96,8 +96,7 @@ def test_the_number_and_the_colours_of_the_curves_follow_the_panel():
     env = started(scheme="S20 L20r5", radii=RADII, correctness="type")
     env.history.set_evidence(np.repeat([0.2, 0.7, 0.1], [1, 10, 10]))
     panels = {
-        kind: EvidencePanel(label="", limits=(0.0, 1.0), curves=kind)
-        for kind in ("type", "hypothesis", "single")
+        kind: EvidencePanel(label="", limits=(0.0, 1.0), curves=kind) for kind in ("type", "hypothesis", "single")
     }
     _, curves = evidence_lines(env, panels["type"])
     assert [curve.get_color() for curve in curves] == list(TYPE_COLOURS)

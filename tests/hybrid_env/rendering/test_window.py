@@ -16,9 +16,7 @@ def make(render_mode):
     return gym.make("HybridTrack-v0", render_mode=render_mode).unwrapped
 
 
-@pytest.mark.parametrize(
-    ("module", "mode"), [("pygame", "human"), ("hybrid_env.rendering.figure", "rgb_array")]
-)
+@pytest.mark.parametrize(("module", "mode"), [("pygame", "human"), ("hybrid_env.rendering.figure", "rgb_array")])
 def test_what_is_not_installed_is_named_with_its_extra(module, mode, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setitem(sys.modules, module, None)

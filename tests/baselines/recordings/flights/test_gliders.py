@@ -9,15 +9,7 @@ from baselines.estimation.motion_models import turn_noise, turn_transition
 from baselines.estimation.turns import TurnModel, run_turn_imm, with_wind
 from baselines.recordings.flights.circling import air_motion, circles, decode, hodograph_wind, label_glider
 from baselines.recordings.flights.flight import stack_flights
-from baselines.recordings.flights.gliders import (
-    HALVES,
-    LEFT_OUT,
-    SEALED,
-    digits,
-    glider_flight,
-    half_of,
-    read_logs,
-)
+from baselines.recordings.flights.gliders import HALVES, LEFT_OUT, SEALED, digits, glider_flight, half_of, read_logs
 from baselines.recordings.reading.igc import parse_igc
 from hybrid_env.checks import ArgumentError
 
@@ -74,18 +66,14 @@ def test_parts_with_a_margin_are_filtered_as_the_whole(flown, model):
     _, _, flight = flown
     whole, parts = stack_flights([flight]), stack_flights([flight], 100, 90)
     assert parts.times.shape == (280, 6)
-    one, other = (
-        batch.unstack(run_turn_imm(batch, model).probabilities, [600])[0] for batch in (whole, parts)
-    )
+    one, other = (batch.unstack(run_turn_imm(batch, model).probabilities, [600])[0] for batch in (whole, parts))
     np.testing.assert_allclose(one, other, atol=1e-3)
 
 
 def test_the_climb_rate_speaks_for_circles(flown):
     modes, _, flight = flown
     batch = stack_flights([flight])
-    plain, climbing = (
-        run_turn_imm(batch, TurnModel(climb=climb)).probabilities[:, 0, 0] for climb in (0.0, 0.2)
-    )
+    plain, climbing = (run_turn_imm(batch, TurnModel(climb=climb)).probabilities[:, 0, 0] for climb in (0.0, 0.2))
     assert climbing[modes > 0].mean() < plain[modes > 0].mean()
     assert climbing[modes == 0].mean() > plain[modes == 0].mean()
     np.testing.assert_allclose(flight.climbs[10:85], -1.0, atol=0.25)
@@ -95,9 +83,7 @@ def test_the_climb_rate_speaks_for_circles(flown):
 def test_a_turn_in_a_wind_is_the_exponential_of_its_equations(rate):
     dt = 1.7
     matrix = np.zeros((6, 6))
-    matrix[0, 1] = matrix[3, 4] = matrix[0, 2] = matrix[3, 5] = (
-        1.0  # positions move with air velocity and wind
-    )
+    matrix[0, 1] = matrix[3, 4] = matrix[0, 2] = matrix[3, 5] = 1.0  # positions move with air velocity and wind
     matrix[1, 4], matrix[4, 1] = -rate, rate
     moved, noise = with_wind(
         turn_transition(np.array(rate), np.array(dt)), turn_noise(2.0, np.array(dt)), np.array(dt), 0.1

@@ -38,9 +38,7 @@ def test_between_positions_the_path_is_that_of_the_smoother():
         return smooth(model, run_filter(KalmanFilter(model, 25.0, (200.0, 5.0)), z, t), t).states
 
     path = smooth_path(times, states(positions, times), middle)
-    np.testing.assert_allclose(
-        path, states(values, moments)[~measured][:, [0, 1, 3, 4]], rtol=1e-4, atol=0.05
-    )
+    np.testing.assert_allclose(path, states(values, moments)[~measured][:, [0, 1, 3, 4]], rtol=1e-4, atol=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +79,7 @@ def test_noise_and_ticks(simulated):
 def test_ticks_far_from_any_position_are_not_scored(simulated):
     flight, label = simulated[0][0], simulated[1][0]
     kept = (flight.times < 100.0) | (flight.times > 130.0)
-    cut = replace(
-        flight, times=flight.times[kept], positions=flight.positions[kept], tracks=flight.tracks[kept]
-    )
+    cut = replace(flight, times=flight.times[kept], positions=flight.positions[kept], tracks=flight.tracks[kept])
     labels = replace(label, **{field.name: getattr(label, field.name)[kept] for field in fields(label)})
     (made,), (copied,) = semi_real_flights([cut], [labels], np.random.default_rng(0))
     gap = (made.times > 103.0) & (made.times < 127.0)
@@ -99,11 +95,7 @@ def test_deciders_of_the_environment_read_flights_in_any_unit(simulated):
     assert scores.estimate(STATISTICS["agreement"]).value > 0.85
     assert any((one != STRAIGHT).any() for one in stated)
     scaled = [
-        replace(
-            one,
-            tier=one.tier._replace(across=1000.0 * one.tier.across),
-            positions=1000.0 * one.positions,
-        )
+        replace(one, tier=one.tier._replace(across=1000.0 * one.tier.across), positions=1000.0 * one.positions)
         for one in made
     ]
     for one, other in zip(stated, state_semi_real(ThresholdDecider(0.6), scaled), strict=True):

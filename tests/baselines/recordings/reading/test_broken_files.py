@@ -81,15 +81,11 @@ KINDS = {
     "csv": ("t,x,y\n" + ROWS).encode(),
     "semicolons": ROWS.replace(",", ";").encode(),
     "objects": b'"id";"T";x;y\r\n' + b"".join(b"%d;%d;1,5;2,25\r\n" % (k % 2, k) for k in range(30)),
-    "dates": b"".join(
-        [b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]
-    ),
+    "dates": b"".join([b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]),
     "parquet": PARQUET,
     "gzip": ZIPPED,
     "gpx": b'<gpx version="1.1"><trk><trkseg>'
-    + b"".join(
-        b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k) for k in range(9)
-    )
+    + b"".join(b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k) for k in range(9))
     + b"</trkseg></trk></gpx>",
 }
 
@@ -139,15 +135,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
-    for path in (
-        tmp_path / "pipe.csv",
-        "/dev/zero",
-        "a" * 5000,
-        "a\0b",
-        tmp_path / "a\nb",
-        tmp_path,
-        "no.csv",
-    ):
+    for path in (tmp_path / "pipe.csv", "/dev/zero", "a" * 5000, "a\0b", tmp_path / "a\nb", tmp_path, "no.csv"):
         with pytest.raises(ArgumentError, match="file="):
             read_recordings(path)
         assert accepted(lambda path=path: read_recordings(path)) is None

@@ -171,9 +171,7 @@ def frames(draw):
     times = sorted(draw(st.sets(st.floats(-1e5, 1e5, allow_subnormal=False), min_size=rows, max_size=rows)))
     cells = draw(st.lists(st.tuples(CELLS, CELLS), min_size=rows, max_size=rows))
     positions = np.array([*draw(st.tuples(*[st.tuples(NUMBERS, NUMBERS)] * 2)), *cells][:rows])
-    return pd.DataFrame(
-        {"time": times, "x": positions[:, 0], "y": positions[:, 1], "note": "a b, c; d\te|f '\""}
-    )
+    return pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1], "note": "a b, c; d\te|f '\""})
 
 
 @pytest.mark.parametrize("examples", [60, pytest.param(5_000, marks=pytest.mark.study)])

@@ -43,10 +43,7 @@ def test_tracks_and_dates(read):
     text = "track,date,state\nb,2026-01-01T00:00:01,0\na,2026-01-01T00:00:00,1\nb,2026-01-01T00:00:02,2\n"
     found = read(text)
     assert found.modes == {"b": ["0", "2"], "a": ["1"]}
-    assert (
-        found.times["b"].tolist()
-        == np.array(["2026-01-01T00:00:01", "2026-01-01T00:00:02"], "M8[ns]").tolist()
-    )
+    assert found.times["b"].tolist() == np.array(["2026-01-01T00:00:01", "2026-01-01T00:00:02"], "M8[ns]").tolist()
     other = read("track,date,state\na,2026-01-01T00:00:00,1\nb,2026-01-01T00:00:01,0\n")
     assert list(other.like(found, "x").times) == ["b", "a"]
     with pytest.raises(ArgumentError, match=r"tracks of x=.*also a"):
