@@ -2,11 +2,13 @@
 
 A law is written as text: "geometric 75" is a geometric distribution on 1, 2, ... with a mean of 75 ticks,
 "25 + geometric 50" adds 25 ticks, and "uniform 50-100" has equally likely durations from 50 to 100 ticks.
+"uniform 30-40 or uniform 80-90" is one or the other with equal probability, and "straight uniform 90-100,
+turns geometric 30" differs between straight motion and turns. "drawn" draws a law for every episode.
 """
 
 import re
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,16 @@ from numpy.typing import NDArray
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.limits import MAX_LENGTH, check_ticks
 
-GRAMMAR = "'geometric 75', '25 + geometric 50', 'uniform 50-100', or a law of hybrid_env.durations"
+DRAWN = "drawn"
+GRAMMAR = (
+    "'geometric 75', '25 + geometric 50', 'uniform 50-100', 'uniform 30-40 or uniform 80-90', "
+    "'straight uniform 90-100, turns geometric 30', 'drawn', or a law of hybrid_env.durations"
+)
 
 _INTEGER = "[0-9]{1,20}"
 _GEOMETRIC = re.compile(rf"(?:({_INTEGER})\s*\+\s*)?geometric\s+([0-9]{{1,20}}(?:\.[0-9]{{1,20}})?)")
+_TWO = re.compile("([^,]+) or ([^,]+)")
+_BY_MODE = re.compile("straight ([^,]+), ?turns ([^,]+)")
 _UNIFORM = re.compile(rf"uniform\s+({_INTEGER})(?:\s*-\s*({_INTEGER}))?")
 
 
@@ -58,6 +66,20 @@ class GeometricDurations:
 
 
 @dataclass(frozen=True)
+class DrawnDurations(GeometricDurations):
+    """A law drawn anew for every episode, see `hybrid_env.core.habits`; given as "drawn".
+
+    Filters and rules that assume a law assume the default one, whose attributes these are.
+    """
+
+    mean: float = 50.0
+    offset: int = 25
+
+    def __str__(self) -> str:
+        return DRAWN
+
+
+@dataclass(frozen=True)
 class UniformDurations:
     """Equally likely durations from `shortest` to `longest`, both included.
 
@@ -91,14 +113,100 @@ class UniformDurations:
         return f"uniform {self.shortest}-{self.longest}"
 
 
-Durations: TypeAlias = GeometricDurations | UniformDurations
+@dataclass(frozen=True)
+class TwoDurations:
+    """One of two laws with equal probability, drawn anew for every segment.
+
+    Attributes:
+        one, other: the laws, which are geometric or uniform.
+
+    Raises:
+        ArgumentError: an attribute is not such a law.
+    """
+
+    one: GeometricDurations | UniformDurations
+    other: GeometricDurations | UniformDurations
+
+    def __post_init__(self) -> None:
+        _check_simple(self, "one", "other", kinds=(GeometricDurations, UniformDurations))
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks]."""
+        return 0.5 * (self.one.mean_duration + self.other.mean_duration)
+
+    def survival(self, ticks: int) -> NDArray[np.float64]:
+        """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
+        return 0.5 * (self.one.survival(ticks) + self.other.survival(ticks))
+
+    def __str__(self) -> str:
+        return f"{self.one} or {self.other}"
+
+
+SimpleDurations: TypeAlias = GeometricDurations | UniformDurations | TwoDurations
+
+
+@dataclass(frozen=True)
+class ModeDurations:
+    """A law of straight segments and another one of turns.
+
+    Attributes:
+        straight, turns: the laws.
+
+    Raises:
+        ArgumentError: an attribute is not a law for one mode.
+    """
+
+    straight: SimpleDurations
+    turns: SimpleDurations
+
+    def __post_init__(self) -> None:
+        _check_simple(self, "straight", "turns", kinds=get_args(SimpleDurations))
+
+    @property
+    def mean_duration(self) -> float:
+        """Expected duration [ticks], with every second segment straight."""
+        return 0.5 * (self.straight.mean_duration + self.turns.mean_duration)
+
+    def __str__(self) -> str:
+        return f"straight {self.straight}, turns {self.turns}"
+
+
+Durations: TypeAlias = SimpleDurations | ModeDurations
+
+
+def _check_simple(law: Any, *names: str, kinds: tuple[type, ...]) -> None:
+    for name in names:
+        if type(getattr(law, name)) not in kinds:
+            raise reject(name, getattr(law, name), " or ".join(kind.__name__ for kind in kinds))
+
+
+def laws_by_mode(law: Durations) -> tuple[SimpleDurations, SimpleDurations]:
+    """Return the laws of straight motion and of turns."""
+    return (law.straight, law.turns) if isinstance(law, ModeDurations) else (law, law)
 
 
 def parse_durations(value: Any) -> Durations:
     """Parse a string; a law is returned as it is. Raises `ArgumentError` for other values."""
-    if isinstance(value, (GeometricDurations, UniformDurations)):
+    if isinstance(value, (GeometricDurations, UniformDurations, TwoDurations, ModeDurations)):
         return value
-    text = value.strip() if isinstance(value, str) else ""
+    text = " ".join(value.split()) if isinstance(value, str) else ""
+    if text == DRAWN:
+        return DrawnDurations()
+    if by_mode := _BY_MODE.fullmatch(text):
+        return ModeDurations(*(_parse_simple(part, value) for part in by_mode.groups()))
+    return _parse_simple(text, value)
+
+
+def _parse_simple(text: str, value: Any) -> SimpleDurations:
+    """Parse the law of one mode, which is a part of a value."""
+    if two := _TWO.fullmatch(text):
+        return TwoDurations(*(_parse_one(part, value) for part in two.groups()))
+    return _parse_one(text, value)
+
+
+def _parse_one(text: str, value: Any) -> GeometricDurations | UniformDurations:
+    """Parse a geometric or uniform law."""
     if geometric := _GEOMETRIC.fullmatch(text):
         return GeometricDurations(float(geometric[2]), int(geometric[1] or 0))
     if uniform := _UNIFORM.fullmatch(text):
@@ -106,12 +214,12 @@ def parse_durations(value: Any) -> Durations:
     raise reject("durations", value, GRAMMAR)
 
 
-def duration_probabilities(law: Durations, ticks: int) -> NDArray[np.float64]:
+def duration_probabilities(law: SimpleDurations, ticks: int) -> NDArray[np.float64]:
     """Return the probabilities of the durations 1, 2, ..., `ticks`, (ticks,)."""
     return -np.diff(law.survival(ticks))
 
 
-def remaining_probabilities(law: Durations, ticks: int) -> NDArray[np.float64]:
+def remaining_probabilities(law: SimpleDurations, ticks: int) -> NDArray[np.float64]:
     """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment, (ticks,).
 
     At a random moment long after the first switch a segment is observed with a probability proportional to

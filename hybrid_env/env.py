@@ -80,6 +80,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         block, field = self.world.blocks[0], self.options.hypothesis_field
         views = {name: block[name][..., 0] for name in self.options.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
+        views |= {name: array[0] for name, array in self.world.drawn.items()}
         # NumPy scalars, because libraries read the dtype of every value
         self._info_readers = [
             (name, view.copy if view.ndim else functools.partial(view.__getitem__, ())) for name, view in views.items()

@@ -16,9 +16,9 @@ class HybridTrackQuickestEnv(TrackEnv):
     ## Description
     An object moves in a plane along straight lines, left turns and right turns of known radii, with process
     noise on its velocity (the hybrid stochastic model of Golubkov 2018, eq. (1)). Its position is measured
-    with noise at every tick. At unknown moments it switches to one of the other modes, all equally likely. At
-    every tick the agent states the mode that it believes to be the present one. It should follow a switch
-    quickly, and not change its statement to a wrong mode.
+    with noise at every tick. At unknown moments it switches to one of the other modes, all equally likely or
+    by the option `order`. At every tick the agent states the mode that it believes to be the present one. It
+    should follow a switch quickly, and not change its statement to a wrong mode.
 
     A bank of Kalman filters of coordinated turns, one per hypothesis, runs on over the switches: the
     interacting multiple model algorithm (Blom & Bar-Shalom 1988). It assumes that the mode is a Markov chain
@@ -78,7 +78,9 @@ class HybridTrackQuickestEnv(TrackEnv):
     `info` describes the current tick at every step: `segment` (number of switches so far), `tick` (since the
     switch or the beginning of the episode, at first 1), `true_mode`, `truth` [x, vx, y, vy], `measurement`
     [x, y] (NaN without one), `estimate` [x, vx, y, vy] (the mean over the bank), and `log_probability` (M,).
-    Units are m, m/s and ticks.
+    Units are m, m/s and ticks. With `durations="drawn"` also `law` (2, 2, 3), for straight motion and turns,
+    of two equally likely humps the offset, span and geometric mean of `hybrid_env.core.habits`; with
+    `order="drawn"` also `order` (M, M), the probabilities of the next mode.
 
     ## Arguments
     `gym.make` takes `render_mode` ("human" or "rgb_array") and every option of `hybrid_env.QuickestOptions`:

@@ -1,6 +1,7 @@
 """The options of the environment with unknown switch moments, checked on creation."""
 
 import functools
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,7 +12,15 @@ from hybrid_env.checks import check_choice, check_number, reject
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import TICK_NAMES
-from hybrid_env.durations import Durations, duration_probabilities, parse_durations, remaining_probabilities
+from hybrid_env.durations import (
+    DRAWN,
+    DrawnDurations,
+    Durations,
+    duration_probabilities,
+    laws_by_mode,
+    parse_durations,
+    remaining_probabilities,
+)
 from hybrid_env.limits import check_ticks, check_within
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
@@ -19,6 +28,32 @@ from hybrid_env.scheme import RandomScheme, segment_table
 
 STARTS = ("known", "random")
 """Values of the option `start`."""
+ORDERS = ("equal", "cycle", DRAWN)
+"""Named values of the option `order`."""
+
+
+def matrix_of(order: str, modes: int) -> NDArray[np.float64]:
+    """Return the matrix of a named order, (M, M)."""
+    cycle = np.roll(np.eye(modes), 1, axis=1)
+    return cycle if order == "cycle" else (1.0 - np.eye(modes)) / (modes - 1)
+
+
+def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
+    """Return a name, or a matrix as a tuple of rows. Raises `ArgumentError` for other values."""
+    if isinstance(order, str) and order in ORDERS:
+        return order
+    allowed = f"equal, cycle, drawn, or a ({modes}, {modes}) matrix with a zero diagonal and rows that sum to 1"
+    rows = [row.split() for row in order.split(",")] if isinstance(order, str) else order
+    with suppress(TypeError, ValueError):
+        matrix = np.array(rows, np.float64)
+        if (
+            matrix.shape == (modes, modes)
+            and (matrix >= 0.0).all()
+            and not matrix.diagonal().any()
+            and np.allclose(matrix.sum(1), 1.0, rtol=0.0, atol=1e-9)
+        ):
+            return tuple(map(tuple, matrix.tolist()))
+    raise reject("order", order, allowed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +63,11 @@ class QuickestOptions(ModelOptions):
     Attributes:
         ticks: length of an episode [ticks].
         durations: law of the duration of a segment, see `hybrid_env.durations`: "25 + geometric 50",
-            "geometric 75", "uniform 50-100", or a law object.
+            "geometric 75", "uniform 50-100", "drawn" for another law in every episode, or a law object.
+        order: law of the next mode: "equal", all other modes equally likely; "cycle", straight, left turns,
+            right turns, and again; or an (M, M) matrix of the probabilities of the next mode (column) by the
+            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0"; or "drawn",
+            another one in every episode.
         start: "known" begins an episode at a switch to a random mode, which the bank knows; "random" begins
             at a random moment of a segment whose mode the bank does not know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
@@ -45,6 +84,7 @@ class QuickestOptions(ModelOptions):
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
+    order: str | tuple[tuple[float, ...], ...] = "equal"
     start: Literal["known", "random"] = "known"
     change_cost: float = 5.0
     hazard: float | None = None
@@ -54,6 +94,7 @@ class QuickestOptions(ModelOptions):
         super().__post_init__()
         fix("ticks", check_ticks("ticks", self.ticks))
         fix("durations", parse_durations(self.durations))
+        fix("order", check_order(self.order, self.hypotheses))
         fix("start", str(check_choice("start", self.start, STARTS)))
         fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
         if self.hazard is not None:
@@ -106,13 +147,23 @@ class QuickestOptions(ModelOptions):
 
     @property
     def duration_laws(self) -> NDArray[np.float64]:
-        """Probabilities of 1, ..., `ticks` ticks, (2, ticks): of the first segment, of the others."""
+        """Probabilities of 1, ..., `ticks` ticks, (4, ticks).
+
+        Of the first segment if it is straight, or a turn; of the others if they are straight, or turns.
+        """
         first = remaining_probabilities if self.start == "random" else duration_probabilities
-        return np.stack([first(self.law, self.ticks), duration_probabilities(self.law, self.ticks)])
+        laws = laws_by_mode(self.law)
+        return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])
+
+    @property
+    def order_matrix(self) -> NDArray[np.float64]:
+        """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
+        return np.array(self.order) if isinstance(self.order, tuple) else matrix_of(self.order, self.hypotheses)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
-        return super().arrays() | {"durations": np.cumsum(self.duration_laws, axis=1)}
+        laws = {"durations": np.cumsum(self.duration_laws, axis=1)}
+        return super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `ModelOptions.bounds`."""
@@ -138,6 +189,9 @@ class QuickestOptions(ModelOptions):
         record = super().parameters()
         record["ticks"], record["change_cost"] = self.ticks, self.change_cost
         record["start_known"] = self.start == "known"
+        record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
+        record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
+        record["drawn_laws"] = 2 if isinstance(self.durations, DrawnDurations) else 0
         matrix = self.transition_matrix
         record["stay_probability"], record["switch_probability"] = matrix[0, :2]
         return record

@@ -44,6 +44,8 @@ class World(ReadOnlyAttributes):
         trace: (N, trace rows, len(TRACE_COLUMNS)) ticks of the last step, with announced switches.
         decisions: (len(DECISION), N) decisions of the last step, with announced switches.
         decision_flags: (len(DECISION_FLAGS), N).
+        drawn_law: (N, 2, 2, 3), drawn_order: (N, M, M) habits drawn for the episodes, see `core.habits`;
+            else empty.
 
     Raises:
         ArgumentError: the arrays do not fit into memory, or traces are asked for with unknown switches.
@@ -51,7 +53,7 @@ class World(ReadOnlyAttributes):
 
     read_only = frozenset(
         ("options", "layout", "threads", "bank", "blocks", "actions", "observations", "rewards",
-         "terminated", "seeded", "trace", "decisions", "decision_flags")
+         "terminated", "seeded", "trace", "decisions", "decision_flags", "drawn_law", "drawn_order")
     )  # fmt: skip
 
     kernels: ClassVar[dict[type, Any]] = KERNELS
@@ -66,6 +68,8 @@ class World(ReadOnlyAttributes):
     trace: NDArray[np.float64]
     decisions: NDArray[np.int64]
     decision_flags: NDArray[np.bool_]
+    drawn_law: NDArray[np.float64]
+    drawn_order: NDArray[np.float64]
 
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if trace_rows and not options.traced:
@@ -227,12 +231,21 @@ class World(ReadOnlyAttributes):
 
     def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
         """Copy the current tick of every track. The returned function creates the info arrays, (N, ...)."""
-        return functools.partial(self._tick_arrays, self._ticks.copy(), self._hypothesis_values.copy())
+        drawn = {name: array.copy() for name, array in self.drawn.items()}
+        return functools.partial(self._tick_arrays, self._ticks.copy(), self._hypothesis_values.copy(), drawn)
 
-    def _tick_arrays(self, ticks: NDArray[Any], values: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+    @property
+    def drawn(self) -> dict[str, NDArray[np.float64]]:
+        """Views of the habits that are drawn for every episode, (N, ...), by their names in `info`."""
+        habits = {"law": self.drawn_law, "order": self.drawn_order}
+        return {name: array for name, array in habits.items() if array.size}
+
+    def _tick_arrays(
+        self, ticks: NDArray[Any], values: NDArray[np.float64], drawn: dict[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[Any]]:
         fields = ticks.view(TICK)
         arrays = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
-        return arrays | {self.options.hypothesis_field: self._flatten_blocks(values)}
+        return arrays | {self.options.hypothesis_field: self._flatten_blocks(values)} | drawn
 
     def read_decisions(self) -> dict[str, NDArray[Any]]:
         """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""

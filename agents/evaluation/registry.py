@@ -73,6 +73,14 @@ def split_threshold(name: Any) -> tuple[Any, float | None]:
         return name, None
 
 
+def base_name(name: Any) -> Any:
+    """Return the name of a decider without a threshold and without one that it chooses, or the object itself."""
+    from agents.evaluation.stopping import stopping_rule
+
+    stopping = stopping_rule(name) if isinstance(name, str) else None
+    return split_threshold(name)[0] if stopping is None else stopping[0]
+
+
 def policy_folder(name: str, switches: str) -> Path:
     """Return the folder of the shipped agent or of a run; for an empty name, one that does not exist."""
     if name == SHIPPED and switches in SHIPPED_FOLDERS:
@@ -179,7 +187,7 @@ def load_decider(name: Any, options: Any) -> Decider:
 
 def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     """Return the options of an environment that a classical rule needs, see `Decider.options`."""
-    base, _ = split_threshold(name)
+    base = base_name(name)
     rule = rules(switches).get(base) or find_own(base)
     found: Mapping[str, Any] = getattr(rule, "options", {})
     return found

@@ -13,6 +13,7 @@ from rich.table import Table
 from agents.evaluation.cells import estimate_cell, filled_table
 from agents.evaluation.curves import Groups, Selected, chosen, curves
 from agents.evaluation.task import Levels, Metric, Recorded, Task, Wording
+from agents.evaluation.worlds import RHYTHMS
 from agents.figures.curves import Axis, Curve, Panel
 from agents.figures.decider_colours import decider_styles
 from agents.figures.tracks import TrackRecord
@@ -34,7 +35,7 @@ from hybrid_env.checks import check_integer
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
 
-LARGEST_BATCH = 1_000_000  # statements, which need about 200 MB with 20 thresholds
+LARGEST_BATCH = 1_000_000  # statements with 3 modes, which need about 500 MB with 20 thresholds
 LARGEST_RESULT = 100_000_000  # statements of one threshold
 MOST_SEGMENTS = 2_000_000  # expected number on all tracks; every threshold stores their delays
 LONGEST_DELAY = 100  # ticks after a switch, of the curves of identification
@@ -88,6 +89,11 @@ class UnknownTask(Task):
         """See `Task.size`."""
         return f"{episodes:,} tracks of {self.options.ticks:,} ticks"
 
+    def shifted(self) -> dict[str, dict[str, Any]]:
+        """Return habits of the object; see `Task.shifted`."""
+        three = self.options.hypotheses == 3  # as one of their orders
+        return {name: one for name, one in RHYTHMS.items() if three or "order" not in one}
+
     @property
     def compared(self) -> tuple[str, ...]:
         """All rules; see `Task.compared`."""
@@ -102,7 +108,7 @@ class UnknownTask(Task):
 
     def batch(self) -> int:
         """See `Task.batch`."""
-        return max(1, LARGEST_BATCH // int(self.options.ticks))
+        return max(1, 3 * LARGEST_BATCH // (self.options.ticks * self.options.hypotheses))
 
     def record(
         self,

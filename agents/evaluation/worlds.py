@@ -34,6 +34,28 @@ BANKS = (
 )  # fmt: skip
 SHARES = (0.55, 0.2, 0.1, 0.15)
 
+RHYTHMS: dict[str, dict[str, Any]] = {
+    NOMINAL: {},
+    **{
+        law: {"durations": law}
+        for law in (
+            "uniform 40-45",
+            "uniform 63-67",
+            "uniform 90-100",
+            "uniform 30-60",
+            "60 + geometric 20",
+            "uniform 150-170",
+            "uniform 28-32 or uniform 75-85",
+            "uniform 50-53 or 20 + geometric 60",
+            "straight uniform 90-100, turns uniform 40-44",
+            "straight 25 + geometric 50, turns uniform 50-54",
+        )
+    },
+    "nominal, cycle": {"order": "cycle"},
+    "uniform 55-60, habits": {"durations": "uniform 55-60", "order": "0 0.9 0.1, 0.2 0 0.8, 1 0 0"},
+}
+"""Habits of an object whose switches are unknown. The adaptive beam has none of these laws in its prior."""
+
 
 def shifted_worlds(world: WorldOptions) -> dict[str, dict[str, Any]]:
     """Return name and changed options of the environments around the nominal one, the nominal one first."""

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.registry import SHIPPED, is_brought, load_decider, needed_options, split_threshold
+from agents.evaluation.registry import SHIPPED, base_name, is_brought, load_decider, needed_options
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
@@ -92,7 +92,7 @@ class TrackingArguments:
         if self.start is not None:
             check_array("start", self.start, (4,))
         announced, unknown = rules(ANNOUNCED), rules(UNKNOWN)
-        name, _ = split_threshold(self._decider_name())
+        name = base_name(self._decider_name())
         if name not in (*announced, *unknown, SHIPPED) and not is_brought(name):
             known = ", ".join([*announced, *unknown, SHIPPED])
             raise reject("decider", self.decider, f"{known}, a run folder, model.zip or mine.py:MyRule")

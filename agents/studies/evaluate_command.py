@@ -11,6 +11,7 @@ from agents.interface.parallel import ParallelArguments
 from agents.interface.trust import TrustArguments
 from agents.interface.world_arguments import WorldArguments
 from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED
 from hybrid_env.checks import check_integer, check_number, reject
 from hybrid_env.noises import parse_noise
 
@@ -42,7 +43,8 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
     seed: int = 0
     """Seed of the first episode; later episodes use consecutive seeds."""
     shifted: bool = False
-    """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers), at the thresholds
+    """Evaluate under distribution shift (noise, radii, segment lengths, speed, outliers; with unknown
+    switches laws of the durations and orders of the modes), at the thresholds
     with the best reward on as many other episodes, at most 1,000, of each environment and of the nominal
     one. The names then take no thresholds."""
     drawn: int = 0
@@ -161,8 +163,8 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
         from agents.studies.shifts import differences_json, evaluate_shifts, shift_table
 
         shifted = task.shifted()
-        for flag in ("shifted", "drawn"):
-            if getattr(self, flag) and not shifted:
+        for flag, possible in (("shifted", bool(shifted)), ("drawn", bool(shifted) and task.switches == ANNOUNCED)):
+            if getattr(self, flag) and not possible:
                 raise reject(flag, getattr(self, flag), f"no value in {task.title}")
         worlds = shifted if self.shifted else {NOMINAL: {}}
         worlds |= {str(parse_noise(noise, "noises")): {"noise": noise} for noise in self.noises}

@@ -61,6 +61,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         branches: largest number of histories.
         merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the options.
+        order: law of the next mode that it assumes, likewise.
 
     Raises:
         ArgumentError: an argument is out of range.
@@ -77,21 +78,24 @@ class BeamDecider(MeasurementDecider[BeamState]):
         branches: int = 64,
         merged: bool = True,
         durations: str | Durations | None = None,
+        order: Any = None,
     ):
         model = filter_model(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
-        if durations is not None:
-            options = dataclasses.replace(options, durations=durations)
-        laws = hazards(options.duration_laws)
+        assumed = {"durations": durations, "order": order}
+        options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
         merged, sensors = check_flag("merged", merged), sensors_of(options)
-        self.model = BeamModel(np.array(options.radii), laws, merged, model, sensors)
+        self.model = BeamModel(
+            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
+            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model, sensors,
+        )  # fmt: skip
 
     @classmethod
-    def assumed_durations(cls, options: QuickestOptions) -> Durations | None:
-        """Return the law of the durations that the decider found by its name assumes."""
-        return None
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """Return the laws that the decider found by its name assumes; others are the true ones."""
+        return {}
 
     @classmethod
     def family(cls, options: QuickestOptions) -> DeciderFamily:
@@ -102,8 +106,8 @@ class BeamDecider(MeasurementDecider[BeamState]):
     def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
         """See `Decider.maker`."""
         branches = max(SMALLEST_BEAM, HISTORIES_PER_MODE * options.hypotheses)
-        durations = cls.assumed_durations(options)
-        return lambda threshold: cls(options, threshold, branches=branches, durations=durations)
+        assumed = cls.assumed(options)
+        return lambda threshold: cls(options, threshold, branches=branches, **assumed)
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> "Beams":
@@ -112,7 +116,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
-        branches = branch_arrays(tracks, self.branches)
+        branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
         branches.counts[:] = 1
         log_probability = np.zeros((tracks, self.hypotheses))
         return BeamState(branches, log_probability, np.zeros(tracks, np.int64))
@@ -149,9 +153,22 @@ class GeometricBeamDecider(BeamDecider):
     colour, marker = "#00e196", "p"
 
     @classmethod
-    def assumed_durations(cls, options: QuickestOptions) -> Durations:
-        """See `BeamDecider.assumed_durations`."""
-        return GeometricDurations(min(options.law.mean_duration, float(MAX_LENGTH)))
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """See `BeamDecider.assumed`."""
+        mean = min(options.law.mean_duration, float(MAX_LENGTH))
+        return {"durations": GeometricDurations(mean), "order": "equal"}
+
+
+class DefaultBeamDecider(BeamDecider):
+    """The beam that always assumes the default law of the environment."""
+
+    name, title, informed = "beam-default", "beam, default law", False
+    colour, marker = "#7a7a7a", "P"
+
+    @classmethod
+    def assumed(cls, options: QuickestOptions) -> dict[str, Any]:
+        """See `BeamDecider.assumed`."""
+        return {"durations": QuickestOptions.durations, "order": QuickestOptions.order}
 
 
 class Beams(SeveralThresholds):

@@ -10,6 +10,9 @@ histories, up to the linearization in the filters.
 Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be
 merged into one branch, whose filter starts from the mean and the covariance of their mixture. Then a branch
 is a pair of mode and age, and far fewer of them are needed.
+
+A branch may also carry what its history says about the law of the durations and of the next mode; see
+`beam_habits`.
 """
 
 import math
@@ -18,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
@@ -36,14 +40,20 @@ class Branches(NamedTuple):
         modes: (N, B) present mode.
         ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
         rows: (N, B) `FIRST` or `LATER`.
+        slots: (N, B) index of the habits of the branch in `habits`.
         counts: (N,) number of branches.
+        evidence: (N,) log-likelihood of all measurements so far.
+        habits: what the branches know of durations and order.
     """
 
     filters: NDArray[Any]
     modes: NDArray[np.int64]
     ages: NDArray[np.int64]
     rows: NDArray[np.int64]
+    slots: NDArray[np.int64]
     counts: NDArray[np.int64]
+    evidence: NDArray[np.float64]
+    habits: Habits
 
 
 class BeamModel(NamedTuple):
@@ -51,26 +61,45 @@ class BeamModel(NamedTuple):
 
     Attributes:
         radii: (n,) turn radii [m].
-        hazards: (2, ages) probability that a segment ends after each age; rows `FIRST` and `LATER`. Older
-            segments have the last one.
+        hazards: (4, ages) probability that a segment ends after each age; rows 2 `FIRST` and 2 `LATER`, of
+            straight motion and of turns. Older segments have the last one. Without meaning if learned.
+        order: (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
         merged: whether branches that switch to the same mode at the same tick become one.
+        tables: (2, ages, 2, L) for the laws among which a beam learns, probabilities that a segment lasts to
+            each age, and that it ends after it; rows `FIRST` and `LATER`. Without laws, L is 0.
+        prior: (3, L) of the laws, see `Habits`.
+        habitual: prior probability that the next modes are not equally likely, likewise.
         filters: model of the filters.
         sensors: (k,) records `records.SENSOR`.
     """
 
     radii: NDArray[np.float64]
     hazards: NDArray[np.float64]
+    order: NDArray[np.float64]
     merged: bool
+    tables: NDArray[np.float64]
+    prior: NDArray[np.float64]
+    habitual: float
     filters: FilterModel
     sensors: NDArray[Any]
 
 
-def branch_arrays(tracks: int, branches: int) -> Branches:
-    """Return `branches` empty branches for each track, rounded up to a multiple of LANES."""
+def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES.
+
+    modes, laws: numbers of modes, and of laws among which each branch learns; without laws it does not.
+    """
     groups = -(-branches // LANES)
-    modes, ages, rows = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(3))
+    present, ages, rows, places = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(4))
     filters = aligned_zeros((tracks, groups), AWARE_HYPOTHESIS)
-    return Branches(filters, modes, ages, rows, np.zeros(tracks, np.int64))
+    slots, modes = (groups * LANES + modes, modes) if laws else (0, 0)
+    habits = Habits(
+        np.zeros((tracks, slots, 3, laws), np.float32),
+        np.zeros((tracks, slots, modes, modes), np.float32),
+        np.zeros((tracks, slots), np.float32),
+    )
+    counts, evidence = np.zeros(tracks, np.int64), np.zeros(tracks)
+    return Branches(filters, present, ages, rows, places, counts, evidence, habits)
 
 
 @compiled
@@ -95,7 +124,11 @@ def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], m
         branches.modes[track, mode] = mode
         branches.ages[track, mode] = 1
         branches.rows[track, mode] = FIRST
+        branches.slots[track, mode] = mode
     branches.counts[track] = modes
+    branches.evidence[track] = 0.0
+    if model.prior.size > 0:
+        begin_habits(branches.habits, track, modes, model.prior, model.habitual)
 
 
 @internal
@@ -118,6 +151,7 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
     target.modes[track, c] = source.modes[source_track, b]
     target.ages[track, c] = source.ages[source_track, b]
     target.rows[track, c] = source.rows[source_track, b]
+    target.slots[track, c] = source.slots[source_track, b]
 
 
 @internal
@@ -148,33 +182,45 @@ def _switch(
     parents: tuple[int, int],
     children: Branches,
     count: int,
+    free: NDArray[np.int64],
     model: BeamModel,
 ) -> int:
     """Write one child for every mode, after `count` others: the mixture of parents in other modes.
 
     parents: the first branch that switches, and the end of these branches; weights: (branches,) log
-    probability of a branch and a switch to one certain mode. Returns the number of children.
+    probability of a branch and its end; free: (M,) slots for the habits of the children. Returns the number
+    of children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
+    shares = np.zeros(weights.size)  # probability of each parent
+    learns = model.prior.size > 0
     for mode in range(2 * model.radii.size + 1):
         largest, total = -np.inf, 0.0
         for b in range(parents[0], parents[1]):
-            if branches.modes[track, b] != mode:
-                largest = max(largest, weights[b])
+            before, probability = branches.modes[track, b], 0.0
+            if before != mode and weights[b] > -np.inf:
+                probability = model.order[before, mode]
+                if learns:
+                    slot = branches.slots[track, b]
+                    probability, _ = next_mode(branches.habits, track, slot, before, mode)
+            shares[b] = weights[b] + math.log(probability) if probability > 0.0 else -np.inf
+            largest = max(largest, shares[b])
         if largest == -np.inf:
             continue
         mean[:] = 0.0
         covariance[:] = 0.0
         for b in range(parents[0], parents[1]):
-            if branches.modes[track, b] != mode:
-                probability = math.exp(weights[b] - largest)
-                total += probability
+            if shares[b] > -np.inf:
+                shares[b] = math.exp(shares[b] - largest)
+                total += shares[b]
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
-                    mean[k] += probability * value
+                    mean[k] += shares[b] * value
+            else:
+                shares[b] = 0.0
         mean /= total
         for b in range(parents[0], parents[1]):
-            if branches.modes[track, b] != mode:
-                probability = math.exp(weights[b] - largest) / total
+            if shares[b] > 0.0:
+                probability = shares[b] / total
                 for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
                     difference[k] = value - mean[k]
                 entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
@@ -186,6 +232,12 @@ def _switch(
         anchor = (mean[0], mean[1], mean[2], mean[3])
         _begin_child(children, count, mode, anchor, triangle(covariance), model)
         children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        if learns:
+            children.slots[0, count] = free[mode]
+            merge_habits(
+                branches.habits, track, free[mode], mode, shares[: parents[1]], branches.slots[track],
+                branches.modes[track], branches.rows[track], branches.ages[track], model.tables,
+            )  # fmt: skip
         count += 1
     return count
 
@@ -194,22 +246,33 @@ def _switch(
 def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
     """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
     count = 0
+    learns = model.prior.size > 0
     switches = np.full(branches.counts[track], -np.inf)
     for b in range(branches.counts[track]):
         row, age = branches.rows[track, b], branches.ages[track, b]
-        hazard = model.hazards[row, min(age, model.hazards.shape[1]) - 1]
+        turns = 1 if branches.modes[track, b] > 0 else 0
+        if learns:
+            slot = branches.slots[track, b]
+            table = model.tables[row, min(age, model.tables.shape[1]) - 1]
+            hazard = expected_hazard(branches.habits.laws[track, slot], turns, table[0], table[1])
+        else:
+            hazard = model.hazards[2 * row + turns, min(age, model.hazards.shape[1]) - 1]
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
         if hazard > 0.0:
-            switches[b] = weight + math.log(hazard / (2 * model.radii.size))
+            switches[b] = weight + math.log(hazard)
         if hazard < 1.0:
             _copy_branch(branches, track, b, children, 0, count)
             children.ages[0, count] = age + 1
             children.filters[0, count // LANES].log_likelihood[count % LANES] = weight + math.log1p(-hazard)
             count += 1
+    free = switches.astype(np.int64)[:0]
+    if learns:
+        free = free_slots(branches.slots[track, : switches.size], branches.habits)
     if model.merged:
-        return _switch(branches, track, switches, (0, switches.size), children, count, model)
-    for b in range(switches.size):
-        count = _switch(branches, track, switches, (b, b + 1), children, count, model)
+        count = _switch(branches, track, switches, (0, switches.size), children, count, free, model)
+    else:
+        for b in range(switches.size):
+            count = _switch(branches, track, switches, (b, b + 1), children, count, free, model)
     return count
 
 
@@ -259,6 +322,7 @@ def step_branches(
             branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
             log_probability[track, children.modes[0, c]] += math.exp(log_weight)
         branches.counts[track] = kept
+        branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
 

@@ -58,7 +58,7 @@ class SmootherState(NamedTuple):
 
 @compiled
 def carry_past(
-    before: BranchTable, now: BranchTable, past: FloatArray, carried: FloatArray, hazards: FloatArray
+    before: BranchTable, now: BranchTable, past: FloatArray, carried: FloatArray, hazards: FloatArray, order: FloatArray
 ) -> None:
     """Give the branches of a tick the probabilities of the modes at the last ticks.
 
@@ -66,7 +66,8 @@ def carry_past(
         before, now: branches at the tick before and at this one.
         past: (N, B, K + 1, M) of the tick before, see `SmootherState`.
         carried: the same of this tick, written.
-        hazards: (2, ages) as in `beam_filters.BeamModel`.
+        hazards: (4, ages) as in `beam_filters.BeamModel`.
+        order: (M, M), likewise.
     """
     weights = np.empty(before.modes.shape[1])
     for track in range(now.counts.size):
@@ -87,10 +88,11 @@ def carry_past(
             elif row != FIRST:
                 largest = -np.inf
                 for b in range(before.counts[track]):
-                    parent = before.rows[track, b], before.ages[track, b]
-                    hazard = hazards[parent[0], min(parent[1], hazards.shape[1]) - 1]
+                    parent, row = before.modes[track, b], 2 * before.rows[track, b]
+                    row += 1 if parent > 0 else 0
+                    hazard = hazards[row, min(before.ages[track, b], hazards.shape[1]) - 1] * order[parent, mode]
                     weights[b] = -np.inf
-                    if hazard > 0.0 and before.modes[track, b] != mode:
+                    if hazard > 0.0:
                         weights[b] = before.log_weights[track, b] + math.log(hazard)
                         largest = max(largest, weights[b])
                 total = 0.0
@@ -121,6 +123,8 @@ class BeamSmoother(Decider):
     observes = "tracks"
 
     def __init__(self, beam: BeamDecider, lags: Sequence[int]):
+        if beam.model.prior.size:
+            raise reject("beam", type(beam).__name__, "a beam that does not learn the law")
         if not beam.model.merged:
             raise reject("merged", beam.model.merged, "True: branches are found by their mode and age")
         self.beam = beam
@@ -142,7 +146,9 @@ class BeamSmoother(Decider):
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
-        run_compiled(carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards)
+        run_compiled(
+            carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards, self.beam.model.order
+        )
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from hybrid_env.core.banks.bank import filter_model
 from hybrid_env.core.banks.imm import begin_imm, imm_of_block, step_imm, step_imm_irregular
 from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import TERMINATED, invalid_action
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.records import LANES
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
-FIRST_DURATIONS, OTHER_DURATIONS = 0, 1  # rows of the table of durations
+FIRST_DURATIONS, OTHER_DURATIONS = 0, 2  # rows of the table of durations; those of turns follow
 
 
 @internal
@@ -43,34 +44,53 @@ def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
 
 
 @internal
-def _begin_segment(block: Any, lane: int, mode: int, row: int, arrays: Any, setting: Any) -> None:
-    """Begin a segment of a mode, whose duration has the law of a row of the table of durations."""
+def _begin_segment(block: Any, lane: int, i: int, mode: int, row: int, arrays: Any, setting: Any) -> None:
+    """Begin a segment of a mode; row: the law of straight segments in the table of durations."""
+    turns = 1 if mode > 0 else 0
     block.true_mode[lane] = mode
-    block.length[lane] = draw_duration(arrays.durations[row], uniform(block.random_state, lane))
+    if setting.drawn_laws > 0:
+        law, longest = arrays.drawn_law[i, turns], setting.ticks + 1
+        if row == FIRST_DURATIONS and not setting.start_known:
+            block.length[lane] = draw_remaining(block.random_state, lane, law, longest)
+        else:
+            block.length[lane] = draw_from_law(block.random_state, lane, law, longest)
+    else:
+        number = uniform(block.random_state, lane)
+        block.length[lane] = draw_duration(arrays.durations[row + turns], number)
     block.tick[lane] = 0
     begin_motion(block, lane, arrays.table[mode], setting.tau)
 
 
 @internal
-def _begin_episode(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
-    """Begin an episode with a segment of a random mode."""
+def _begin_episode(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
+    """Begin an episode of track i with a segment of a random mode."""
+    if setting.drawn_laws > 0:
+        draw_law(block.random_state, lane, arrays.drawn_law[i])
+    if setting.drawn_modes > 0:
+        draw_order(block.random_state, lane, arrays.drawn_order[i])
     draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
     block.segment[lane] = 0
     block.time[lane] = 0
     block.stated_mode[lane] = 0
     block.stated_ticks[lane] = 0
-    _begin_segment(block, lane, mode, FIRST_DURATIONS, arrays, setting)
+    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, arrays, setting)
     begin_imm(bank, block, lane, mode if setting.start_known else -1)
 
 
 @inlined
-def _switch(block: Any, lane: int, arrays: Any, setting: Any) -> None:
-    """Begin the next segment, with one of the other modes, all equally likely."""
-    other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
-    mode = other + (1 if other >= block.true_mode[lane] else 0)
+def _switch(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> None:
+    """Begin the next segment, with one of the other modes."""
+    before = block.true_mode[lane]
+    if setting.drawn_modes > 0:
+        mode = draw_mode(block.random_state, lane, arrays.drawn_order[i, before])
+    elif setting.order_rows > 0:
+        mode = draw_mode(block.random_state, lane, arrays.order[before])
+    else:
+        other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
+        mode = other + (1 if other >= before else 0)
     block.segment[lane] += 1
-    _begin_segment(block, lane, mode, OTHER_DURATIONS, arrays, setting)
+    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, arrays, setting)
 
 
 @inlined
@@ -98,7 +118,7 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
     if reset and arrays.actions[i] == 0:
         return False
     if reset or arrays.terminated[i]:
-        _begin_episode(block, lane, bank, arrays, setting)
+        _begin_episode(block, lane, i, bank, arrays, setting)
         arrays.rewards[i] = 0.0
         arrays.terminated[i] = False
         return True
@@ -107,7 +127,7 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
         arrays.terminated[i] = True
         return False
     if block.tick[lane] == block.length[lane]:
-        _switch(block, lane, arrays, setting)
+        _switch(block, lane, i, arrays, setting)
     return True
 
 

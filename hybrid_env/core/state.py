@@ -51,8 +51,14 @@ class Arrays(NamedTuple):
     radii: Annotated[Floats, Array(np.float64, ("radii_count",), "options")]  # [m]
     # see `scheme.segment_table`
     table: Annotated[Floats, Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")]
-    # cumulative probabilities of the durations of the first and of other segments, for unknown switches
-    durations: Annotated[Floats, Array(np.float64, (2, "ticks"), "options")]
+    # cumulative probabilities of the durations of the first and of other segments, for unknown switches, each
+    # of straight segments and of turns
+    durations: Annotated[Floats, Array(np.float64, (4, "ticks"), "options")]
+    # probabilities of the next mode, by the present one; empty if all are equally likely
+    order: Annotated[Floats, Array(np.float64, ("order_rows", "order_rows"), "options")]
+    # the same of each track, and its law of durations, if they are drawn, else empty; see `habits`
+    drawn_order: Annotated[Floats, Array(np.float64, ("tracks", "drawn_modes", "drawn_modes"))]
+    drawn_law: Annotated[Floats, Array(np.float64, ("tracks", "drawn_laws", 2, 3))]
     sensors: Annotated[NDArray[Any], Array(SENSOR, ("sensor_count",), "options")]
 
 
@@ -123,6 +129,9 @@ PARAMETERS = np.dtype(
         ("last_block", np.int64),
         ("width", np.int64),  # of an observation
         ("table_rows", np.int64),
+        ("order_rows", np.int64),  # 0 or M, likewise `drawn_modes`
+        ("drawn_modes", np.int64),
+        ("drawn_laws", np.int64),  # 0 or 2
         *((name, np.uintp) for name in ADDRESSES),
     ]
 )

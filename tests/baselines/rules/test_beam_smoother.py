@@ -14,6 +14,7 @@ from hybrid_env.checks import ArgumentError
 
 LAGS = (0, 3, 10)
 T, M = 7, 3
+ORDER = (1.0 - np.eye(M)) / (M - 1)
 
 
 def switch_histories(table, modes, ticks):
@@ -25,7 +26,7 @@ def switch_histories(table, modes, ticks):
         prior = 1.0 / modes / (modes - 1) ** (len(starts) - 1)
         for k, one in enumerate(switches):
             row, age = (FIRST if start_of[k] == 0 else LATER), k - start_of[k] + 1
-            hazard = table[row, age - 1]
+            hazard = table[2 * row, age - 1]
             prior *= hazard if one else 1.0 - hazard
         for sequence in itertools.product(range(modes), repeat=len(starts)):
             if all(a != b for a, b in itertools.pairwise(sequence)):
@@ -53,7 +54,7 @@ def test_the_carried_probabilities_are_those_of_all_histories(text):
             if tick == 0:
                 weight = 1.0 / M
             else:
-                ends = {p: table[FIRST if p[0] == 0 else LATER, tick - 1 - p[0]] for p in known}
+                ends = {p: table[2 * (FIRST if p[0] == 0 else LATER), tick - 1 - p[0]] for p in known}
                 if start < tick:
                     weight = known[start, mode] * (1.0 - ends[start, mode])
                 else:
@@ -68,7 +69,7 @@ def test_the_carried_probabilities_are_those_of_all_histories(text):
             log_weights[0, : len(pairs)] = np.log(list(known.values()))
         now = BranchTable(**arrays, log_weights=log_weights, counts=np.array([len(pairs)]))
         carried = np.zeros_like(past)
-        carry_past(now if before is None else before, now, past, carried, table)
+        carry_past(now if before is None else before, now, past, carried, table, ORDER)
         past, before = carried, now
 
     expected, total = np.zeros((T, M)), 0.0

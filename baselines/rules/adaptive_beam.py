@@ -1,0 +1,120 @@
+"""The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.rules.beam import BeamDecider, hazards
+from hybrid_env.checks import FloatArray
+from hybrid_env.durations import (
+    GeometricDurations,
+    SimpleDurations,
+    UniformDurations,
+    duration_probabilities,
+    remaining_probabilities,
+)
+from hybrid_env.quickest_options import QuickestOptions
+
+SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform law of the prior
+WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
+"""Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
+OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
+DEFAULT, GEOMETRIC, UNIFORM = 0.5, 0.1, 0.4  # probability of the environment's default law, and of each kind
+USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm
+DIFFERENT = 0.05  # probability that straight motion and turns have laws of their own
+HABITUAL = 0.2  # probability that the next modes are not equally likely
+FLOOR, CEILING = 2e-4, 0.4  # of the hazards, so that no duration excludes a law
+OLDEST = 1200  # ticks, largest age of the tables
+
+
+class Prior(NamedTuple):
+    """Laws of the durations with their probabilities.
+
+    Attributes:
+        laws: L laws.
+        weights: L numbers in proportion to their probabilities.
+        different: probability that straight motion and turns have laws of their own.
+        habitual: probability that the next modes are not equally likely.
+        floor, ceiling: smallest and largest hazard.
+    """
+
+    laws: tuple[SimpleDurations, ...]
+    weights: tuple[float, ...]
+    different: float = DIFFERENT
+    habitual: float = HABITUAL
+    floor: float = 0.0
+    ceiling: float = 1.0
+
+
+@functools.cache
+def default_prior() -> Prior:
+    """Return uniform laws of five relative widths, geometric ones, and the default law of the environment."""
+    laws: list[GeometricDurations | UniformDurations] = []
+    weights: list[float] = []
+    for width, step in WIDTHS.items():
+        shortest = np.unique(np.exp(np.arange(np.log(SHORTEST), np.log(LONGEST), step)).round().astype(int))
+        laws += [UniformDurations(k, max(round(width * k), k + 1)) for k in shortest.tolist()]
+        weights += [1.0 / len(shortest)] * len(shortest)
+    geometric = [GeometricDurations(float(mean), offset) for offset in OFFSETS for mean in MEANS]
+    means = np.log([law.mean_duration for law in (*laws, *geometric)])
+    usual = np.append(weights, np.ones(len(geometric))) * np.exp(-0.5 * ((means - np.log(USUAL)) / SPREAD) ** 2)
+    kinds = np.split(usual, [len(laws)])
+    shares = [share * kind / kind.sum() for share, kind in zip((UNIFORM, GEOMETRIC), kinds, strict=True)]
+    everything = (*laws, *geometric, GeometricDurations(50.0, 25))
+    return Prior(everything, (*np.concatenate(shares).tolist(), DEFAULT), floor=FLOOR, ceiling=CEILING)
+
+
+class AdaptiveBeamDecider(BeamDecider):
+    """The beam averaged over laws of durations by their evidence, with the order of the modes by counts.
+
+    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam.
+
+    Args:
+        options: of the environment.
+        threshold, release, branches: see `BeamDecider`.
+        prior: laws and their probabilities; None is `default_prior`.
+
+    Raises:
+        ArgumentError: an argument is out of range.
+    """
+
+    name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
+    colour, marker = "#8c6d00", "v"
+
+    def __init__(
+        self,
+        options: QuickestOptions,
+        threshold: float = 0.65,
+        release: float = 1.0,
+        branches: int = 64,
+        *,
+        prior: Prior | None = None,
+    ):
+        super().__init__(options, threshold, release, branches)
+        known = default_prior() if prior is None else prior
+        self.model = self.model._replace(
+            tables=_tables(known, min(options.ticks, OLDEST), options.start == "random"),
+            prior=_beliefs(known),
+            habitual=known.habitual,
+        )
+
+
+@functools.lru_cache(4)
+def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
+    """Return the tables of `beam_filters.BeamModel`, (2, ages, 2, L), which all thresholds share."""
+    first = remaining_probabilities if random_start else duration_probabilities
+    tables = np.empty((2, ages, 2, len(prior.laws)))
+    for row, probabilities in enumerate((first, duration_probabilities)):
+        laws = np.stack([probabilities(law, ages) for law in prior.laws])
+        ends = hazards(laws).T.clip(prior.floor, prior.ceiling)
+        tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
+        tables[row, :, 1] = tables[row, :, 0] * ends
+    return tables
+
+
+def _beliefs(prior: Prior) -> FloatArray:
+    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
+    shares = np.array([1.0 - prior.different, prior.different, prior.different])
+    weights = np.array(prior.weights)
+    return np.asarray(shares[:, None] * weights / weights.sum())

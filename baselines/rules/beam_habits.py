@@ -1,0 +1,153 @@
+"""What a branch of the beam learns of an object's habits: durations and order of its segments; compiled code.
+
+The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another
+for turns, independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are
+exact by Bayes' rule: a segment that ends multiplies the belief in each law by the probability of its
+duration. The filters of a branch do not depend on the laws, so that all laws share them. The next modes are
+equally likely, or they have a Dirichlet prior, whose posterior follows from counts. Branches that merge
+average their habits.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_env.core.compilation import internal
+
+SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
+NEGLIGIBLE = 1e-3  # probability of a parent whose habits are left out of a mixture
+SMALLEST = np.float32(1e-30)  # beliefs below become 0: denormal numbers are slow
+PSEUDO_COUNT = 0.5  # of each next mode, if they are not equally likely
+
+
+class Habits(NamedTuple):
+    """Habits of N tracks, S slots for each.
+
+    Attributes:
+        laws: (N, S, 3, L) joint probabilities of law and kind when the present segment began. Rows "straight"
+            and "turns" have the same sum, the probability that the two differ.
+        orders: (N, S, M, M) expected number of switches from a mode (row) to another.
+        habitual: (N, S) probability that the next modes are not equally likely.
+    """
+
+    laws: NDArray[np.float32]
+    orders: NDArray[np.float32]
+    habitual: NDArray[np.float32]
+
+
+@internal
+def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float64], habitual: float) -> None:
+    """Give the first slots of a track the prior of the laws, (3, L), and of habits."""
+    for slot in range(slots):
+        habits.laws[track, slot] = prior
+        habits.orders[track, slot] = 0.0
+        habits.habitual[track, slot] = habitual
+
+
+@internal
+def expected_hazard(
+    laws: NDArray[np.float32], turns: int, lasted: NDArray[np.float64], ended: NDArray[np.float64]
+) -> float:
+    """Return the probability that a segment ends after its present tick.
+
+    Args:
+        laws: (3, L) beliefs when the segment began.
+        turns: 1 if it is a turn.
+        lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
+    """
+    total, ends = 0.0, 0.0
+    own = laws[1 + turns]
+    for law in range(lasted.size):
+        belief = np.float64(laws[SAME, law] + own[law])
+        total += belief * lasted[law]
+        ends += belief * ended[law]
+    return min(ends / total, 1.0) if total > 0.0 else 1.0
+
+
+@internal
+def _add_posterior(
+    target: NDArray[np.float64], laws: NDArray[np.float32], weight: float, turns: int, ended: NDArray[np.float64]
+) -> None:
+    """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
+    same, own, before = 0.0, 0.0, 0.0
+    for law in range(ended.size):
+        same += laws[SAME, law] * ended[law]
+        own += laws[1 + turns, law] * ended[law]
+        before += laws[1 + turns, law]
+    if same + own <= 0.0:
+        target += weight * laws
+        return
+    scale = weight / (same + own)
+    other = scale * own / before if before > 0.0 else 0.0
+    for law in range(ended.size):
+        target[SAME, law] += scale * laws[SAME, law] * ended[law]
+        target[1 + turns, law] += scale * laws[1 + turns, law] * ended[law]
+        target[2 - turns, law] += other * laws[2 - turns, law]
+
+
+@internal
+def next_mode(habits: Habits, track: int, slot: int, mode: int, other: int) -> tuple[float, float]:
+    """Return the probability that a mode is followed by another one, and the part of it that is a habit."""
+    orders = habits.orders[track, slot]
+    total, modes = 0.0, orders.shape[0]
+    for k in range(modes):
+        total += orders[mode, k]
+    counted = (orders[mode, other] + PSEUDO_COUNT) / (total + PSEUDO_COUNT * (modes - 1))
+    habit = habits.habitual[track, slot] * counted
+    return habit + (1.0 - habits.habitual[track, slot]) / (modes - 1), habit
+
+
+@internal
+def free_slots(used: NDArray[np.int64], habits: Habits) -> NDArray[np.int64]:
+    """Return M slots of a track that none of its branches uses. used: those of its branches."""
+    taken = np.zeros(habits.laws.shape[1], np.bool_)
+    for k in range(used.size):
+        taken[used[k]] = True
+    return np.flatnonzero(~taken)[: habits.orders.shape[2]]
+
+
+@internal
+def merge_habits(
+    habits: Habits,
+    track: int,
+    slot: int,
+    mode: int,
+    weights: NDArray[np.float64],
+    slots: NDArray[np.int64],
+    modes: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    ages: NDArray[np.int64],
+    tables: NDArray[np.float64],
+) -> None:
+    """Write the habits of a branch that begins with a switch to a mode, the mixture of its parents.
+
+    Args:
+        habits: of all tracks.
+        track: index of the track.
+        slot: of the branch.
+        mode: of the branch.
+        weights: (branches,) of the parents, 0 if they are none.
+        slots, modes, rows, ages: of all branches of the track.
+        tables: as in `beam_filters.BeamModel`.
+    """
+    laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
+    least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
+    for b in range(weights.size):
+        if weights[b] > least:
+            total += weights[b]
+    for b in range(weights.size):
+        if weights[b] > least:
+            share = weights[b] / total
+            ended = tables[rows[b], min(ages[b], tables.shape[1]) - 1, 1]
+            turns = 1 if modes[b] > 0 else 0
+            _add_posterior(laws, habits.laws[track, slots[b]], share, turns, ended)
+            probability, habit = next_mode(habits, track, slots[b], modes[b], mode)
+            habitual += share * habit / probability
+            orders += share * habits.orders[track, slots[b]]
+            orders[modes[b], mode] += share
+    for row in range(3):
+        for law in range(laws.shape[1]):
+            habits.laws[track, slot, row, law] = laws[row, law] if laws[row, law] > SMALLEST else 0.0
+    habits.orders[track, slot] = orders
+    habits.habitual[track, slot] = habitual
