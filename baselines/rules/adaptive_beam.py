@@ -80,7 +80,7 @@ class AdaptiveBeamDecider(BeamDecider):
     """
 
     name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
-    colour, marker = "#8c6d00", "v"
+    colour, marker = "#0f961e", "8"
 
     def __init__(
         self,

@@ -163,7 +163,7 @@ class DefaultBeamDecider(BeamDecider):
     """The beam that always assumes the default law of the environment."""
 
     name, title, informed = "beam-default", "beam, default law", False
-    colour, marker = "#7a7a7a", "P"
+    colour, marker = "#3c000f", "*"
 
     @classmethod
     def assumed(cls, options: QuickestOptions) -> dict[str, Any]:

@@ -194,7 +194,7 @@ def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str
     """Names and parameters of the filters by label: tuned, and those of the thesis as published."""
     published = PARAMETERS[noise]
     return {
-        **{name: (name, tuned[name]) for name in CONTENDERS},
+        **{name: (name, found) for name, found in tuned.items()},
         **{tables.as_published(name): (name, published[name]) for name in THESIS},
         tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
     }

@@ -37,7 +37,7 @@ def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys
     for name in FIGURES:
         with Image.open(tmp_path / name) as image:
             assert image.width > 1000
-    assert len(list(tmp_path.glob("novospaskyi/point-mass/*.jsonl"))) == 22
+    assert len(list(tmp_path.glob("novospaskyi/point-mass/*.jsonl"))) == 23
     assert {stage for stage, _, _ in seen} == {"tuning", "test flights"}
     for stage in ("tuning", "test flights"):
         done = [state[1] for state in seen if state[0] == stage]
@@ -47,9 +47,9 @@ def test_a_small_radar_study_prints_tables_and_draws_figures(monkeypatch, capsys
 
 def check(result, cells):
     """Tables and example of a study with 6 flights and 2 seeds of the noise."""
-    assert len(cells) == 2 * (20 + 16 + 36)
+    assert len(cells) == 2 * (20 + 16 + 40)
     assert {cell["verdict"] for cell in cells} >= {"inside", "outside", "not published"}
-    assert [len(cells) for cells in result.tables.values()] == [20, 20, 16, 16, 36, 36]
+    assert [len(cells) for cells in result.tables.values()] == [20, 20, 16, 16, 40, 40]
     assert all(np.isfinite([cell.ours, cell.low, cell.high]).all() for cell in result.cells)
     published = [cell.published for cell in result.tables[TABLES["levy"]][:4]]
     assert tuple(published) == TEST_ERRORS["levy"][UNFILTERED]

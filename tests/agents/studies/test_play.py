@@ -189,7 +189,7 @@ def test_the_table_of_statements_has_a_row_for_each_segment():
         ({"out": "a.gif", "env": "CartPole-v1"}, r"^env='CartPole-v1' is not allowed"),
         ({"out": "a.gif", "env": "nowhere:Nothing-v0"}, r"^env='nowhere:Nothing-v0' is not allowed"),
         ({"out": "a.gif", "env": DECLARED, "ticks": 40}, r"^ticks=40 is not allowed"),
-        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'beam', "),
+        ({"out": "a.gif", "env": STATED, "decider": "ate"}, r"^decider='ate' .*: expected 'beam-adaptive', 'beam', "),
         ({"out": "a.gif", "env": STATED, "decider": "threshold:2"}, r"^threshold=2.0 is not allowed"),
         ({"out": "a.gif", "env": STATED, "scheme": "S5"}, r"^scheme='S5' is not allowed"),
     ],
