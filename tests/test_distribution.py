@@ -45,7 +45,7 @@ def test_without_a_url_words_remain_and_pictures_are_left_out(description):
     text = description(README, None)
     assert all(link.startswith("https://") for link in re.findall(r"\]\(([^)]+)\)", text))
     assert "![" not in text
-    assert "- Start in five minutes and the environments" in text
+    assert "- Start in five minutes, the environments, deciders" in text
 
 
 def test_the_wheel_has_the_three_packages_only():
