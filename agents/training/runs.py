@@ -8,14 +8,15 @@ from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
+from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
 from agents.training.statements import TrackRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
-    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "statements": TrackRun,
-    "flights": FlightRun,
+    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
+    "statements": TrackRun, "flights": FlightRun,
 }  # fmt: skip
 """Runs by algorithm."""
 
