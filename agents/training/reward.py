@@ -183,6 +183,8 @@ class RewardRun(OwnNetworkRun):
             possible = torch.where(rewarded[:, None], self._alike[declared], 1.0 - self._alike[declared])
             target = possible * logs[ends - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
+        if not self.settings.every_row:
+            return -(target * logs[ends - 1]).sum(-1).mean()
         return -(target[segment] * logs).sum(-1).mean()
 
     def family(self, name: str) -> DeciderFamily:

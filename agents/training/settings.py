@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
-from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import check_between, check_flag, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, two_values
 from hybrid_env.options import WorldOptions
@@ -182,13 +182,16 @@ class RewardSettings(ExploringSettings):
     Attributes:
         n_envs: tracks of a round, one episode each.
         batch_size: segments of an update.
+        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
     """
 
     n_envs: int
     batch_size: int
+    every_row: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_flag("every_row", self.every_row)
         for name in ("n_envs", "batch_size"):
             check_integer(name, getattr(self, name), maximum=LARGEST_COUNT)
 
