@@ -15,7 +15,7 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (one agent for all environments),
-    'reward' (from rewards alone, four minutes), 'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an
+    'reward' (from rewards alone, a minute), 'recurrent-ppo', 'statements' (HybridTrackQuickest-v0, half an
     hour), 'flights' (for recorded flights, without an environment, 20 minutes), three ablations
     ('ppo-zero-wait-bias', 'ppo-posteriors', 'ppo-innovations'), or a YAML file."""
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
