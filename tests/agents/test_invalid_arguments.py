@@ -32,6 +32,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--heading inf", "heading=inf"),
     ("--tau -1", "tau=-1.0"),
     ("--process-variance -1", "process_variance=-1.0"),
+    ("--object-variance -1", "object_variance=-1.0"),
     ("--measurement-variance 0", "measurement_variance=0.0"),
     ("--measurement-variance nan", "measurement_variance=nan"),
     ("--measurement-variance loud", "--measurement-variance"),
@@ -211,6 +212,7 @@ INVALID_ARGUMENTS = [
     (f"evaluate {QUICKEST} --episodes 999999999", "episodes=999999999"),
     ("evaluate threshold", "decider='threshold'"),
     (f"limits {QUICKEST} --seed 1000000000", "seed=1000000000"),
+    (f"limits {QUICKEST} --departures", "env='HybridTrackQuickest-v0'"),
     (f"limits {QUICKEST} --episodes 1", "episodes=1"),
 ]
 INVALID_ARGUMENTS += [
