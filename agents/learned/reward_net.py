@@ -13,31 +13,11 @@ from torch import Tensor, nn
 from agents.learned.statement_net import GAIN, LARGEST_INNOVATION, LOWEST_LOG, sides, turn_views
 from hybrid_env.observation import Layout
 
-HYPOTHESIS_INPUTS = (
-    "posterior of the bank",
-    "its logarithm",
-    "log-likelihood ratio",
-    "innovation along the heading",
-    "innovation across the heading",
-    "log of innovation variance over measurement variance",
-    "declared in the last segment",
-    "turn angle per tick",
-)
-"""Of straight motion, of the turn, and of the other turns, weighted by their posteriors."""
-
-TRACK_INPUTS = (
-    "ticks",
-    "their logarithm",
-    "displacement across the heading",
-    "displacement along the heading",
-    "displacement across the heading per tick",
-    "log of position variance of the anchor over R",
-    "log of its velocity variance over R",
-    "its covariance of position and velocity over R",
-    "log of the distance per tick over the deviation of a measurement",
-)
-ODD = 4, 7
-INPUTS = 3 * len(HYPOTHESIS_INPUTS) + len(TRACK_INPUTS)
+HYPOTHESIS_INPUTS = 8
+TRACK_INPUTS = 9
+ODD = 4, 7  # inputs of a hypothesis that change their sign in a mirrored trajectory
+ODD_OF_TRACK = 2, 4
+INPUTS = 3 * HYPOTHESIS_INPUTS + TRACK_INPUTS
 LIMIT = 5.0  # inputs are clipped to +-5
 SHARE = 0.2  # of the features of a row in the memory
 SMALLEST = 1e-30
@@ -65,8 +45,7 @@ def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.flo
         2.0 * posterior - 1.0, np.maximum(logs, LOWEST_LOG) / 5.0, np.maximum(ratio, -6.0) / 2.0, *innovations,
         read["log_variance"], read["previous"], turn,
     ]  # fmt: skip
-    out = turn_views(np.stack(each, -1), logs, ODD, len(TRACK_INPUTS))
-    side = sides(layout.hypotheses)[1:]
+    out = turn_views(np.stack(each, -1), logs, ODD, TRACK_INPUTS)
     across = 0.1 * read["displacement_across"]
     of_track = [
         ticks / 50.0 - 0.5, np.log(np.maximum(ticks, 1.0)) - 2.0, 3.0 * np.tanh(across / 3.0),
@@ -74,10 +53,9 @@ def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.flo
         0.5 * _log(read["anchor_xx"]), 0.5 * _log(read["anchor_vv"] * np.float32(tau * tau)) + 2.0,
         read["anchor_xv"] * np.float32(tau), 0.5 * (_log(speed * np.float32(tau)) - 0.5 * read["log_noise"]),
     ]  # fmt: skip
-    out[..., 3 * len(HYPOTHESIS_INPUTS) :] = np.stack(of_track, -1)[:, None]
-    for column, name in enumerate(TRACK_INPUTS, 3 * len(HYPOTHESIS_INPUTS)):
-        if "across" in name:
-            out[..., column] *= side
+    out[..., -TRACK_INPUTS:] = np.stack(of_track, -1)[:, None]
+    for column in ODD_OF_TRACK:
+        out[..., column - TRACK_INPUTS] *= sides(layout.hypotheses)[1:]
     return np.clip(out, -LIMIT, LIMIT), logs
 
 

@@ -12,11 +12,10 @@ number, so that a checkpoint between two rounds needs no tracks.
 """
 
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.policy_file import save_policy
@@ -33,70 +32,69 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.registration import environment_options, make_vector_env
 
 LARGEST_GRADIENT = 1.0  # norm
+SMALLEST_ALPHA = 0.003  # of the thresholds in training
+RANDOM_DECLARATIONS = 0.05  # share of the declarations
 LARGEST_ROUND = 2**22  # rows x turns of a round, whose inputs take half a gigabyte
 
 
 class Explorer(RewardDecider):
-    """The agent in training, at a random threshold in every segment."""
+    """The agent in training, which draws its decisions.
 
-    def __init__(self, net: RewardNet, world: WorldOptions, settings: RewardSettings, generator: np.random.Generator):
+    Args:
+        net: the network.
+        world: options of the environment.
+        generator: of thresholds, one for each segment, and of declarations.
+    """
+
+    def __init__(self, net: RewardNet, world: WorldOptions, generator: np.random.Generator):
         super().__init__(net, world)
-        self.settings, self.generator = settings, generator
+        self.generator = generator
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the memory and the thresholds (N,)."""
-        tracks, settings = len(observation), self.settings
+        tracks = len(observation)
         memory, alpha = state or (None, np.zeros(tracks))
         posterior, memory = self.posterior(observation, memory, episode_start)
         error, best = self.errors(observation, posterior, memory)
-        ticks, ticks_left = (self.layout.read(observation, name) for name in ("ticks", "ticks_left"))
-        drawn = np.exp(self.generator.uniform(np.log(settings.smallest_alpha), np.log(LARGEST_ALPHA), tracks))
-        alpha = np.where(ticks < 1.5, drawn, alpha)
-        replaced = self.generator.random(tracks) < settings.random_declarations
+        drawn = np.exp(self.generator.uniform(np.log(SMALLEST_ALPHA), np.log(LARGEST_ALPHA), tracks))
+        alpha = np.where(self.layout.read(observation, "ticks") < 1.5, drawn, alpha)
+        replaced = self.generator.random(tracks) < RANDOM_DECLARATIONS
         mode = np.where(replaced, self.generator.integers(self.layout.hypotheses, size=tracks), best)
-        declares = (error <= alpha) | (ticks > settings.last_tick - 0.5) | (ticks_left < 0.5)
+        declares = (error <= alpha) | (self.layout.read(observation, "ticks_left") < 0.5)
         return np.where(declares, mode + 1, 0), (memory, alpha)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         """See `RewardDecider.select_tracks`."""
         return None if state is None else (super().select_tracks(state[0], tracks), state[1][tracks])
 
+    def segments(self, env: Any, seed: int) -> tuple[Observations, IntArray, IntArray, BoolArray]:
+        """Run one episode of every track, and return its S segments up to the declaration.
 
-class Segments(NamedTuple):
-    """S segments, each from its first row to that of its declaration.
+        Args:
+            env: vector environment.
+            seed: of the first track.
 
-    Attributes:
-        rows: (n, width) of all segments.
-        declared: (S,) hypotheses.
-        rewarded: (S,) the reward of the declaration was positive.
-        ends: (S,) index of the row after the last one.
-    """
-
-    rows: NDArray[np.float32]
-    declared: IntArray
-    rewarded: BoolArray
-    ends: IntArray
-
-
-def record(env: Any, explorer: Explorer, seed: int) -> Segments:
-    """Run an explorer on one episode of every track, and return all segments; the first track has the seed."""
-    running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
-    tracks, rows, actions, rewards = [], [], [], []
-    for now in rollout(env, explorer, seed, unfinished):
-        if now.step:
-            actions.append(now.actions[running])
-            rewards.append(now.rewards[running])
-            unfinished &= ~now.terminated
-        running = np.flatnonzero(unfinished)
-        if not running.size:
-            break
-        tracks.append(running)
-        rows.append(now.observation[running])
-    order = np.argsort(np.concatenate(tracks), kind="stable")
-    declared = np.concatenate(actions)[order] - 1
-    last = np.flatnonzero(declared >= 0)
-    rewarded = np.concatenate(rewards)[order][last] + explorer.world.delay_cost > 0.0
-    return Segments(np.concatenate(rows)[order], declared[last], rewarded, last + 1)
+        Returns:
+            Rows (n, width) of all segments, and of each segment the number of rows, the declared hypothesis,
+            and whether its reward was positive, (S,).
+        """
+        running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
+        tracks, rows, actions, rewards = [], [], [], []
+        for now in rollout(env, self, seed, unfinished):
+            if now.step:
+                actions.append(now.actions[running])
+                rewards.append(now.rewards[running])
+                unfinished &= ~now.terminated
+            running = np.flatnonzero(unfinished)
+            if not running.size:
+                break
+            tracks.append(running)
+            rows.append(now.observation[running])
+        order = np.argsort(np.concatenate(tracks), kind="stable")
+        declared = np.concatenate(actions)[order] - 1
+        last = np.flatnonzero(declared >= 0)
+        rewarded = np.concatenate(rewards)[order][last] + self.world.delay_cost > 0.0
+        return np.concatenate(rows)[order], np.diff(last, prepend=-1), declared[last], rewarded
 
 
 class RewardRun(OwnNetworkRun):
@@ -118,10 +116,9 @@ class RewardRun(OwnNetworkRun):
         self.world: WorldOptions = self.env.options
         if self.world.actions != "all":
             raise reject("actions", self.world.actions, "'all' for an agent that declares hypotheses")
-        rows = self.settings.n_envs * self.world.segments * min(self.settings.last_tick, self.world.longest_segment)
+        rows = self.settings.n_envs * self.world.segments * self.world.longest_segment
         if rows * (self.world.hypotheses - 1) > LARGEST_ROUND:
-            allowed = f"n_envs x segments x last_tick x (M - 1) of at most {LARGEST_ROUND:,}"
-            raise reject("n_envs", self.settings.n_envs, allowed)
+            raise reject("n_envs", self.settings.n_envs, f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}")
         self.rounds = 0
         torch.manual_seed(self.seed)
         self.net = RewardNet(self.settings.hidden)
@@ -142,28 +139,27 @@ class RewardRun(OwnNetworkRun):
         """See `OwnNetworkRun.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
         generator = np.random.default_rng(first)
-        segments = record(self.env, Explorer(self.net, self.world, self.settings, generator), first)
-        inputs, logs = reward_inputs(segments.rows, self.world.tau)
-        begins = np.concatenate([[0], segments.ends[:-1]])
-        order, losses = generator.permutation(begins.size), []
+        rows, lengths, declared, rewarded = Explorer(self.net, self.world, generator).segments(self.env, first)
+        inputs, logs = reward_inputs(rows, self.world.tau)
+        begins = lengths.cumsum() - lengths
+        order, losses = generator.permutation(lengths.size), []
         self.set_learning_rate()
-        for start in range(0, begins.size, self.settings.batch_size):
+        for start in range(0, lengths.size, self.settings.batch_size):
             chosen = order[start : start + self.settings.batch_size]
-            lengths = (segments.ends - begins)[chosen]
-            rows = np.repeat(segments.ends[chosen] - lengths.cumsum(), lengths) + np.arange(lengths.sum())
-            loss = self.loss(
-                torch.from_numpy(inputs[rows]), torch.from_numpy(logs[rows]), torch.from_numpy(lengths),
-                torch.from_numpy(segments.declared[chosen]), torch.from_numpy(segments.rewarded[chosen]),
-            )  # fmt: skip
+            some = np.concatenate(
+                [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
+            )
+            parts = inputs[some], logs[some], lengths[chosen], declared[chosen], rewarded[chosen]
+            loss = self.loss(*map(torch.from_numpy, parts))
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
             nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
             self.optimizer.step()
             losses.append(float(loss.detach()))
         self.rounds += 1
-        steps, ticks = len(segments.rows), float(np.mean(segments.ends - begins))
-        reward = 2.0 * float(segments.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
-        return steps, reward, ticks, {"cross_entropy": float(np.mean(losses))}
+        ticks = float(lengths.mean())
+        reward = 2.0 * float(rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
+        return len(rows), reward, ticks, {"cross_entropy": float(np.mean(losses))}
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
@@ -171,7 +167,7 @@ class RewardRun(OwnNetworkRun):
         Args:
             inputs, logs: (n, M - 1, 33) and (n, M) of the rows of all segments, see `reward_inputs`.
             lengths: (S,) rows of the segments.
-            declared, rewarded: (S,) see `Segments`.
+            declared, rewarded: (S,) see `Explorer.segments`.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)

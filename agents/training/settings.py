@@ -145,10 +145,12 @@ class DrawnWorlds:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExploringSettings:
-    """Hyper-parameters of an agent of this package that declares in training; base class.
+class AnchorSettings:
+    """Hyper-parameters of the anchor agent.
 
     Attributes:
+        worlds: environments that it is trained in at the same time.
+        n_steps: ticks between updates.
         hidden: units of each hidden layer.
         learning_rate: constant, or "lin_" and the initial value for linear decay.
         smallest_alpha: smallest error probability at which a track declares. The threshold of a track is
@@ -157,52 +159,6 @@ class ExploringSettings:
         random_declarations: probability that a declaration is replaced by a random hypothesis. Anchors after
             a wrong decision are rare under a good policy; without such training, decisions from them take
             three times as long.
-    """
-
-    hidden: int
-    learning_rate: str | float
-    smallest_alpha: float
-    last_tick: int
-    random_declarations: float
-
-    def __post_init__(self) -> None:
-        check_integer("hidden", self.hidden, maximum=LARGEST_HIDDEN)
-        check_integer("last_tick", self.last_tick, maximum=10**6)
-        learning_rate_schedule(self.learning_rate)
-        if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
-            raise reject("smallest_alpha", self.smallest_alpha, f"a number between 0 and {LARGEST_ALPHA}")
-        if not 0.0 <= check_number("random_declarations", self.random_declarations) < 1.0:
-            raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RewardSettings(ExploringSettings):
-    """Hyper-parameters of the agent that learns from rewards alone.
-
-    Attributes:
-        n_envs: tracks of a round, one episode each.
-        batch_size: segments of an update.
-        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
-    """
-
-    n_envs: int
-    batch_size: int
-    every_row: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_flag("every_row", self.every_row)
-        for name in ("n_envs", "batch_size"):
-            check_integer(name, getattr(self, name), maximum=LARGEST_COUNT)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AnchorSettings(ExploringSettings):
-    """Hyper-parameters of the anchor agent.
-
-    Attributes:
-        worlds: environments that it is trained in at the same time.
-        n_steps: ticks between updates.
         drawn_worlds: random environments besides `worlds`.
         updates_per_world: updates after which the random environments are drawn anew.
         buffer_size: number of the last anchors, and of the last declarations, that samples are drawn from.
@@ -212,6 +168,11 @@ class AnchorSettings(ExploringSettings):
 
     worlds: tuple[TrainingWorld, ...]
     n_steps: int
+    hidden: int
+    learning_rate: str | float
+    smallest_alpha: float
+    last_tick: int
+    random_declarations: float
     drawn_worlds: tuple[DrawnWorlds, ...] = ()
     updates_per_world: int = 32
     buffer_size: int = 50_000
@@ -219,9 +180,9 @@ class AnchorSettings(ExploringSettings):
     batch_size: int = 1024
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         limits = {
-            "n_steps": 10_000, "updates_per_world": 10**6, "buffer_size": 10**6, "batches": 1000, "batch_size": 10**5,
+            "n_steps": 10_000, "hidden": LARGEST_HIDDEN, "last_tick": 10**6, "updates_per_world": 10**6,
+            "buffer_size": 10**6, "batches": 1000, "batch_size": 10**5,
         }  # fmt: skip
         for name, largest in limits.items():
             check_integer(name, getattr(self, name), maximum=largest)
@@ -234,6 +195,36 @@ class AnchorSettings(ExploringSettings):
         if self.n_steps * tracks > LARGEST_UNROLLING:
             allowed = f"n_steps x hypotheses of all tracks of at most {LARGEST_UNROLLING:,}"
             raise reject("n_steps", self.n_steps, allowed)
+        learning_rate_schedule(self.learning_rate)
+        if not 0.0 < check_number("smallest_alpha", self.smallest_alpha) < LARGEST_ALPHA:
+            raise reject("smallest_alpha", self.smallest_alpha, f"a number between 0 and {LARGEST_ALPHA}")
+        if not 0.0 <= check_number("random_declarations", self.random_declarations) < 1.0:
+            raise reject("random_declarations", self.random_declarations, "a number >= 0 and < 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardSettings:
+    """Hyper-parameters of the agent that learns from rewards alone.
+
+    Attributes:
+        n_envs: tracks of a round, one episode each.
+        batch_size: segments of an update.
+        hidden: units of each layer.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
+    """
+
+    n_envs: int
+    batch_size: int
+    hidden: int
+    learning_rate: str | float
+    every_row: bool = True
+
+    def __post_init__(self) -> None:
+        for name, largest in {"n_envs": LARGEST_COUNT, "batch_size": LARGEST_COUNT, "hidden": LARGEST_HIDDEN}.items():
+            check_integer(name, getattr(self, name), maximum=largest)
+        learning_rate_schedule(self.learning_rate)
+        check_flag("every_row", self.every_row)
 
 
 @dataclass(frozen=True, kw_only=True)

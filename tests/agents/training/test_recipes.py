@@ -39,8 +39,8 @@ INVALID = {
         ("drawn_worlds", [{"radii": 1}]), ("drawn_worlds", [{"radii": 900, "worlds": 900, "n_envs": 900}]),
     ],
     "reward": [
-        ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("last_tick", 0),
-        ("smallest_alpha", 0.0), ("random_declarations", 1.0), ("learning_rate", 2.0),
+        ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0),
+        ("every_row", 1),
     ],
     "statements": [
         ("durations", []), ("durations", ["normal 3"]), ("durations", "uniform 5-20"), ("n_envs", 0),

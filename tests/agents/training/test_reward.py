@@ -7,8 +7,8 @@ from small_training import small_run
 
 from agents.learned.reward_decider import RewardDecider
 from agents.learned.reward_net import RewardNet, reward_inputs
+from agents.training import reward
 from agents.training.recipe import load_recipe
-from agents.training.reward import Explorer, record
 from agents.training.runs import make_run
 from baselines import MSPRTDecider
 from baselines.rules.msprt import mode_types
@@ -30,29 +30,28 @@ def test_training_for_seconds_earns_more_than_the_bank_it_starts_from():
 
 
 @pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0), "correctness": "type"}])
-def test_segments_hold_what_the_agent_saw_and_one_reward_each(options):
-    run = make_run(ENV, options, load_recipe("reward", ENV, ("n_envs=6", "hidden=8", "random_declarations=0.5")))
+def test_the_loss_of_whole_segments_is_that_of_one_row_after_the_other(options, monkeypatch):
+    monkeypatch.setattr(reward, "RANDOM_DECLARATIONS", 0.5)
+    run = make_run(ENV, options, load_recipe("reward", ENV, ("n_envs=6", "hidden=8")))
     torch.nn.init.normal_(run.net.output.weight, std=0.5)
-    explorer = Explorer(run.net, run.world, run.settings, np.random.default_rng(1))
-    segments = record(run.env, explorer, 5)
-    assert len(segments.declared) == 6 * run.world.segments
-    ticks = Layout.of_rows(segments.rows).read(segments.rows, "ticks").round()
-    lengths = np.diff(segments.ends, prepend=0)
+    explorer = reward.Explorer(run.net, run.world, np.random.default_rng(1))
+    rows, lengths, declared, rewarded = explorer.segments(run.env, 5)
+    assert len(declared) == 6 * run.world.segments
+    ticks = Layout.of_rows(rows).read(rows, "ticks").round()
     np.testing.assert_array_equal(ticks, np.concatenate([np.arange(n) + 1 for n in lengths]))
-    assert 0.4 < segments.rewarded.mean() < 0.95
-    # the probabilities of whole segments, as in training, equal those of one row after the other
-    inputs, logs = map(torch.from_numpy, reward_inputs(segments.rows, run.world.tau))
+    assert 0.4 < rewarded.mean() < 0.95
     state, losses = None, []
-    for k, end in enumerate(segments.ends):
-        for row in segments.rows[end - lengths[k] : end]:
+    for k, end in enumerate(lengths.cumsum()):
+        for row in rows[end - lengths[k] : end]:
             posterior, state = explorer.posterior(row[None], state, None)
             losses.append(posterior[0])
         kinds = mode_types(posterior.size) if options else np.arange(posterior.size)
-        rewarded = kinds == kinds[segments.declared[k]]
-        target = np.maximum(posterior[0], 1e-9) * (rewarded == segments.rewarded[k])
+        possible = (kinds == kinds[declared[k]]) == rewarded[k]
+        target = np.maximum(posterior[0], 1e-9) * possible
         losses[-lengths[k] :] = [-(target / target.sum()) @ np.log(p) for p in losses[-lengths[k] :]]
-    arrays = (torch.from_numpy(part) for part in (lengths, segments.declared, segments.rewarded))
-    np.testing.assert_allclose(float(run.loss(inputs, logs, *arrays).detach()), np.mean(losses), rtol=1e-4)
+    parts = *reward_inputs(rows, run.world.tau), lengths, declared, rewarded
+    loss = run.loss(*map(torch.from_numpy, parts))
+    np.testing.assert_allclose(float(loss.detach()), np.mean(losses), rtol=1e-4)
 
 
 def test_only_the_last_row_learns_without_every_row():
