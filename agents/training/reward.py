@@ -2,12 +2,11 @@
 
 A segment is a short stopping problem whose last reward is known at once. Of the environment the agent knows what
 its documentation says: the sign of the reward does not depend on the tick of the declaration, and one
-hypothesis, or type, of a segment is rewarded. So the sign of the one reward of a segment teaches all its rows: a
-rewarded declaration names the hypothesis, another one excludes it, and the network's own probabilities after the
-last row divide what is left, as in temporal-difference learning with lambda = 1. Nothing else is read: no true
-mode, and no estimate.
+hypothesis, or type, of a segment is rewarded. The reward of a segment therefore teaches all its rows: a rewarded
+declaration names the hypothesis, another one excludes it, and the probabilities of the network at the last row
+say how likely each of the others is. Nothing else is read: neither the true mode nor an estimate.
 
-The agent declares at random thresholds and at times at random. A round of whole episodes is determined by its
+In training the thresholds are drawn, and so are some declarations. A round of whole episodes is determined by its
 number, so that a checkpoint between two rounds needs no tracks.
 """
 
