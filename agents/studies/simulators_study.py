@@ -63,10 +63,12 @@ def mismatch_figure(results: Sequence[Shift], mismatches: Mapping[str, float]) -
     curves = []
     for (kind, craft), style in zip(AIRCRAFT.items(), FURTHER_STYLES, strict=False):
         worlds = sorted((world for world in gains if world.startswith(kind)), key=lambda world: mismatches[world])
+        if not worlds:
+            continue
         nominal = [gains[world][2] for world in worlds]
         bars = np.array([[one.value - one.low, one.high - one.value] for one in nominal]).T
         points = [mismatches[world] for world in worlds], [one.value for one in nominal]
-        curves.append(Curve(f"{kind} ({craft.name})", style, *points, bars=bars, dashes="none", filled=True))
+        curves.append(Curve(f"{kind} ({craft.name})", style, *points, bars=bars, dashes=":", filled=True))
     x = Axis("mean squared whitened innovation of a coordinate (1: the model is true)", levels=(1.0,))
     y = Axis("reward less that of the best tuned rule", levels=(0.0, -ALLOWED))
     title = f"{results[0].decider} on aircraft of JSBSim"
