@@ -42,6 +42,8 @@ def test_command_compares_in_every_world(tmp_path, monkeypatch, capsys):
     shipped = found["results"][0]
     assert shipped["reward"] == shipped["nominal_reward"] > 0.2
     assert found["worlds"] == 2
+    assert all(0.7 < found["mismatches"][name] < 1.1 for name in few)
+    assert (tmp_path / "simulators.png").exists()
     assert "by Holm's" in " ".join(capsys.readouterr().out.split())
 
 
