@@ -49,6 +49,7 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "flights": ("flight_decider", "FlightAgent"), "reward": ("reward_decider", "RewardDecider"),
+    "tandem": ("tandem_decider", "TandemDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

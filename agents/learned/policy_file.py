@@ -22,7 +22,7 @@ WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
-    "reward": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,),
+    "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 

@@ -1,10 +1,9 @@
 """The network that has learned from rewards alone, as a decider."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.reward_net import RewardNet, reward_inputs
@@ -20,15 +19,13 @@ class RewardDecider(PosteriorDecider):
     """
 
     default = 0.03
-    network = RewardNet
+    network: ClassVar[Any] = RewardNet
     label = "learned from rewards"
 
     @torch.no_grad()
-    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Tensor]:
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, Any]:
         """See `PosteriorDecider.posterior`."""
-        rows = np.asarray(observation, np.float32)
-        if rows.ndim != 2 or rows.shape[1] != self.layout.width:
-            raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
+        rows = self.checked(observation)
         inputs, logs = (torch.from_numpy(part) for part in reward_inputs(rows, self.world.tau))
         memory = self.net.features(inputs)
         if state is not None:
@@ -36,12 +33,19 @@ class RewardDecider(PosteriorDecider):
             memory = memory + torch.where(goes_on[:, None, None], state, 0.0)
         return self.net(inputs, memory, logs).double().exp().numpy(), memory
 
+    def checked(self, observation: Observations) -> Observations:
+        """Return the rows (N, width), checked."""
+        rows = np.asarray(observation, np.float32)
+        if rows.ndim != 2 or rows.shape[1] != self.layout.width:
+            raise reject("observation shape", rows.shape, f"(N, {self.layout.width})")
+        return rows
+
     def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
         """See `PosteriorDecider.errors`."""
         values = posterior_of(posterior, self.by_type)
         largest = values.max(-1, keepdims=True)
         return 1.0 - largest[:, 0], np.where(values == largest, posterior, -1.0).argmax(-1)
 
-    def select_tracks(self, state: Tensor | None, tracks: BoolArray) -> Tensor | None:
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         """Return the memory of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
         return None if state is None else state[torch.from_numpy(tracks)]

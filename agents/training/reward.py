@@ -10,20 +10,22 @@ In training the thresholds are drawn, and so are some declarations. A round of w
 number, so that a checkpoint between two rounds needs no tracks.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.learned.policy_file import save_policy
 from agents.learned.reward_decider import RewardDecider
-from agents.learned.reward_net import RewardNet, reward_inputs
+from agents.learned.reward_net import reward_inputs
 from agents.training.run import OwnNetworkRun, Round
-from agents.training.settings import LARGEST_ALPHA, RewardSettings
+from agents.training.settings import LARGEST_ALPHA, RewardSettings, SegmentSettings
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, Actions, DeciderFamily, Observations
+from baselines.rules.decider import ANNOUNCED, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import BoolArray, IntArray, check_integer, reject
@@ -36,25 +38,24 @@ RANDOM_DECLARATIONS = 0.05  # share of the declarations
 LARGEST_ROUND = 2**22  # rows x turns of a round, whose inputs take half a gigabyte
 
 
-class Explorer(RewardDecider):
-    """The agent in training, which draws its decisions.
+class Explorer(Decider):
+    """An agent in training, which draws its decisions.
 
     Args:
-        net: the network.
-        world: options of the environment.
+        agent: in training.
         generator: of thresholds, one for each segment, and of declarations.
     """
 
-    def __init__(self, net: RewardNet, world: WorldOptions, generator: np.random.Generator):
-        super().__init__(net, world)
-        self.generator = generator
+    def __init__(self, agent: RewardDecider, generator: np.random.Generator):
+        self.agent, self.generator = agent, generator
+        self.layout = agent.layout
 
     def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is the memory and the thresholds (N,)."""
         tracks = len(observation)
         memory, alpha = state or (None, np.zeros(tracks))
-        posterior, memory = self.posterior(observation, memory, episode_start)
-        error, best = self.errors(observation, posterior, memory)
+        posterior, memory = self.agent.posterior(observation, memory, episode_start)
+        error, best = self.agent.errors(observation, posterior, memory)
         drawn = np.exp(self.generator.uniform(np.log(SMALLEST_ALPHA), np.log(LARGEST_ALPHA), tracks))
         alpha = np.where(self.layout.read(observation, "ticks") < 1.5, drawn, alpha)
         replaced = self.generator.random(tracks) < RANDOM_DECLARATIONS
@@ -63,26 +64,24 @@ class Explorer(RewardDecider):
         return np.where(declares, mode + 1, 0), (memory, alpha)
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
-        """See `RewardDecider.select_tracks`."""
-        return None if state is None else (super().select_tracks(state[0], tracks), state[1][tracks])
+        """See `Decider.select_tracks`."""
+        return None if state is None else (self.agent.select_tracks(state[0], tracks), state[1][tracks])
 
-    def segments(self, env: Any, seed: int) -> tuple[Observations, IntArray, IntArray, BoolArray]:
-        """Run one episode of every track, and return its S segments up to the declaration.
+    def segments(self, env: Any, seed: int) -> "Segments":
+        """Run one episode of every track, and return its segments up to the declaration.
 
         Args:
             env: vector environment.
             seed: of the first track.
-
-        Returns:
-            Rows (n, width) of all segments, and of each segment the number of rows, the declared hypothesis,
-            and whether its reward was positive, (S,).
         """
         running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
-        tracks, rows, actions, rewards = [], [], [], []
+        tracks, rows, actions, rewards, modes = [], [], [], [], []
+        nothing = np.zeros(env.num_envs, np.int64)
         for now in rollout(env, self, seed, unfinished):
             if now.step:
                 actions.append(now.actions[running])
                 rewards.append(now.rewards[running])
+                modes.append(now.info.get("decided_true_mode", nothing)[running])  # missing if nobody decided
                 unfinished &= ~now.terminated
             running = np.flatnonzero(unfinished)
             if not running.size:
@@ -92,8 +91,29 @@ class Explorer(RewardDecider):
         order = np.argsort(np.concatenate(tracks), kind="stable")
         declared = np.concatenate(actions)[order] - 1
         last = np.flatnonzero(declared >= 0)
-        rewarded = np.concatenate(rewards)[order][last] + self.world.delay_cost > 0.0
-        return np.concatenate(rows)[order], np.diff(last, prepend=-1), declared[last], rewarded
+        rewarded = np.concatenate(rewards)[order][last] + self.agent.world.delay_cost > 0.0
+        return Segments(
+            np.concatenate(rows)[order], np.diff(last, prepend=-1), declared[last], rewarded,
+            np.concatenate(modes)[order][last],
+        )  # fmt: skip
+
+
+class Segments(NamedTuple):
+    """Segments up to their declarations.
+
+    Attributes:
+        rows: (n, width) of all S segments.
+        lengths: (S,) number of rows.
+        declared: (S,) hypothesis.
+        rewarded: (S,) whether the reward of the declaration was positive.
+        modes: (S,) true mode, which an agent that learns from rewards alone does not read.
+    """
+
+    rows: Observations
+    lengths: IntArray
+    declared: IntArray
+    rewarded: BoolArray
+    modes: IntArray
 
 
 class RewardRun(OwnNetworkRun):
@@ -104,10 +124,13 @@ class RewardRun(OwnNetworkRun):
     """
 
     smallest_factor: ClassVar[float] = 0.01
+    decider: ClassVar[type[RewardDecider]] = RewardDecider
+    measure: ClassVar[str] = "cross_entropy"
+    """Name of the loss in the metrics."""
 
     def build(self) -> None:
         """Create network, optimizer and environment."""
-        assert isinstance(self.recipe.settings, RewardSettings)
+        assert isinstance(self.recipe.settings, SegmentSettings)
         self.settings = self.recipe.settings
         if environment_options(self.env_id) is not WorldOptions:
             raise reject("env", self.env_id, "an environment in which hypotheses are declared")
@@ -120,7 +143,7 @@ class RewardRun(OwnNetworkRun):
             raise reject("n_envs", self.settings.n_envs, f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}")
         self.rounds = 0
         torch.manual_seed(self.seed)
-        self.net = RewardNet(self.settings.hidden)
+        self.net: Any = self.decider.network(self.settings.hidden)
         self.start(self.net, self.settings.learning_rate)
         modes = np.arange(self.world.hypotheses)
         kinds = mode_types(modes.size) if self.world.correctness == "type" else modes
@@ -138,8 +161,10 @@ class RewardRun(OwnNetworkRun):
         """See `OwnNetworkRun.train_round`."""
         first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
         generator = np.random.default_rng(first)
-        rows, lengths, declared, rewarded = Explorer(self.net, self.world, generator).segments(self.env, first)
-        inputs, logs = reward_inputs(rows, self.world.tau)
+        explorer = Explorer(self.decider(self.net, self.world), generator)
+        found = explorer.segments(self.env, first)
+        lengths, labels = found.lengths, self.labels(found)
+        inputs, logs = reward_inputs(found.rows, self.world.tau)
         begins = lengths.cumsum() - lengths
         order, losses = generator.permutation(lengths.size), []
         self.set_learning_rate()
@@ -148,7 +173,7 @@ class RewardRun(OwnNetworkRun):
             some = np.concatenate(
                 [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
             )
-            parts = inputs[some], logs[some], lengths[chosen], declared[chosen], rewarded[chosen]
+            parts = inputs[some], logs[some], lengths[chosen], *(label[chosen] for label in labels)
             loss = self.loss(*map(torch.from_numpy, parts))
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
@@ -157,8 +182,12 @@ class RewardRun(OwnNetworkRun):
             losses.append(float(loss.detach()))
         self.rounds += 1
         ticks = float(lengths.mean())
-        reward = 2.0 * float(rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
-        return len(rows), reward, ticks, {"cross_entropy": float(np.mean(losses))}
+        reward = 2.0 * float(found.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
+        return len(found.rows), reward, ticks, {self.measure: float(np.mean(losses))}
+
+    def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
+        """Return what the loss needs of each segment, arrays (S,)."""
+        return found.declared, found.rewarded
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
@@ -166,7 +195,7 @@ class RewardRun(OwnNetworkRun):
         Args:
             inputs, logs: (n, M - 1, 33) and (n, M) of the rows of all segments, see `reward_inputs`.
             lengths: (S,) rows of the segments.
-            declared, rewarded: (S,) see `Explorer.segments`.
+            declared, rewarded: (S,) see `Segments`.
         """
         segment = torch.arange(len(lengths)).repeat_interleave(lengths)
         ends = lengths.cumsum(0)
@@ -178,13 +207,14 @@ class RewardRun(OwnNetworkRun):
             possible = torch.where(rewarded[:, None], self._alike[declared], 1.0 - self._alike[declared])
             target = possible * logs[ends - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
+        assert isinstance(self.settings, RewardSettings)
         if not self.settings.every_row:
             return -(target * logs[ends - 1]).sum(-1).mean()
         return -(target[segment] * logs).sum(-1).mean()
 
     def family(self, name: str) -> DeciderFamily:
         """Return the current agent as a family of deciders for the environment of the run."""
-        return RewardDecider.trained(name, self.net, self.world)
+        return self.decider.trained(name, self.net, self.world)
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """Write weights and card of the current agent."""

@@ -12,11 +12,12 @@ from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
 from agents.training.statements import TrackRun
+from agents.training.tandem import TandemRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
-    "statements": TrackRun, "flights": FlightRun,
+    "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun,
 }  # fmt: skip
 """Runs by algorithm."""
 

@@ -203,27 +203,39 @@ class AnchorSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RewardSettings:
-    """Hyper-parameters of the agent that learns from rewards alone.
+class SegmentSettings:
+    """Hyper-parameters of an agent that is trained on whole segments, such as MSPRT-TANDEM.
 
     Attributes:
         n_envs: tracks of a round, one episode each.
         batch_size: segments of an update.
         hidden: units of each layer.
         learning_rate: constant, or "lin_" and the initial value for linear decay.
-        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
     """
 
     n_envs: int
     batch_size: int
     hidden: int
     learning_rate: str | float
-    every_row: bool = True
 
     def __post_init__(self) -> None:
         for name, largest in {"n_envs": LARGEST_COUNT, "batch_size": LARGEST_COUNT, "hidden": LARGEST_HIDDEN}.items():
             check_integer(name, getattr(self, name), maximum=largest)
         learning_rate_schedule(self.learning_rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardSettings(SegmentSettings):
+    """Hyper-parameters of the agent that learns from rewards alone.
+
+    Attributes:
+        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
+    """
+
+    every_row: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         check_flag("every_row", self.every_row)
 
 
@@ -327,8 +339,8 @@ class FlightSettings(ExpectedRewardSettings):
             raise reject("change_cost", self.change_cost, f"a number from 0 to {LARGEST_FACTOR:g}")
 
 
-Settings = PPOSettings | AnchorSettings | RewardSettings | StatementSettings | FlightSettings
+Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings,
-    "reward": RewardSettings, "statements": StatementSettings, "flights": FlightSettings,
+    "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings, "flights": FlightSettings,
 }  # fmt: skip

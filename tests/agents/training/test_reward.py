@@ -34,8 +34,8 @@ def test_the_loss_of_whole_segments_is_that_of_one_row_after_the_other(options, 
     monkeypatch.setattr(reward, "RANDOM_DECLARATIONS", 0.5)
     run = make_run(ENV, options, load_recipe("reward", ENV, ("n_envs=6", "hidden=8")))
     torch.nn.init.normal_(run.net.output.weight, std=0.5)
-    explorer = reward.Explorer(run.net, run.world, np.random.default_rng(1))
-    rows, lengths, declared, rewarded = explorer.segments(run.env, 5)
+    agent = RewardDecider(run.net, run.world)
+    rows, lengths, declared, rewarded, _ = reward.Explorer(agent, np.random.default_rng(1)).segments(run.env, 5)
     assert len(declared) == 6 * run.world.segments
     ticks = Layout.of_rows(rows).read(rows, "ticks").round()
     np.testing.assert_array_equal(ticks, np.concatenate([np.arange(n) + 1 for n in lengths]))
@@ -43,7 +43,7 @@ def test_the_loss_of_whole_segments_is_that_of_one_row_after_the_other(options, 
     state, losses = None, []
     for k, end in enumerate(lengths.cumsum()):
         for row in rows[end - lengths[k] : end]:
-            posterior, state = explorer.posterior(row[None], state, None)
+            posterior, state = agent.posterior(row[None], state, None)
             losses.append(posterior[0])
         kinds = mode_types(posterior.size) if options else np.arange(posterior.size)
         possible = (kinds == kinds[declared[k]]) == rewarded[k]
