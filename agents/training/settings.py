@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
 from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
@@ -282,15 +282,17 @@ class FlightSettings(ExpectedRewardSettings):
             for this time [s]. It is in proportion to the scored time of the position.
     """
 
-    flights: tuple[int, int, int, int]
+    flights: tuple[int, ...]
     rows: int
     passes: int
     change_cost: float
 
+    groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != 4:
-            raise reject("flights", self.flights, "four numbers of flights, of the tiers A to D")
+        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != len(self.groups):
+            raise reject("flights", self.flights, f"a list of the numbers of flights of {', '.join(self.groups)}")
         for count in self.flights:
             check_integer("flights", count, maximum=LARGEST_COUNT)
         object.__setattr__(self, "flights", tuple(self.flights))
@@ -302,8 +304,15 @@ class FlightSettings(ExpectedRewardSettings):
             raise reject("change_cost", self.change_cost, f"a number from 0 to {LARGEST_FACTOR:g}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class GliderSettings(FlightSettings):
+    """Those of the agent for gliders, with one number of flights of a round."""
+
+    groups = ("gliders",)
+
+
 Settings = PPOSettings | AnchorSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings,
-    "statements": StatementSettings, "flights": FlightSettings,
+    "statements": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
 }  # fmt: skip
