@@ -16,7 +16,7 @@ class GliderRun(FlightRun):
     """A training run on simulated flights of gliders; see `StatementRun`. Labels are those of both rules."""
 
     decider_class = GliderAgent
-    next_command = "hybridtrack compare --gliders --deciders imm-climb"
+    next_command = "hybridtrack compare --gliders --source igc-xc-score-1.8.0.tgz --deciders imm-climb"
     early = 4.0
     simulation: ClassVar[dict[str, Any]] = dict(RANGES)
 
