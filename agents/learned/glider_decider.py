@@ -30,7 +30,8 @@ class GliderAgent(FlightAgent, SeveralThresholds):
     model = GliderClimb.models[1]
     grid = tuple(
         product(
-            (-2.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), (-6.0, -4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
+            (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0),
+            (-8.0, -6.0, -4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0),
         )
     )
     """Settings to select from."""

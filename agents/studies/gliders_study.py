@@ -126,11 +126,12 @@ def compare_on_gliders(
     note("simulated flights")
     generator = np.random.default_rng(SIMULATED_SEED)
     copies = [simulate_glider(SIMULATED_TIME, generator) for _ in range(SIMULATED)]
-    copied, by_level = label_gliders(copies), [{k: {} for k in LEVELS} for _ in range(3)]  # type: ignore[var-annotated]
-    is_open = np.flatnonzero(of != SEALED)
-    both = samples(*([values[k] for k in is_open] for values in (flights, labels))), samples(copies, copied)
-    gap = {name: (percentiles(both[0][name]), percentiles(both[1][name])) for name in both[0]}
-    result = GliderComparison(flights, labels, *by_level[:2], {}, by_level[2], gap)
+    copied, rows = label_gliders(copies), np.flatnonzero(of != SEALED)
+    real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
+    gap = {name: (percentiles(values), percentiles(made[name])) for name, values in real.items()}
+    result = GliderComparison(
+        flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {}, {k: {} for k in LEVELS}, gap
+    )
     for name, settings in every.items():
         note(glider_rule(name).title)
         told = glider_statements(flights, settings)

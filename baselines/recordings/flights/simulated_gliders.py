@@ -126,9 +126,9 @@ def _plan(world: World, seconds: float, generator: np.random.Generator) -> tuple
     gaps[0] *= generator.uniform()
     at_once = generator.uniform(size=n) < AT_ONCE
     sides = np.cumprod(np.where(at_once, -1.0, generator.choice([-1.0, 1.0], n)))
+    sizes = np.asarray(sides * world["rate"] * np.exp(0.2 * generator.standard_normal(n)))
     circles = one_after_the_other(
-        np.where(at_once, generator.uniform(0.0, 4.0, n), gaps), drawn(8.0, world["circling"]),
-        sides * world["rate"] * np.exp(0.2 * generator.standard_normal(n)),
+        np.where(at_once, generator.uniform(0.0, 4.0, n), gaps), drawn(8.0, world["circling"]), sizes,
         world["roll_in"] * drawn(0.6, 1.6), world["roll_out"] * drawn(0.5, 2.0),
     )  # fmt: skip
     angles, rates = np.minimum(5.0 * np.exp(generator.exponential(0.8, n)), 330.0), drawn(7.0, 35.0)
@@ -137,7 +137,7 @@ def _plan(world: World, seconds: float, generator: np.random.Generator) -> tuple
         drawn(0.5, 3.0), drawn(0.5, 3.0),
     )  # fmt: skip
     dips = one_after_the_other(
-        generator.exponential(world["dip_gap"], n), drawn(1.0, 9.0), generator.uniform(0.5, 1.4, n),
+        generator.exponential(world["dip_gap"], n), drawn(1.0, 9.0), np.asarray(generator.uniform(0.5, 1.4, n)),
         drawn(1.0, 3.0), drawn(1.0, 3.0),
     )  # fmt: skip
     return circles, wiggles, dips
