@@ -14,7 +14,7 @@ from baselines.recordings.flights.labels import Labels
 from baselines.rules.circling import GliderImm
 from hybrid_env.checks import FloatArray
 
-SHARES = (5.0, 50.0, 95.0, 99.0)  # percentiles
+SHARES = (5.0, 50.0, 95.0)  # percentiles
 SLOWEST_WIGGLE, SMALLEST_WIGGLE = np.radians(1.0), 10.0  # turn rate [rad/s] and angle [deg]
 INNER = 3  # positions of circles that are left out at either end
 

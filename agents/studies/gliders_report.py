@@ -20,7 +20,7 @@ from baselines.scoring.estimates import Estimate
 
 SHOWN = 600.0  # time in the picture [s]
 NOTE = (
-    "Second lines: 95 % interval, flights drawn with replacement.\n"
+    "Second lines: 95 % interval, flights drawn with replacement. Less first: points of agreement.\n"
     "Settings: the best agreement on the other half with as few false changes there.\n"
     "Enter, leave: mean time from a change of the label to the first right statement.\n"
     "Misses: the next change of the label came first. Simul.: agreement on simulated flights."
@@ -41,7 +41,7 @@ def _table(result: GliderComparison, group: str, level: float) -> Table:
         cells.append("" if less is None else bounds_cell(less, 1, 100.0))
         cells.append(f"{100.0 * float(result.simulated[level][name].curve(STATISTICS['agreement'])[0]):.1f}")
         lines.append((escape(glider_rule(name).title), *cells))
-    heads = ("decider", *(metric.head for metric in METRICS), f"less {lines[0][0]}\npoints", "simul.\n%")
+    heads = ("decider", *(metric.head for metric in METRICS), "less\nfirst", "simul.\n%")
     title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
     return filled_table(title, heads, lines, NOTE if level == LEVELS[-1] else "")
 

@@ -128,7 +128,8 @@ def compare_on_gliders(
     copies = [simulate_glider(SIMULATED_TIME, generator) for _ in range(SIMULATED)]
     copied, rows = label_gliders(copies), np.flatnonzero(of != SEALED)
     real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
-    gap = {name: (percentiles(values), percentiles(made[name])) for name, values in real.items()}
+    known = [name for name, values in real.items() if values.size and made[name].size]
+    gap = {name: (percentiles(real[name]), percentiles(made[name])) for name in known}
     result = GliderComparison(
         flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {}, {k: {} for k in LEVELS}, gap
     )
@@ -170,12 +171,13 @@ def default_names() -> tuple[str, ...]:
 
 def current_seal() -> dict[str, Any]:
     """Return the digests of what labels and rules are computed with, and of the agent."""
-    code = {name: Path(str(file.__file__)).read_bytes() for name, file in FROZEN.items()}
-    digests = {name: sha256(content).hexdigest() for name, content in code.items()}
-    weights = {
-        one.name: sha256(one.read_bytes()).hexdigest() for one in policy_folder(SHIPPED, GLIDERS).glob("policy.*")
-    }
-    return {"code": digests | {"libigc": version("libigc")}, "weights": weights}
+    weights, files = policy_folder(SHIPPED, GLIDERS), {name: Path(str(one.__file__)) for name, one in FROZEN.items()}
+    files |= {name: weights.parent / f"{name}_decider.py" for name in ("flight", "glider")}  # importing loads PyTorch
+    code, shipped = (
+        {name: sha256(file.read_bytes()).hexdigest() for name, file in some.items()}
+        for some in (files, {file.name: file for file in sorted(weights.glob("policy.*"))})
+    )
+    return {"code": code | {"libigc": version("libigc")}, "weights": shipped}
 
 
 def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:
