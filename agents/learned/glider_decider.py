@@ -28,12 +28,7 @@ class GliderAgent(FlightAgent, SeveralThresholds):
     task = GLIDERS
     inputs = INPUTS + 1
     model = GliderClimb.models[1]
-    grid = tuple(
-        product(
-            (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0),
-            (-8.0, -6.0, -4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0),
-        )
-    )
+    grid = tuple(product(map(float, (0, 1, 2, 3, 4, 6, 8, 10, 13, 16)), map(float, (-8, -6, *range(-4, 3), 4, 8))))
     """Settings to select from."""
 
     def __init__(self, net: StatementNet, *settings: tuple[float, float] | float):

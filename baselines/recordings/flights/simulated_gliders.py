@@ -49,13 +49,7 @@ at the start; a turn is measured over [s] and fast above [deg/s]."""
 
 
 class Turns(NamedTuple):
-    """Turns, or other events, one after the other; each value rises and falls linearly.
-
-    Attributes:
-        begins, ends: when it begins to rise and to fall [s].
-        values: between.
-        rises, falls: how long [s].
-    """
+    """Turns, or other events: times at which each value begins to rise and to fall, linearly, and how long [s]."""
 
     begins: FloatArray
     ends: FloatArray
@@ -90,13 +84,7 @@ def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
     """
     world = {name: float(_drawn(generator, *bounds)) for name, bounds in RANGES.items()}
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
-    circles, wiggles, dips = _plan(world, seconds, generator)
-    wanted = circles.at(grid)
-    circling = np.minimum(np.abs(wanted) / world["rate"], 1.0)
-    heading = np.radians(GRID * np.cumsum(wanted))
-    rates = wanted * (1.0 - dips.at(grid)), (1.0 - circling) * wiggles.at(grid)
-    path = _fly(world, *rates, circling, heading, generator)
-    altitudes = GRID * np.cumsum(_climb(world, circles, grid, circling, heading, generator))
+    path, altitudes = _fly(world, *_plan(world, seconds, generator), grid, generator)
     times = np.arange(0.0, seconds, STEP)
     times = times[generator.uniform(size=len(times)) >= world["missing"]]
     step = float(generator.choice(ROUNDED))
@@ -144,53 +132,42 @@ def _plan(world: World, seconds: float, generator: np.random.Generator) -> tuple
 
 
 def _fly(
-    world: World, circles: FloatArray, wiggles: FloatArray, circling: FloatArray, heading: FloatArray,
-    generator: np.random.Generator,
-) -> FloatArray:  # fmt: skip
-    """Return the path (g, 2) of a glider that wants turn rates (g,) of circles and wiggles [deg/s].
-
-    Args:
-        world: settings.
-        circles, wiggles: turn rates.
-        circling: (g,) 1 in circles, 0 in straight flight.
-        heading: (g,) in circles [rad].
-        generator: random numbers.
-    """
+    world: World, circles: Turns, wiggles: Turns, dips: Turns, grid: FloatArray, generator: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
 
     def noise(deviation: float, time: float) -> FloatArray:
-        return coloured(len(circles), deviation, time, generator)
+        return coloured(len(grid), deviation, time, generator)
 
+    def phase() -> float:
+        return float(generator.uniform(0.0, 2.0 * np.pi))
+
+    wanted = circles.at(grid)
+    circling, heading = np.minimum(np.abs(wanted) / world["rate"], 1.0), np.radians(GRID * np.cumsum(wanted))
     shape = 1.0 + noise(world["jitter"], world["jitter_time"])
-    shape += world["modulation"] * np.cos(heading + generator.uniform(0.0, 2.0 * np.pi) + noise(1.0, 60.0))
+    shape += world["modulation"] * np.cos(heading + phase() + noise(1.0, 60.0))
     busy = np.exp(noise(0.5, 60.0))
     rough = (0.8 + 0.6 * circling) * np.exp(noise(0.7, 15.0))
-    rates = circles * shape + wiggles + busy * noise(world["wander"], world["wander_time"])
-    speeds = world["speed"] * (1.0 + (world["faster"] - 1.0) * (1.0 - circling))
-    speeds *= np.maximum(
-        1.0 + noise(world["speed_jitter"], 15.0) + rough * noise(world["surge"], world["surge_time"]), 0.3
-    )
-    angle = generator.uniform(-np.pi, np.pi)
+    rates = wanted * shape * (1.0 - dips.at(grid)) + (1.0 - circling) * wiggles.at(grid)
+    rates += busy * noise(world["wander"], world["wander_time"])
+    speeds = 1.0 + noise(world["speed_jitter"], 15.0) + rough * noise(world["surge"], world["surge_time"])
+    speeds = world["speed"] * (1.0 + (world["faster"] - 1.0) * (1.0 - circling)) * np.maximum(speeds, 0.3)
+    angle = phase() - np.pi
     wind = [
         mean + noise(0.2 * world["wind"], 600.0) + rough * noise(world["gusts"], world["gust_time"])
         for mean in (world["wind"] * np.cos(angle), world["wind"] * np.sin(angle))
     ]
-    return flown_path(np.radians(rates), speeds, generator, np.column_stack(wind))[0]
-
-
-def _climb(
-    world: World, circles: Turns, grid: FloatArray, circling: FloatArray, heading: FloatArray,
-    generator: np.random.Generator,
-) -> FloatArray:  # fmt: skip
-    """Return the climb rates (g,) [m/s], see `_fly`; lift begins before the circles and ends about with them."""
+    path, _ = flown_path(np.radians(rates), speeds, generator, np.column_stack(wind))
+    # lift begins before the circles and ends about with them
     n = len(circles.values)
     ends = np.maximum(circles.ends + generator.uniform(-8.0, 30.0, n), circles.begins + 4.0)
     lift = Turns(
         circles.begins - generator.uniform(4.0, 25.0, n), ends, world["lift"] * _drawn(generator, 0.6, 1.6, n),
         generator.uniform(2.0, 10.0, n), generator.uniform(2.0, 10.0, n),
     )  # fmt: skip
-    bumps = coloured(len(grid), world["bumps"], world["bump_time"], generator)
-    beside = circling * np.cos(heading + generator.uniform(0.0, 2.0 * np.pi))  # of the centre of the thermal
-    return lift.at(grid) - world["sink"] + bumps + 0.4 * world["lift"] * beside
+    climb = lift.at(grid) - world["sink"] + noise(world["bumps"], world["bump_time"])
+    climb += 0.4 * world["lift"] * circling * np.cos(heading + phase())  # beside the centre of the thermal
+    return path, GRID * np.cumsum(climb)
 
 
 def label_gliders(flights: Sequence[Flight]) -> list[Labels]:
