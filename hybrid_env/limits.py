@@ -20,6 +20,7 @@ RANGES = {
     "heading": (-1e6, 1e6),  # [rad]
     "tau": (1e-9, 1e9),  # [s]
     "process_variance": (0.0, 1e18),  # [m^2/s^2]
+    "object_variance": (0.0, 1e18),  # [m^2/s^2]
     "measurement_variance": (1e-18, 1e18),  # [m^2]
     "range_deviation": (1e-9, 1e9),  # [m]
     "bearing_deviation": (1e-6, 1.0),  # [rad]

@@ -41,26 +41,24 @@ class ModelOptions:
     deviations of a measurement (`hybrid_env.limits`).
 
     Attributes:
-        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses
-            of n radii.
+        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1 hypotheses of n radii.
         speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it
-            uniformly.
+        heading: initial heading of the object [rad], counter-clockwise from the x axis; None draws it uniformly.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
+        object_variance: the same of the object, of which the filters are not told; None is Q.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`: "gaussian",
             "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank does not know it.
-        missed: probability that a tick has no measurement (of each sensor, if there are several), below 1.
-            The filters then only predict; in the observation all innovations are zero, and
-            `info["measurement"]` is NaN.
-        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30
-            at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in
-            which none measures is like a missed one. R, one number, stays the unit of the observation.
-        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust
-            one, by which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
-        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a
-            normal error; 0 starts at the true state.
+        missed: probability that a tick has no measurement (of each sensor, if there are several), below 1. The filters
+            then only predict; in the observation all innovations are zero, and `info["measurement"]` is NaN.
+        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5 range 30 at 10 20",
+            "radar 5 0.01 rate 0.3") that replace the one of variance R and are fused; a tick in which none measures
+            is like a missed one. R, one number, stays the unit of the observation.
+        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a robust one, by
+            which a measurement far from all predictions changes little (`core.banks.kalman.weigh`).
+        initial_error: (position variance of the first estimate / R, its velocity variance [m^2/s^2]) of a normal
+            error; 0 starts at the true state.
 
     Raises:
         ArgumentError: an option has a value that is not allowed.
@@ -84,6 +82,7 @@ class ModelOptions:
     heading: float | None = None
     tau: float = 0.1
     process_variance: float = 0.001
+    object_variance: float | None = None
     measurement_variance: float | tuple[float, float] = 0.1
     noise: str | Noise = "gaussian"
     missed: float = 0.0
@@ -96,8 +95,9 @@ class ModelOptions:
         fix("radii", distinct_radii("radii", self.radii))
         for name in ("speed", "tau", "process_variance"):
             fix(name, check_within(name, getattr(self, name)))
-        if self.heading is not None:
-            fix("heading", check_within("heading", self.heading))
+        for name in ("heading", "object_variance"):
+            if getattr(self, name) is not None:
+                fix(name, check_within(name, getattr(self, name)))
         fix("measurement_variance", check_variances(self.measurement_variance))
         fix("noise", parse_noise(self.noise))
         fix("missed", check_positive("missed", self.missed, allow_zero=True))
@@ -112,8 +112,8 @@ class ModelOptions:
         """Check the ratios of all options, with the radii of the bank and of the object."""
         assert isinstance(self.initial_error, tuple)
         check_ratios(
-            sorted(radii), self.speed, self.tau, self.process_variance, self.variances.tolist(),
-            self.initial_error[1],
+            sorted(radii), self.speed, self.tau, max(self.process_variance, self.object_variance or 0.0),
+            self.variances.tolist(), self.initial_error[1],
         )  # fmt: skip
 
     @classmethod
@@ -182,7 +182,8 @@ class ModelOptions:
             record[name] = getattr(self, name)
         record["heading"] = math.nan if self.heading is None else self.heading
         record["initial_position"], record["initial_velocity"] = self.initial_error
-        record["process_deviation"] = math.sqrt(self.process_variance)
+        flown = self.process_variance if self.object_variance is None else self.object_variance
+        record["process_deviation"] = math.sqrt(flown)
         record["deviation_x"], record["deviation_y"] = np.sqrt(self.variances[[0, -1]])
         record["variance_x"], record["variance_y"] = self.variances[[0, -1]]
         record["log_noise"] = np.log(self.variances).mean()
@@ -207,9 +208,8 @@ class WorldOptions(ModelOptions):
         bank: "published" treats the anchor as exact; "anchor_aware" includes the uncertainty of the anchor in
             the state of every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at
             the true state, an upper bound for evaluation that is not available in practice.
-        reset_covariance: True starts every segment with P := I, as published; False carries over the
-            covariance of the estimate. None means True for the published bank that follows the declared
-            filter, and False otherwise.
+        reset_covariance: True starts every segment with P := I, as published; False carries over the covariance of the
+            estimate. None means True for the published bank that follows the declared filter, and False otherwise.
         follow: what runs on to the end of a segment after a decision. "declared", as published: the filter of
             the declared hypothesis, whose estimate is the next anchor. "bank": all filters; the estimate and
             the next anchor are the mean of the posterior over all hypotheses, with its covariance

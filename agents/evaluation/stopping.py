@@ -1,5 +1,7 @@
 """Deciders that choose their threshold: 'shipped:auto' for the reward, 'shipped:2%' for an error rate.
 
+For unknown switches the rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks.
+
 The threshold is selected on simulated episodes of what the decider is told: the options of the environment
 without the law of the noise, of which nobody tells. Nothing of the episodes that are decided is used.
 """
@@ -10,10 +12,11 @@ import warnings
 
 import numpy as np
 
-from agents.evaluation.task import sweep
+from agents.evaluation.task import Task, sweep
 from agents.evaluation.tasks import task_of
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, DeciderFamily
+from baselines.scoring.scores import Scores
 from hybrid_env.checks import reject
 from hybrid_env.options import ModelOptions
 
@@ -21,74 +24,72 @@ AUTO = "auto"
 ENVIRONMENTS = {ANNOUNCED: "hybrid_env:HybridTrack-v0", UNKNOWN: "hybrid_env:HybridTrackQuickest-v0"}
 EPISODES = {ANNOUNCED: 400, UNKNOWN: 60}
 """Simulated episodes."""
+RATES = {ANNOUNCED: "%", UNKNOWN: "/1000"}
+"""Units of the rates that can be asked for: wrong declarations, and wrong changes in ticks."""
+LARGEST_RATE = 50.0
 
 
-def stopping_rule(name: str) -> tuple[str, float | None] | None:
-    """Return the decider of "shipped:auto" or "shipped:2%" and its error rate, None for the reward.
-
-    Returns None for other names.
-
-    Raises:
-        ArgumentError: an error rate that is not allowed.
-    """
-    base, colon, text = name.rpartition(":")
-    if not colon or not (text == AUTO or text.endswith("%")):
-        return None
-    if text == AUTO:
-        return base, None
-    try:
-        rate = float(text[:-1]) / 100.0
-    except ValueError:
-        rate = np.nan
-    if not 0.0 < rate < 0.5:
-        raise reject("decider", name, "an error rate above 0 % and below 50 %, such as 'ate:2%'")
-    return base, rate
+def stopping_rule(name: str) -> tuple[str, str] | None:
+    """Return the decider and the ending of "shipped:auto", "shipped:2%" or "beam:3/1000"; None for other names."""
+    base, colon, ending = name.rpartition(":")
+    return (base, ending) if colon and (ending == AUTO or ending.endswith(tuple(RATES.values()))) else None
 
 
-def stopping_family(family: DeciderFamily, options: ModelOptions, error: float | None) -> DeciderFamily:
+def stopping_family(family: DeciderFamily, options: ModelOptions, ending: str) -> DeciderFamily:
     """Return a decider without a threshold.
 
     Args:
         family: the decider at any threshold.
         options: of the environment; the decider is told all but the law of the noise.
-        error: error rate that is asked for; None earns the largest reward.
+        ending: "auto" for the largest reward, or the rate that is asked for, as "2%" of wrong declarations or
+            "3/1000" wrong changes in 1,000 ticks.
 
     Raises:
-        ArgumentError: an error rate for a decider or a task without one.
+        ArgumentError: the ending is not for this decider or task.
     """
     told = task_of(ENVIRONMENTS[options.switches], {**vars(options), "noise": "gaussian"})
-    ending = AUTO if error is None else f"{100.0 * error:g}%"
+    name, unit = f"{family.name}:{ending}", RATES[told.switches]
     if len(family.thresholds) == 1:
-        raise reject("decider", f"{family.name}:{ending}", "a decider with a threshold")
-    if error is not None and told.switches != ANNOUNCED:
-        raise reject("decider", f"{family.name}:{ending}", "an error rate where switches are announced")
+        raise reject("decider", name, "a decider with a threshold")
+    rate = None
+    if ending != AUTO:
+        try:
+            rate = float(ending.removesuffix(unit))
+        except ValueError:
+            rate = np.nan
+        if not 0.0 < rate < LARGEST_RATE:
+            raise reject("decider", name, f"a rate above 0 and below {LARGEST_RATE:g} such as '{family.name}:2{unit}'")
 
     @functools.cache
     def chosen() -> float:
         scores = sweep(told, family, EPISODES[told.switches], seeds.STOPPING)
-        if error is None:
-            return float(family.thresholds[told.best(scores)])
-        exact = told.options.correctness == "exact"
-        errors = 1.0 - scores.curve(told.statistic("accuracy" if exact else "type_accuracy"))
-        held = np.flatnonzero(errors <= error)
-        if not held.size:
-            best = int(errors.argmin())
-            warnings.warn(
-                f"{family.name} cannot hold an error rate of {error:.1%}: {errors[best]:.1%} at best, with "
-                f"{family.symbol} {family.thresholds[best]:g}",
-                stacklevel=2,
-            )
-            return float(family.thresholds[best])
-        first = int(held[scores.curve(told.statistic("ticks"))[held].argmin()])
-        if first == 0 or errors[first - 1] <= error or min(family.thresholds) <= 0.0:
-            return float(family.thresholds[first])
-        ends = np.array([first, first - 1])  # between them the logarithm of the error is nearly linear
-        logs = np.log(np.maximum(errors[ends], 0.1 * error))
-        return float(np.exp(np.interp(np.log(error), logs, np.log(np.array(family.thresholds)[ends]))))
+        return float(family.thresholds[told.best(scores)]) if rate is None else _holding(told, family, scores, rate)
 
     def make(_: float) -> Decider:
         return family.make(chosen())
 
-    return dataclasses.replace(
-        family, name=f"{family.name}:{ending}", symbol="", thresholds=(0.0,), default=0.0, make=make
-    )
+    return dataclasses.replace(family, name=name, symbol="", thresholds=(0.0,), default=0.0, make=make)
+
+
+def _holding(told: Task, family: DeciderFamily, scores: Scores, rate: float) -> float:
+    """Return the threshold that holds a rate with the least delay; without one, warn and return the best one."""
+    if told.switches == ANNOUNCED:
+        accuracy = "accuracy" if told.options.correctness == "exact" else "type_accuracy"
+        rates, delays = 100.0 * (1.0 - scores.curve(told.statistic(accuracy))), scores.curve(told.statistic("ticks"))
+    else:
+        rates, delays = (scores.curve(told.statistic(name)) for name in ("wrong_changes", "full_delay"))
+    held = np.flatnonzero(rates <= rate)
+    if not held.size:
+        best, unit = int(rates.argmin()), RATES[told.switches]
+        warnings.warn(
+            f"{family.name} cannot hold a rate of {rate:g}{unit}: {rates[best]:.3g}{unit} at best, with "
+            f"{family.symbol} {family.thresholds[best]:g}",
+            stacklevel=2,
+        )
+        return float(family.thresholds[best])
+    first = int(held[delays[held].argmin()])
+    if first == 0 or rates[first - 1] <= rate or min(family.thresholds) <= 0.0:
+        return float(family.thresholds[first])
+    ends = np.array([first, first - 1])  # between them the logarithm of the rate is nearly linear
+    logs = np.log(np.maximum(rates[ends], 0.1 * rate))
+    return float(np.exp(np.interp(np.log(rate), logs, np.log(np.array(family.thresholds)[ends]))))

@@ -20,6 +20,7 @@ CARD = "policy.json"
 DEFAULT_ENV = "hybrid_env:HybridTrack-v0"
 _DEFAULT_TEXTS = {
     "heading": "random",
+    "object_variance": "Q",
     "reset_covariance": "True for the published bank only",
     "hazard": "inverse of the mean duration",
     "sensors": "one of variance R",

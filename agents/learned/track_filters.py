@@ -92,6 +92,11 @@ class TrackFilters:
         )  # fmt: skip
         return posterior
 
+    @property
+    def heavy_tails(self) -> FloatArray:
+        """Probability (N,) that the noise has heavy tails, from the segments before the present one."""
+        return np.concatenate([np.exp(filters.log_laws[-1]) for filters in self.filters])
+
     def select_tracks(self, tracks: BoolArray) -> "TrackFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
         parts = np.split(tracks, self.splits)

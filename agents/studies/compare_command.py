@@ -199,27 +199,32 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
 
         from agents.evaluation.registry import find_family
         from agents.evaluation.simulators import COMPARED, simulator_worlds
+        from agents.figures.canvas import save_figure
         from agents.interface.output_files import output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.studies import simulators_study as study
         from agents.studies.shifts import shift_table
-        from agents.studies.simulators_study import EPISODES, compare_on_simulators, simulators_json, summary
 
         names, worlds, console = self.deciders or COMPARED, simulator_worlds(), Console(emoji=False)
-        episodes = check_integer("episodes", EPISODES if self.episodes is None else self.episodes)
+        episodes = check_integer("episodes", study.EPISODES if self.episodes is None else self.episodes)
         for name in names:
             find_family(name, next(iter(worlds.values())).options)
         folder = output_folder("out", self.out)
         with progress_display(console) as progress:
             bar = progress.add_task("Simulators", total=len(names) * len(worlds), note="")
-            results = compare_on_simulators(
+            results = study.compare_on_simulators(
                 names, episodes, self.seed, self.workers(),
                 lambda note: progress.update(bar, advance=1, note=note),
             )  # fmt: skip
-        write_json(folder / "simulators.json", simulators_json(results))
+        mismatches = {name: study.mismatch(task, self.seed) for name, task in worlds.items()}
+        write_json(folder / "simulators.json", study.simulators_json(results, mismatches))
         console.print(shift_table(results, f"Aircraft of JSBSim: {results[0].task.size(episodes)} a world"))
+        files = "File in {}: simulators.json"
         if len(names) > 1:
-            console.print(summary(results))
-        console.print(f"File in {folder}: simulators.json", markup=False, highlight=False)
+            console.print(study.summary(results))
+            save_figure(study.mismatch_figure(results, mismatches), folder / "simulators.png")
+            files = "Files in {}: simulators.json, simulators.png"
+        console.print(files.format(folder), markup=False, highlight=False)
 
     def plan(self) -> "Plan":
         """Return the checked plan.

@@ -1,8 +1,8 @@
-"""The command `hybridtrack limits`: what limits decisions, and how far each rule gets."""
+"""The command `hybridtrack limits`: what limits decisions, how far each rule gets, and where models are wrong."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
@@ -21,6 +21,9 @@ class Limits(TrustArguments, ParallelArguments):
 
     env: Annotated[str | None, shown_default("both environments with known switch moments")] = None
     """'HybridTrackQuickest-v0'."""
+    departures: bool = False
+    """Evaluate deciders in worlds that depart from what they are told, step by step (heavy tails, process noise,
+    radii, durations), beside the best rule that is told; 1,000 episodes take about 20 minutes."""
     deciders: tuple[str, ...] = ()
     """Further deciders to evaluate on every filter bank with known switch moments, as 'mine.py:MyRule'."""
     episodes: int = 3000
@@ -28,7 +31,7 @@ class Limits(TrustArguments, ParallelArguments):
     seed: int = 0
     """Seed of the first episode."""
     out: Path = Path("results")
-    """Folder for limits.md, limits.json and limits.png."""
+    """Folder for limits.md, limits.json and limits.png; with --departures for departures.md and so on."""
 
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files.
@@ -47,6 +50,7 @@ class Limits(TrustArguments, ParallelArguments):
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.studies import departures
         from agents.studies.limits import CALIBRATION_EPISODES, QUICKEST_ENV, RULES, calls, limits_json
         from agents.studies.limits_report import limits_figure, limits_markdown
 
@@ -61,19 +65,30 @@ class Limits(TrustArguments, ParallelArguments):
         largest = max(self.episodes, CALIBRATION_EPISODES)
         if self.seed + largest > seeds.SELECTION:
             raise reject("seed", self.seed, f"at most {seeds.SELECTION - largest}")
+        if self.departures and self.env is not None:
+            raise reject("env", self.env, "no value with --departures")
         folder = output_folder("out", self.out)
         console = Console(emoji=False)
         by_part = calls("" if self.env is None else QUICKEST_ENV, self.episodes, self.seed, self.deciders)
+        if self.departures:
+            by_part = {"departures": departures.calls(self.deciders, self.episodes, self.seed)}
         with progress_display(console) as progress:
             all_calls = {name: call for part in by_part.values() for name, call in part.items()}
             bar = progress.add_task("Evaluating", total=len(all_calls), note="")
             found = dict(workers.results(all_calls, lambda note: progress.update(bar, advance=1, note=note)))
             progress.update(bar, note="")
         parts = {part: [one for name in named for one in found[name]] for part, named in by_part.items()}
-        text = limits_markdown(parts)
+        metrics: Any
+        if self.departures:
+            responses = parts["departures"]
+            name, text = "departures", departures.departures_markdown(responses)
+            figure, metrics = departures.departures_figure(responses), [one.as_json() for one in responses]
+        else:
+            name, text = "limits", limits_markdown(parts)
+            figure, metrics = limits_figure(parts), limits_json(parts)
         console.print(Markdown(text))
-        with atomic_file(folder / "limits.md") as part:
+        with atomic_file(folder / f"{name}.md") as part:
             part.write_text(text, encoding="utf-8")
-        write_json(folder / "limits.json", limits_json(parts))
-        save_figure(limits_figure(parts), folder / "limits.png")
-        console.print(f"Files in {folder}: limits.md, limits.json, limits.png", markup=False, highlight=False)
+        write_json(folder / f"{name}.json", metrics)
+        save_figure(figure, folder / f"{name}.png")
+        console.print(f"Files in {folder}: {name}.md, {name}.json, {name}.png", markup=False, highlight=False)

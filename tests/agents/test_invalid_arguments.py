@@ -32,6 +32,7 @@ INVALID_WORLD_ARGUMENTS = [
     ("--heading inf", "heading=inf"),
     ("--tau -1", "tau=-1.0"),
     ("--process-variance -1", "process_variance=-1.0"),
+    ("--object-variance -1", "object_variance=-1.0"),
     ("--measurement-variance 0", "measurement_variance=0.0"),
     ("--measurement-variance nan", "measurement_variance=nan"),
     ("--measurement-variance loud", "--measurement-variance"),
@@ -205,11 +206,13 @@ INVALID_ARGUMENTS = [
     (f"evaluate {QUICKEST} threshold:2", "threshold=2.0"),
     (f"evaluate {QUICKEST} beam:much", "decider='beam:much'"),
     (f"evaluate {QUICKEST} cusum:inf", "decider='cusum:inf'"),
-    (f"compare {QUICKEST} --order often", "order='often'"),
+    *((f"{command} {QUICKEST} --order often", "order='often'") for command in ("compare", "train", "evaluate", "tune")),
+    (f"play --out x.gif {QUICKEST} --decider beam --order often", "order='often'"),
     (f"evaluate {QUICKEST} --drawn 2", "drawn=2"),
     (f"evaluate {QUICKEST} --episodes 999999999", "episodes=999999999"),
     ("evaluate threshold", "decider='threshold'"),
     (f"limits {QUICKEST} --seed 1000000000", "seed=1000000000"),
+    (f"limits {QUICKEST} --departures", "env='HybridTrackQuickest-v0'"),
     (f"limits {QUICKEST} --episodes 1", "episodes=1"),
 ]
 INVALID_ARGUMENTS += [

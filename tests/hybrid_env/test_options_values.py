@@ -93,7 +93,7 @@ NASTY = [
     np.recarray(2, "f8,f8"),
 ]  # fmt: skip
 NUMBERS = [
-    "radii", "speed", "heading", "tau", "process_variance", "measurement_variance", "missed",
+    "radii", "speed", "heading", "tau", "process_variance", "object_variance", "measurement_variance", "missed",
     "initial_error", "delay_cost",
 ]  # fmt: skip
 WORDS = [
@@ -109,7 +109,12 @@ def test_every_option_is_tested():
 @pytest.mark.parametrize("name", NUMBERS + WORDS)
 def test_values_of_other_types_are_refused_in_one_line(name):
     for value in NASTY:
-        allowed = {"heading": (None, -1.0), "reset_covariance": (None, True), "recalculation": (True,)}.get(name, ())
+        allowed = {
+            "heading": (None, -1.0),
+            "object_variance": (None,),
+            "reset_covariance": (None, True),
+            "recalculation": (True,),
+        }.get(name, ())
         if any(value is one for one in allowed):
             continue
         message = refused(WorldOptions, **{name: value})

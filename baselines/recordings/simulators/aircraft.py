@@ -2,8 +2,8 @@
 
 Berndt 2004, "JSBSim: an open source flight dynamics model in C++", AIAA 2004-4923. Unlike the object of the
 environments, an aircraft needs seconds to roll into a turn and out of it, its speed and height change in
-turns, and its banks differ from the nominal one, so its radii do. No rudder is used: the fighter slips in
-turns, which are wider than those of its bank without slip. JSBSim is a module of its own (extra
+turns, and its banks differ from the nominal one, so its radii do. No rudder is used; the model of the fighter
+slips in turns even with full rudder. JSBSim is a module of its own (extra
 `simulators`), with the aircraft in it.
 """
 
@@ -46,6 +46,7 @@ class Aircraft:
         airspeed: calibrated [knots].
         speed: true, which follows from both [m/s].
         bank: nominal bank of turns [deg].
+        turning: rate at which it turns with this bank, as a share of the rate without slip.
         ticks: lengths of a tick [s].
         noises: standard deviations of a measured position [m].
     """
@@ -55,13 +56,14 @@ class Aircraft:
     airspeed: float
     speed: float
     bank: float
+    turning: float
     ticks: tuple[float, ...]
     noises: tuple[float, ...]
 
     @property
     def radius(self) -> float:
-        """Radius of a turn with the nominal bank, v^2 / (g tan bank) [m]."""
-        return self.speed**2 / (GRAVITY * math.tan(math.radians(self.bank)))
+        """Radius of a turn with the nominal bank: without slip v^2 / (g tan bank) [m]."""
+        return self.speed**2 / (GRAVITY * math.tan(math.radians(self.bank))) / self.turning
 
     @property
     def radian(self) -> float:
@@ -70,9 +72,9 @@ class Aircraft:
 
 
 AIRCRAFT = {
-    "light": Aircraft("c172x", 3000.0, 95.0, 51.0, 20.0, (0.3, 0.6, 1.2), (5.0, 20.0, 80.0)),
-    "airliner": Aircraft("737", 20000.0, 280.0, 192.5, 25.0, (0.8, 1.6, 3.2), (20.0, 100.0, 500.0)),
-    "fighter": Aircraft("f16", 15000.0, 350.0, 221.6, 45.0, (0.5, 1.0, 2.0), (20.0, 80.0, 320.0)),
+    "light": Aircraft("c172x", 3000.0, 95.0, 51.0, 20.0, 1.0, (0.3, 0.6, 1.2), (5.0, 20.0, 80.0)),
+    "airliner": Aircraft("737", 20000.0, 280.0, 192.5, 25.0, 0.95, (0.8, 1.6, 3.2), (20.0, 100.0, 500.0)),
+    "fighter": Aircraft("f16", 15000.0, 350.0, 221.6, 45.0, 0.73, (0.5, 1.0, 2.0), (20.0, 80.0, 320.0)),
 }
 
 
@@ -161,15 +163,18 @@ def _fly(craft: Aircraft, heading: float, commands: FloatArray) -> FloatArray:
         model["simulation/do_simple_trim"] = 1
     nodes = model.get_property_manager()
 
+    def node(name: str) -> Any:  # None where there is none
+        return nodes.get_node(name)
+
     def read(name: str) -> Any:
-        return nodes.get_node(name).get_double_value
+        return node(name).get_double_value
 
     bank, roll, pitch = (read(name) for name in ("attitude/phi-deg", "velocities/p-rad_sec", "velocities/q-rad_sec"))
     height, climb = read("position/h-sl-ft"), read("velocities/h-dot-fps")
     speed, knots = read("velocities/vt-fps"), read("velocities/vc-kts")
     east, north = read("velocities/v-east-fps"), read("velocities/v-north-fps")
-    aileron, elevator = (nodes.get_node(f"fcs/{name}-cmd-norm") for name in ("aileron", "elevator"))
-    throttles = [nodes.get_node(f"fcs/throttle-cmd-norm[{k}]") for k in range(ENGINES)]
+    aileron, elevator = (node(f"fcs/{name}-cmd-norm") for name in ("aileron", "elevator"))
+    throttles = [node(f"fcs/throttle-cmd-norm[{k}]") for k in range(ENGINES)]
     throttles = [one for one in throttles if one is not None]
     trimmed, power, level = elevator.get_double_value(), throttles[0].get_double_value(), height()
     side, up = 0.0, 0.0  # integrals

@@ -27,15 +27,14 @@ def few_episodes():
 
 @pytest.mark.parametrize(
     ("name", "found"),
-    [("ate:auto", ("ate", None)), ("runs/a:auto", ("runs/a", None)), ("ate:2%", ("ate", 0.02)),
-     ("ate:.5%", ("ate", 0.005)),
-     ("ate", None), ("ate:0.02", None), ("mine.py:auto_rule", None)],
+    [("ate:auto", ("ate", "auto")), ("runs/a:auto", ("runs/a", "auto")), ("ate:.5%", ("ate", ".5%")),
+     ("beam:3/1000", ("beam", "3/1000")), ("ate", None), ("ate:0.02", None), ("mine.py:auto_rule", None)],
 )  # fmt: skip
 def test_names(name, found):
-    assert stopping_rule(name) == (None if found is None else (found[0], pytest.approx(found[1])))
+    assert stopping_rule(name) == found
 
 
-@pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "fixed:auto:3"])
+@pytest.mark.parametrize("name", ["ate:0%", "ate:50%", "ate:-1%", "ate:x%", "ate:nan%", "ate:2/1000", "fixed:auto:3"])
 def test_other_endings_are_refused(name):
     with pytest.raises(ArgumentError, match="decider"):
         find_family(name, task_of(HOME, {}).options)
@@ -66,16 +65,18 @@ def test_a_promised_error_rate_is_held_on_other_episodes():
 
 def test_a_rate_that_cannot_be_held_is_told():
     options = {"speed": 0.2, "measurement_variance": 1.0}
-    with pytest.warns(UserWarning, match=r"MSPRT cannot hold an error rate of 1.0%: \d"):
+    with pytest.warns(UserWarning, match=r"MSPRT cannot hold a rate of 1%: \d"):
         alpha_of("msprt:1%", **options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         alpha_of("msprt:10%")
 
 
-def test_unknown_switches_have_a_reward_but_no_error_rate():
+def test_unknown_switches_have_a_reward_and_a_rate_of_wrong_changes():
     task = task_of("HybridTrackQuickest-v0", {"ticks": 200})
+    few, many = (find_family(f"threshold:{rate}/1000", task.options).make(0.0).threshold for rate in (2, 8))
+    assert 0.5 < many < few < 1.0
     family = find_family("threshold:auto", task.options)
     assert family.make(0.0).threshold in find_family("threshold", task.options).thresholds
-    with pytest.raises(ArgumentError, match="announced"):
+    with pytest.raises(ArgumentError, match="2/1000"):
         find_family("threshold:2%", task.options)

@@ -24,7 +24,7 @@ def test_worlds_tell_deciders_what_is_flown():
     assert len(worlds) == 27
     task = worlds["airliner, 1.6 s, 100 m"]
     assert task.options.variances[0] == 100.0**2
-    assert task.options.law.mean_duration * 1.6 == pytest.approx(3.0 * 8100.7 / 192.5, rel=0.02)
+    assert task.options.law.mean_duration * 1.6 == pytest.approx(3.0 * 8100.7 / 0.95 / 192.5, rel=0.02)
     factors = [one.get("process_variance", 1.0) for one in task.settings()]
     assert factors[1] / factors[2] == pytest.approx(0.01)
 
@@ -42,6 +42,8 @@ def test_command_compares_in_every_world(tmp_path, monkeypatch, capsys):
     shipped = found["results"][0]
     assert shipped["reward"] == shipped["nominal_reward"] > 0.2
     assert found["worlds"] == 2
+    assert all(0.7 < found["mismatches"][name] < 1.1 for name in few)
+    assert (tmp_path / "simulators.png").exists()
     assert "by Holm's" in " ".join(capsys.readouterr().out.split())
 
 

@@ -32,7 +32,7 @@ def test_aircraft_turn_as_commanded_after_they_have_rolled(kind):
     signs = np.array([0.0, 1.0, -1.0])[path.modes]
     turning = settled & (path.modes != 0)
     turned = rates[turning] * signs[turning] * craft.radian
-    assert 0.5 < turned.min() < turned.max() < 1.3  # the fighter slips
+    assert 0.7 < turned.min() < turned.max() < 1.5
     assert np.abs(rates[settled & (path.modes == 0)]).max() * craft.radian < 0.1
     speeds = np.hypot(vx, vy)
     assert np.abs(speeds / craft.speed - 1.0).max() < 0.05

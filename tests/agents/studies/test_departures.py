@@ -1,0 +1,52 @@
+"""Deciders that are not told of a departure, beside rules that are."""
+
+import json
+
+import pytest
+from PIL import Image
+
+from agents.cli import main
+from agents.studies import departures
+from agents.studies.departures import ANNOUNCED, ROADS, UNKNOWN, Level, calls, respond
+from baselines.rules import seeds
+
+
+@pytest.fixture(autouse=True)
+def quick_rules(monkeypatch):
+    monkeypatch.setattr(departures, "TOLD", {ANNOUNCED: ("msprt",), UNKNOWN: ("threshold",)})
+    monkeypatch.setattr(departures, "DECIDERS", {ANNOUNCED: ("msprt", "ate"), UNKNOWN: ("threshold",)})
+    monkeypatch.setattr(seeds, "SELECTION_EPISODES", 20)
+
+
+def test_every_road_begins_without_a_departure():
+    for _, levels in ROADS.values():
+        assert len({level.name for level in levels}) == len(levels) >= 5
+        first, *others = levels
+        assert all(level.world != first.world and level.truth != first.truth for level in others)
+
+
+def test_a_rule_that_is_told_gains_more_the_farther_the_world_departs():
+    road = "process noise of the object over Q"
+    levels = (Level("1"), ROADS[road][1][-1])
+    gaps = [respond(road, level, ANNOUNCED, ("msprt",), 150, 0)[1].gap for level in levels]
+    assert gaps[1].high < gaps[0].low
+
+
+def test_who_is_not_told_of_the_radius_keeps_the_listed_one():
+    _, levels = ROADS["radius of turns over the listed one"]
+    reference, untold = respond("radius", levels[-1], ANNOUNCED, ("msprt",), 60, 0)
+    assert untold.gap.high < 0.0
+    assert untold.reward.value - reference.reward.value == pytest.approx(untold.gap.value)
+
+
+def test_the_command_writes_its_files(tmp_path, capsys, monkeypatch):
+    roads = {name: (task, (levels[0], levels[-1])) for name, (task, levels) in ROADS.items()}
+    monkeypatch.setattr(departures, "ROADS", roads)
+    assert len(calls((), 10, 0)) == 8
+    assert main(["limits", "--departures", "--episodes", "10", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    assert "Rhythm: durations" in capsys.readouterr().out
+    found = json.loads((tmp_path / "departures.json").read_text())
+    assert len(found) == 3 * 2 * 3 + 2 * 2
+    assert (tmp_path / "departures.md").read_text().count("|---") == 3 * 4 + 3
+    with Image.open(tmp_path / "departures.png") as image:
+        assert image.width > 1000
