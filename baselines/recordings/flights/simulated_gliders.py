@@ -4,7 +4,7 @@ A flight goes straight, with wiggles and partial turns, and circles in thermals.
 changes slowly, and gusts. Rolling in and out takes seconds; in circles the turn rate jitters, changes with
 the heading, and falls for moments, when the pilot looks for the centre. The lift begins before the circles
 and ends about with them; it also comes without. Positions are rounded as in logs, and some are missing. Every
-flight draws its settings from ranges that are wider than those of the open logs.
+flight draws its settings from wide ranges.
 """
 
 from collections.abc import Sequence
