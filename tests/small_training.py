@@ -29,9 +29,11 @@ SMALL_STATEMENTS = (
 SMALL_FLIGHTS = ("flights=[2, 2, 2, 1]", "rows=100", "passes=1", "n_steps=50", "hidden=6")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
+SMALL_REWARD = ("n_envs=8", "hidden=6", "batch_size=16")
 KINDS = {
     "ppo": ("ppo", "HybridTrack-v0", SCHEME, SMALL_PPO),
     "anchor": ("anchor", "HybridTrack-v0", SCHEME, SMALL_ANCHOR),
+    "reward": ("reward", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),

@@ -53,6 +53,7 @@ def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
+    "reward": ("reward_decider", "RewardDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

@@ -5,6 +5,8 @@
 - `anchor_net`: the networks that predict the distribution of the anchor error, and what a wrong radius costs
   in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
+- `reward_net`: the network that learns from rewards alone; `reward_decider`: it as a decider; `posterior_decider`:
+  its base class and that of `anchor_decider`.
 - `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.
 - `statement_net`: a recurrent network that states the present mode, and its inputs.
 - `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights;

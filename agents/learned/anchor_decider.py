@@ -9,8 +9,6 @@ All inputs are without units (`dimensionless`), and left and right turns are mir
 therefore apply to objects of any size and to banks of any size.
 """
 
-import copy
-import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,14 +18,14 @@ from torch import nn
 
 from agents.learned.anchor_net import AnchorNet, RegretNet, regret_inputs
 from agents.learned.dimensionless import Scales, ratios, turns_per_tick
+from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.track_filters import TrackFilters
-from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
-from baselines.rules.msprt import FEW_ALPHAS, error_and_best, mode_types, posterior_of
+from baselines.rules.decider import Observations
+from baselines.rules.msprt import error_and_best, mode_types
 from baselines.rules.sensed import observe_sensed, split_sensed
-from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel
 
 HEAVY_TAILS = 2.7
 """Under heavy tails the stated loss is too small by this factor: on selection seeds, the threshold 0.02 then earns
@@ -116,7 +114,7 @@ class AnchorState:
     starting: BoolArray
 
 
-class AnchorDecider(Decider):
+class AnchorDecider(PosteriorDecider):
     """Declares the best hypothesis once the expected loss of the declaration is at most alpha.
 
     Args:
@@ -129,26 +127,17 @@ class AnchorDecider(Decider):
         ArgumentError: alpha is out of range.
     """
 
-    symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
     every_tick = True
     network = AnchorNetworks
+    label = "learned anchors"
 
     def __init__(self, net: AnchorNetworks, world: WorldOptions, alpha: float = 0.02):
-        if not 0.0 < alpha <= 1.0:
-            raise reject("alpha", alpha, "a number above 0, at most 1")
-        self.net, self.world, self.alpha = net, world, alpha
-        self.by_type = world.correctness == "type"
-        self.layout = Layout(world.hypotheses)
+        super().__init__(net, world, alpha)
         self.observes = "tracks" if world.sensors else "rows"
 
     def observe(self, tracks: Any) -> Observations:
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
-
-    @classmethod
-    def trained(cls, name: str, net: AnchorNetworks, options: WorldOptions) -> DeciderFamily:
-        """Return networks at any threshold, for the options of an environment."""
-        return DeciderFamily(name, cls.symbol, cls.thresholds, cls.default, functools.partial(cls, net, options))
 
     def posterior(
         self, observation: Observations, state: Any, episode_start: BoolArray | None
@@ -162,29 +151,6 @@ class AnchorDecider(Decider):
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
         state.starting = starting & ~first
         return state.filters.advance(self.net.anchor, rows, first, [sensed]), state
-
-    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, AnchorState]:
-        """See `Decider.decide`. The state is an `AnchorState`."""
-        posterior, state = self.posterior(observation, state, episode_start)
-        error, best = self.errors(observation, posterior, state)
-        return np.where(error <= self.alpha, best + 1, 0), state
-
-    def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
-        return posterior_panel("learned anchors", self.by_type, np.array([self.alpha]))
-
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: BoolArray | None = None
-    ) -> FloatArray:
-        """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
-        # a copy, because `posterior` changes the state in place
-        posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)
-        error, best = self.errors(observation, posterior, state)
-        values = posterior_of(posterior, self.by_type)
-        if not self.by_type:
-            return values
-        types = mode_types(posterior.shape[1])
-        return np.where(types == types[best][:, None], 1.0 - error[:, None], values)
 
     def errors(
         self, observation: Observations, posterior: FloatArray, state: AnchorState

@@ -22,7 +22,7 @@ WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
-    "statements": (UNKNOWN,), "flights": (FLIGHTS,), "gliders": (GLIDERS,),
+    "reward": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,), "gliders": (GLIDERS,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 

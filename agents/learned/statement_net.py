@@ -59,15 +59,10 @@ def statement_inputs(world: QuickestOptions, rows: NDArray[np.float32], ages: ND
         ages: (...) ticks for which the most probable mode has been the same.
     """
     layout = QuickestLayout(world.hypotheses)
-    side = np.array([0, 1, -1], np.float32)[mode_types(layout.hypotheses)]
     each = _hypothesis_inputs(layout, rows, ages)
-    turns = each[..., 1:, :]
-    out = np.empty((*turns.shape[:-1], INPUTS), np.float32)
+    logs = rows[..., layout.slices["log_probability"]] / np.float32(layout.scales["log_probability"])
     n = len(HYPOTHESIS_INPUTS)
-    out[..., :n] = each[..., :1, :]
-    out[..., n : 2 * n] = turns
-    out[..., 2 * n : 3 * n] = _others(rows[..., layout.slices["log_probability"]], layout, turns)
-    out[..., ACROSS : 3 * n : n] *= side[1:, None]
+    out = turn_views(each, logs, (ACROSS,), len(TRACK_INPUTS))
     speed = np.maximum(rows[..., layout.slices["speed"]], SMALLEST_SPEED)[..., None]
     noise = np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size))
     out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / noise))[..., 0]
@@ -99,14 +94,37 @@ def _hypothesis_inputs(
     return out
 
 
-def _others(
-    log_probability: NDArray[np.float32], layout: QuickestLayout, turns: NDArray[np.float32]
+def turn_views(
+    each: NDArray[np.float32], logs: NDArray[np.float32], odd: tuple[int, ...], more: int
 ) -> NDArray[np.float32]:
-    """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1, 8)."""
-    if layout.hypotheses == 3:
+    """Return what each turn hypothesis sees: straight motion, itself, the other turns, (..., M - 1, 3 n + more).
+
+    Args:
+        each: (..., M, n) of the hypotheses.
+        logs: (..., M) logarithms of their probabilities, by which the others are weighted.
+        odd: columns that change their sign in a mirrored trajectory.
+        more: number of further columns, which are not written.
+    """
+    turns, n = each[..., 1:, :], each.shape[-1]
+    out = np.empty((*turns.shape[:-1], 3 * n + more), np.float32)
+    out[..., :n] = each[..., :1, :]
+    out[..., n : 2 * n] = turns
+    out[..., 2 * n : 3 * n] = _others(logs[..., 1:], turns)
+    for column in odd:
+        out[..., column : 3 * n : n] *= sides(each.shape[-2])[1:, None]
+    return out
+
+
+def sides(hypotheses: int) -> NDArray[np.float32]:
+    """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
+    return np.array([0, 1, -1], np.float32)[mode_types(hypotheses)]
+
+
+def _others(logs: NDArray[np.float32], turns: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1, n)."""
+    if logs.shape[-1] == 2:
         return turns[..., ::-1, :]
-    logs = log_probability[..., 1:] / np.float32(layout.scales["log_probability"])
-    without = np.where(np.eye(layout.hypotheses - 1, dtype=np.bool_), -np.inf, logs[..., None, :])
+    without = np.where(np.eye(logs.shape[-1], dtype=np.bool_), -np.inf, logs[..., None, :])
     weights = np.exp(without - without.max(-1, keepdims=True))
     weights /= weights.sum(-1, keepdims=True)
     return np.asarray(weights.astype(np.float32) @ turns)

@@ -8,6 +8,7 @@ from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
+from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
 from agents.training.simulated_gliders import GliderRun
@@ -15,8 +16,8 @@ from agents.training.statements import TrackRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
-    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "statements": TrackRun,
-    "flights": FlightRun, "gliders": GliderRun,
+    "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
+    "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
 }  # fmt: skip
 """Runs by algorithm."""
 

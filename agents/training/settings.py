@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
-from hybrid_env.checks import check_between, check_integer, check_number, check_positive, reject
+from hybrid_env.checks import check_between, check_flag, check_integer, check_number, check_positive, reject
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import MAX_RADII, two_values
 from hybrid_env.options import WorldOptions
@@ -203,6 +203,31 @@ class AnchorSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RewardSettings:
+    """Hyper-parameters of the agent that learns from rewards alone.
+
+    Attributes:
+        n_envs: tracks of a round, one episode each.
+        batch_size: segments of an update.
+        hidden: units of each layer.
+        learning_rate: constant, or "lin_" and the initial value for linear decay.
+        every_row: the reward of a declaration teaches all rows of its segment, and not only the last one.
+    """
+
+    n_envs: int
+    batch_size: int
+    hidden: int
+    learning_rate: str | float
+    every_row: bool = True
+
+    def __post_init__(self) -> None:
+        for name, largest in {"n_envs": LARGEST_COUNT, "batch_size": LARGEST_COUNT, "hidden": LARGEST_HIDDEN}.items():
+            check_integer(name, getattr(self, name), maximum=largest)
+        learning_rate_schedule(self.learning_rate)
+        check_flag("every_row", self.every_row)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExpectedRewardSettings:
     """Hyper-parameters of an agent that is trained on its expected reward; base class.
 
@@ -311,8 +336,8 @@ class GliderSettings(FlightSettings):
     groups = ("gliders",)
 
 
-Settings = PPOSettings | AnchorSettings | StatementSettings | FlightSettings
+Settings = PPOSettings | AnchorSettings | RewardSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
-    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings,
+    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
     "statements": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
 }  # fmt: skip

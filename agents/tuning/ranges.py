@@ -14,6 +14,7 @@ from hybrid_env.checks import reject
 DEFAULT_RANGES = {
     "ppo": ("learning_rate=0.0003..0.03", "n_epochs=1..10", "gae_lambda=0.8..0.99", "ent_coef=0.0..0.02"),
     "anchor": ("learning_rate=0.0003..0.03", "hidden=16..128", "smallest_alpha=0.0001..0.03"),
+    "reward": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
 }

@@ -1,4 +1,4 @@
-"""The anchor agent: invariances, files and decisions."""
+"""The anchor agent: invariances, which the agent of rewards shares, files and decisions."""
 
 import copy
 import json
@@ -15,6 +15,8 @@ from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks, errors_
 from agents.learned.anchor_net import INITIAL_LOG_SCALES, stated_factor
 from agents.learned.dimensionless import Scales
 from agents.learned.policy_file import load_network, load_policy, save_policy
+from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import RewardNet
 from agents.training.recipe import load_recipe
 from baselines import SPRTDecider
 from baselines.rules.component_filters import stated_covariance
@@ -33,6 +35,24 @@ def random_net(seed=0, hidden=12):
     net = AnchorNetworks(hidden)
     torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
     return net
+
+
+def random_reward_net():
+    torch.manual_seed(0)
+    net = RewardNet(12)
+    torch.nn.init.normal_(net.output.weight, std=0.5)
+    return net
+
+
+def anchor_agent(world):
+    return AnchorDecider(random_net(), world, 0.02)
+
+
+def reward_agent(world):
+    return RewardDecider(random_reward_net(), world, 0.02)
+
+
+both = pytest.mark.parametrize("agent", [anchor_agent, reward_agent])
 
 
 def mirrored(rows):
@@ -78,6 +98,7 @@ def in_other_units(world, length, time):
     )
 
 
+@both
 @pytest.mark.parametrize(("length", "time"), [(1000.0, 1.0), (1.0, 60.0), (0.3048, 1e-3)])
 @pytest.mark.parametrize(
     "options",
@@ -87,11 +108,11 @@ def in_other_units(world, length, time):
         {"bank": "anchor_aware", "follow": "bank", "measurement_variance": (0.05, 0.2), "noise": "outliers 0.05"},
     ],
 )
-def test_a_change_of_units_changes_no_decision(options, length, time):
+def test_a_change_of_units_changes_no_decision(options, length, time, agent):
     world = WorldOptions.of(**options)
     results, actions = [], []
     for one in (world, in_other_units(world, length, time)):
-        decider = AnchorDecider(random_net(), one, 0.02)
+        decider = agent(one)
         results.append(posteriors_of(decider, HybridTrackVectorEnv(TRACKS, **vars(one))))
         actions.append(evaluate(decider, episodes=20, seed=1, **vars(one)))
     np.testing.assert_allclose(*results, atol=1e-4)
@@ -99,21 +120,23 @@ def test_a_change_of_units_changes_no_decision(options, length, time):
     np.testing.assert_array_equal(actions[0].decided_mode, actions[1].decided_mode)
 
 
+@both
 @pytest.mark.parametrize("radii", [(5.0,), (2.0, 5.0, 9.0)])
-def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii):
+def test_a_mirrored_trajectory_gives_the_mirrored_posterior(radii, agent):
     env = HybridTrackVectorEnv(TRACKS, radii=radii)
-    decider = AnchorDecider(random_net(), env.options)
+    decider = agent(env.options)
     order = mirrored(env.reset(seed=0)[0])[1]
     original = posteriors_of(decider, env)
     reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
     np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
 
 
-def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii():
+@both
+def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii(agent):
     posteriors = []
     for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
         env = HybridTrackVectorEnv(TRACKS, radii=radii, scheme="S60 L60r5 S60")
-        decider = AnchorDecider(random_net(), env.options)
+        decider = agent(env.options)
         posteriors.append(posteriors_of(decider, env, ticks=20, declare=False))
     order = [0, 3, 2, 1, 6, 5, 4]
     np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)

@@ -38,6 +38,10 @@ INVALID = {
         ("updates_per_world", 0), ("drawn_worlds", [{"radii": 0, "worlds": 1, "n_envs": 1}]),
         ("drawn_worlds", [{"radii": 1}]), ("drawn_worlds", [{"radii": 900, "worlds": 900, "n_envs": 900}]),
     ],
+    "reward": [
+        ("n_envs", 0), ("n_envs", 10**6), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0),
+        ("every_row", 1),
+    ],
     "statements": [
         ("durations", []), ("durations", ["normal 3"]), ("durations", "uniform 5-20"), ("n_envs", 0),
         ("n_envs", 10**6), ("variances", [2.0, 1.0]), ("variances", [1.0]), ("radii", [0.0, 1.0]),

@@ -1,0 +1,98 @@
+"""The network that predicts which declaration is rewarded, and its inputs without units.
+
+As `statement_net` it sees a row once for each turn hypothesis, from the side of this turn. Its memory is a sum
+over the rows of the segment, as in Deep Sets (Zaheer et al. 2017): the tick is among the inputs, so that the
+order of the rows is not lost, and a whole segment is processed at once in training.
+"""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.learned.statement_net import GAIN, LARGEST_INNOVATION, LOWEST_LOG, sides, turn_views
+from hybrid_env.observation import Layout
+
+HYPOTHESIS_INPUTS = 8
+TRACK_INPUTS = 9
+ODD = 4, 7  # inputs of a hypothesis that change their sign in a mirrored trajectory
+ODD_OF_TRACK = 2, 4
+INPUTS = 3 * HYPOTHESIS_INPUTS + TRACK_INPUTS
+LIMIT = 5.0  # inputs are clipped to +-5
+SHARE = 0.2  # of the features of a row in the memory
+SMALLEST = 1e-30
+
+
+def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the inputs of each turn hypothesis (N, M - 1, 33), and the logarithm of the bank's posterior (N, M).
+
+    Args:
+        rows: (N, width) of the environment.
+        tau: length of a tick [s].
+    """
+    layout = Layout.of_rows(rows)
+    read = {name: layout.read(rows, name).astype(np.float32) for name in layout.slices}
+    ratio, speed, ticks = read["log_ratio"], np.maximum(read["speed"], SMALLEST), read["ticks"]
+    posterior = np.exp(ratio)
+    posterior /= posterior.sum(-1, keepdims=True)
+    logs = np.log(np.maximum(posterior, np.exp(np.float32(-30.0))))
+    innovations = [
+        0.5 * np.clip(read[name], -LARGEST_INNOVATION, LARGEST_INNOVATION)
+        for name in ("innovation_along", "innovation_across")
+    ]
+    turn = 10.0 * read["curvature"] * (speed * np.float32(tau))[:, None]
+    each = [
+        2.0 * posterior - 1.0, np.maximum(logs, LOWEST_LOG) / 5.0, np.maximum(ratio, -6.0) / 2.0, *innovations,
+        read["log_variance"], read["previous"], turn,
+    ]  # fmt: skip
+    out = turn_views(np.stack(each, -1), logs, ODD, TRACK_INPUTS)
+    across = 0.1 * read["displacement_across"]
+    of_track = [
+        ticks / 50.0 - 0.5, np.log(np.maximum(ticks, 1.0)) - 2.0, 3.0 * np.tanh(across / 3.0),
+        0.05 * read["displacement_along"], np.clip(across / (ticks / 5.0 + 0.1), -3.0, 3.0),
+        0.5 * _log(read["anchor_xx"]), 0.5 * _log(read["anchor_vv"] * np.float32(tau * tau)) + 2.0,
+        read["anchor_xv"] * np.float32(tau), 0.5 * (_log(speed * np.float32(tau)) - 0.5 * read["log_noise"]),
+    ]  # fmt: skip
+    out[..., -TRACK_INPUTS:] = np.stack(of_track, -1)[:, None]
+    for column in ODD_OF_TRACK:
+        out[..., column - TRACK_INPUTS] *= sides(layout.hypotheses)[1:]
+    return np.clip(out, -LIMIT, LIMIT), logs
+
+
+def _log(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.log(np.maximum(values, np.float32(SMALLEST)))
+
+
+class RewardNet(nn.Module):
+    """Corrects the posterior of the bank, from the present row and a memory of the segment.
+
+    Without training it returns the posterior of the bank.
+
+    Args:
+        hidden: units of every layer.
+    """
+
+    def __init__(self, hidden: int):
+        super().__init__()
+        self.row = nn.Sequential(nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.Tanh())
+        self.layers = nn.Sequential(nn.Linear(INPUTS + hidden, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU())
+        self.output = nn.Linear(hidden, 2)
+        self.scale = nn.Parameter(torch.ones(1))
+        nn.init.zeros_(self.output.weight)
+        nn.init.zeros_(self.output.bias)
+
+    def features(self, inputs: Tensor) -> Tensor:
+        """Return features (N, M - 1, hidden) of rows; the memory is their sum from the first row of the segment."""
+        features: Tensor = SHARE * self.row(inputs)
+        return features
+
+    def forward(self, inputs: Tensor, memory: Tensor, logs: Tensor) -> Tensor:
+        """Return the log-probability that the reward of declaring a hypothesis is positive, (N, M).
+
+        Args:
+            inputs, logs: see `reward_inputs`.
+            memory: (N, M - 1, hidden) sum of `features` up to the present row.
+        """
+        outputs = GAIN * self.output(self.layers(torch.cat([inputs, memory], -1)))
+        correction = torch.cat([outputs[..., 1].mean(-1, keepdim=True), outputs[..., 0]], -1)
+        return torch.log_softmax(self.scale * logs + correction, -1)

@@ -1,0 +1,191 @@
+"""Training of an agent on the rewards of its declarations alone.
+
+A segment is a short stopping problem whose last reward is known at once. Of the environment the agent knows what
+its documentation says: the sign of the reward does not depend on the tick of the declaration, and one
+hypothesis, or type, of a segment is rewarded. The reward of a segment therefore teaches all its rows: a rewarded
+declaration names the hypothesis, another one excludes it, and the probabilities of the network at the last row
+say how likely each of the others is. Nothing else is read: neither the true mode nor an estimate.
+
+In training the thresholds are drawn, and so are some declarations. A round of whole episodes is determined by its
+number, so that a checkpoint between two rounds needs no tracks.
+"""
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from agents.learned.policy_file import save_policy
+from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import RewardNet, reward_inputs
+from agents.training.run import OwnNetworkRun, Round
+from agents.training.settings import LARGEST_ALPHA, RewardSettings
+from baselines.rules import seeds
+from baselines.rules.decider import ANNOUNCED, Actions, DeciderFamily, Observations
+from baselines.rules.msprt import mode_types
+from baselines.rules.rollout import rollout
+from hybrid_env.checks import BoolArray, IntArray, check_integer, reject
+from hybrid_env.options import WorldOptions
+from hybrid_env.registration import environment_options, make_vector_env
+
+LARGEST_GRADIENT = 1.0  # norm
+SMALLEST_ALPHA = 0.003  # of the thresholds in training
+RANDOM_DECLARATIONS = 0.05  # share of the declarations
+LARGEST_ROUND = 2**22  # rows x turns of a round, whose inputs take half a gigabyte
+
+
+class Explorer(RewardDecider):
+    """The agent in training, which draws its decisions.
+
+    Args:
+        net: the network.
+        world: options of the environment.
+        generator: of thresholds, one for each segment, and of declarations.
+    """
+
+    def __init__(self, net: RewardNet, world: WorldOptions, generator: np.random.Generator):
+        super().__init__(net, world)
+        self.generator = generator
+
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state is the memory and the thresholds (N,)."""
+        tracks = len(observation)
+        memory, alpha = state or (None, np.zeros(tracks))
+        posterior, memory = self.posterior(observation, memory, episode_start)
+        error, best = self.errors(observation, posterior, memory)
+        drawn = np.exp(self.generator.uniform(np.log(SMALLEST_ALPHA), np.log(LARGEST_ALPHA), tracks))
+        alpha = np.where(self.layout.read(observation, "ticks") < 1.5, drawn, alpha)
+        replaced = self.generator.random(tracks) < RANDOM_DECLARATIONS
+        mode = np.where(replaced, self.generator.integers(self.layout.hypotheses, size=tracks), best)
+        declares = (error <= alpha) | (self.layout.read(observation, "ticks_left") < 0.5)
+        return np.where(declares, mode + 1, 0), (memory, alpha)
+
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
+        """See `RewardDecider.select_tracks`."""
+        return None if state is None else (super().select_tracks(state[0], tracks), state[1][tracks])
+
+    def segments(self, env: Any, seed: int) -> tuple[Observations, IntArray, IntArray, BoolArray]:
+        """Run one episode of every track, and return its S segments up to the declaration.
+
+        Args:
+            env: vector environment.
+            seed: of the first track.
+
+        Returns:
+            Rows (n, width) of all segments, and of each segment the number of rows, the declared hypothesis,
+            and whether its reward was positive, (S,).
+        """
+        running, unfinished = np.arange(env.num_envs), np.ones(env.num_envs, np.bool_)
+        tracks, rows, actions, rewards = [], [], [], []
+        for now in rollout(env, self, seed, unfinished):
+            if now.step:
+                actions.append(now.actions[running])
+                rewards.append(now.rewards[running])
+                unfinished &= ~now.terminated
+            running = np.flatnonzero(unfinished)
+            if not running.size:
+                break
+            tracks.append(running)
+            rows.append(now.observation[running])
+        order = np.argsort(np.concatenate(tracks), kind="stable")
+        declared = np.concatenate(actions)[order] - 1
+        last = np.flatnonzero(declared >= 0)
+        rewarded = np.concatenate(rewards)[order][last] + self.world.delay_cost > 0.0
+        return np.concatenate(rows)[order], np.diff(last, prepend=-1), declared[last], rewarded
+
+
+class RewardRun(OwnNetworkRun):
+    """A training run on rewards alone; see `agents.training.runs.make_run` for the arguments.
+
+    Raises:
+        ArgumentError: an environment in which hypotheses are not declared, or a damaged checkpoint.
+    """
+
+    smallest_factor: ClassVar[float] = 0.01
+
+    def build(self) -> None:
+        """Create network, optimizer and environment."""
+        assert isinstance(self.recipe.settings, RewardSettings)
+        self.settings = self.recipe.settings
+        if environment_options(self.env_id) is not WorldOptions:
+            raise reject("env", self.env_id, "an environment in which hypotheses are declared")
+        self.env = make_vector_env(self.env_id, self.settings.n_envs, tick_info=False, **self.options)
+        self.world: WorldOptions = self.env.options
+        if self.world.actions != "all":
+            raise reject("actions", self.world.actions, "'all' for an agent that declares hypotheses")
+        rows = self.settings.n_envs * self.world.segments * self.world.longest_segment
+        if rows * (self.world.hypotheses - 1) > LARGEST_ROUND:
+            raise reject("n_envs", self.settings.n_envs, f"n_envs x ticks x (M - 1) of at most {LARGEST_ROUND:,}")
+        self.rounds = 0
+        torch.manual_seed(self.seed)
+        self.net = RewardNet(self.settings.hidden)
+        self.start(self.net, self.settings.learning_rate)
+        modes = np.arange(self.world.hypotheses)
+        kinds = mode_types(modes.size) if self.world.correctness == "type" else modes
+        self._alike = torch.from_numpy((kinds[:, None] == kinds).astype(np.float32))
+
+    def values(self) -> dict[str, Any]:
+        """See `Run.values`."""
+        return {"rounds": self.rounds}
+
+    def restore_values(self, values: dict[str, Any]) -> None:
+        """See `Run.restore_values`."""
+        self.rounds = check_integer("rounds", values["rounds"], minimum=0, maximum=self.num_timesteps)
+
+    def train_round(self) -> Round:
+        """See `OwnNetworkRun.train_round`."""
+        first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self.settings.n_envs
+        generator = np.random.default_rng(first)
+        rows, lengths, declared, rewarded = Explorer(self.net, self.world, generator).segments(self.env, first)
+        inputs, logs = reward_inputs(rows, self.world.tau)
+        begins = lengths.cumsum() - lengths
+        order, losses = generator.permutation(lengths.size), []
+        self.set_learning_rate()
+        for start in range(0, lengths.size, self.settings.batch_size):
+            chosen = order[start : start + self.settings.batch_size]
+            some = np.concatenate(
+                [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
+            )
+            parts = inputs[some], logs[some], lengths[chosen], declared[chosen], rewarded[chosen]
+            loss = self.loss(*map(torch.from_numpy, parts))
+            self.optimizer.zero_grad(set_to_none=False)
+            loss.backward()
+            nn.utils.clip_grad_norm_(self.net.parameters(), LARGEST_GRADIENT)
+            self.optimizer.step()
+            losses.append(float(loss.detach()))
+        self.rounds += 1
+        ticks = float(lengths.mean())
+        reward = 2.0 * float(rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
+        return len(rows), reward, ticks, {"cross_entropy": float(np.mean(losses))}
+
+    def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:
+        """Return the mean cross-entropy of the rewarded hypothesis over the rows of S segments.
+
+        Args:
+            inputs, logs: (n, M - 1, 33) and (n, M) of the rows of all segments, see `reward_inputs`.
+            lengths: (S,) rows of the segments.
+            declared, rewarded: (S,) see `Explorer.segments`.
+        """
+        segment = torch.arange(len(lengths)).repeat_interleave(lengths)
+        ends = lengths.cumsum(0)
+        features = self.net.features(inputs)
+        sums = features.cumsum(0)
+        before = (sums - features)[ends - lengths]
+        logs = self.net(inputs, sums - before[segment], logs)
+        with torch.no_grad():
+            possible = torch.where(rewarded[:, None], self._alike[declared], 1.0 - self._alike[declared])
+            target = possible * logs[ends - 1].exp().clamp(min=1e-9)
+            target /= target.sum(-1, keepdim=True)
+        if not self.settings.every_row:
+            return -(target * logs[ends - 1]).sum(-1).mean()
+        return -(target[segment] * logs).sum(-1).mean()
+
+    def family(self, name: str) -> DeciderFamily:
+        """Return the current agent as a family of deciders for the environment of the run."""
+        return RewardDecider.trained(name, self.net, self.world)
+
+    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
+        """Write weights and card of the current agent."""
+        save_policy(folder, self.net.state_dict(), card, ANNOUNCED)

@@ -1,0 +1,61 @@
+"""The agent that learns from rewards alone."""
+
+import numpy as np
+import pytest
+import torch
+from small_training import small_run
+
+from agents.learned.reward_decider import RewardDecider
+from agents.learned.reward_net import RewardNet, reward_inputs
+from agents.training import reward
+from agents.training.recipe import load_recipe
+from agents.training.runs import make_run
+from baselines import MSPRTDecider
+from baselines.rules.msprt import mode_types
+from baselines.rules.rollout import evaluate
+from hybrid_env import Layout, WorldOptions
+
+ENV = "hybrid_env:HybridTrack-v0"
+
+
+def test_training_for_seconds_earns_more_than_the_bank_it_starts_from():
+    recipe = load_recipe("reward", ENV, ("n_envs=32", "hidden=32", "batch_size=32"))
+    run = make_run(ENV, {}, recipe, seed=1, steps=150_000)
+    start = RewardDecider(RewardNet(8), run.world, 0.03)
+    bank, before = (evaluate(one, episodes=100, seed=5) for one in (MSPRTDecider(0.03), start))
+    np.testing.assert_array_equal(bank.ticks, before.ticks)
+    run.train()
+    gain = evaluate(run.family("").make(0.03), episodes=100, seed=5).reward - before.reward
+    assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
+
+
+@pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0), "correctness": "type"}])
+def test_the_loss_of_whole_segments_is_that_of_one_row_after_the_other(options, monkeypatch):
+    monkeypatch.setattr(reward, "RANDOM_DECLARATIONS", 0.5)
+    run = make_run(ENV, options, load_recipe("reward", ENV, ("n_envs=6", "hidden=8")))
+    torch.nn.init.normal_(run.net.output.weight, std=0.5)
+    explorer = reward.Explorer(run.net, run.world, np.random.default_rng(1))
+    rows, lengths, declared, rewarded = explorer.segments(run.env, 5)
+    assert len(declared) == 6 * run.world.segments
+    ticks = Layout.of_rows(rows).read(rows, "ticks").round()
+    np.testing.assert_array_equal(ticks, np.concatenate([np.arange(n) + 1 for n in lengths]))
+    assert 0.4 < rewarded.mean() < 0.95
+    state, losses = None, []
+    for k, end in enumerate(lengths.cumsum()):
+        for row in rows[end - lengths[k] : end]:
+            posterior, state = explorer.posterior(row[None], state, None)
+            losses.append(posterior[0])
+        kinds = mode_types(posterior.size) if options else np.arange(posterior.size)
+        possible = (kinds == kinds[declared[k]]) == rewarded[k]
+        target = np.maximum(posterior[0], 1e-9) * possible
+        losses[-lengths[k] :] = [-(target / target.sum()) @ np.log(p) for p in losses[-lengths[k] :]]
+    parts = *reward_inputs(rows, run.world.tau), lengths, declared, rewarded
+    loss = run.loss(*map(torch.from_numpy, parts))
+    np.testing.assert_allclose(float(loss.detach()), np.mean(losses), rtol=1e-4)
+
+
+def test_only_the_last_row_learns_without_every_row():
+    run = small_run("reward", steps=200, more=("every_row=false",))
+    run.train()
+    assert run.num_timesteps >= 200
+    assert RewardDecider(run.net, WorldOptions()).predict(np.zeros((2, 28), np.float32))[0].shape == (2,)
