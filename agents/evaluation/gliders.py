@@ -1,13 +1,15 @@
 """Recorded flights of gliders: straight flight, or circles to a side, stated at every position."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from agents.evaluation.flights import AGENT
+from agents.evaluation.registry import SHIPPED, learned_family, policy_folder
 from agents.evaluation.task import Metric
 from baselines.estimation.turn_beam import run_turn_beam
-from baselines.estimation.turns import run_turn_imm
+from baselines.estimation.turns import TurnModel, run_turn_imm
 from baselines.recordings.flights.circling import air_motion, decode, label_glider
 from baselines.recordings.flights.flight import Flight, stack_flights
 from baselines.recordings.flights.gliders import digits, glider_flight
@@ -16,7 +18,7 @@ from baselines.recordings.flights.metrics import STATISTICS, score_flights
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.recordings.reading.igc import parse_igc
 from baselines.rules.circling import GliderRule
-from baselines.rules.decider import GLIDERS, rules
+from baselines.rules.decider import GLIDERS, Decider, rules
 from baselines.scoring.scores import Scores
 from hybrid_env.checks import IntArray, reject
 
@@ -47,16 +49,35 @@ class Setting(NamedTuple):
     numbers: tuple[float, ...]
 
 
-def glider_rule(name: str) -> type[GliderRule]:
-    """Return the class of a rule.
+class LearnedRule(NamedTuple):
+    """The agent of a folder, with what the class of a rule tells; see `GliderRule`."""
+
+    title: str
+    models: tuple[TurnModel, ...]
+    grid: tuple[tuple[float, ...], ...]
+    make: Callable[..., Decider]
+    histories: None = None
+
+    def __call__(self, *settings: tuple[float, ...]) -> Decider:
+        """Return the agent at settings."""
+        return self.make(*settings)
+
+
+def glider_rule(name: str) -> type[GliderRule] | LearnedRule:
+    """Return the class of a rule, or an agent: the shipped one, or that of a folder.
 
     Raises:
         ArgumentError: there is none of this name.
     """
     known = rules(GLIDERS)
-    if name not in known:
-        raise reject("deciders", name, f"{', '.join(known)} with --gliders")
-    return known[name]  # type: ignore[return-value]
+    if name in known:
+        return known[name]  # type: ignore[return-value]
+    folder = policy_folder(SHIPPED if name == AGENT else name, GLIDERS)
+    if not folder.is_dir():
+        raise reject("deciders", name, f"{', '.join((*known, AGENT))} with --gliders, or the folder of an agent")
+    from agents.learned.glider_decider import GliderAgent
+
+    return LearnedRule(name, (GliderAgent.model,), GliderAgent.grid, learned_family(folder, recorded=GLIDERS).make)
 
 
 def read_gliders(contents: Sequence[bytes], group: str) -> tuple[list[Flight], list[Labels]]:

@@ -10,20 +10,24 @@ from typing import Any
 import numpy as np
 
 from agents import learned
-from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN, Decider, DeciderFamily, rules
+from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN, Decider, DeciderFamily, rules
 from baselines.rules.own import find_own, own_family, own_names
 from hybrid_env.checks import reject
 
-TASKS = {ANNOUNCED: "known switch moments", UNKNOWN: "unknown switch moments", FLIGHTS: "recorded flights"}
+TASKS = {
+    ANNOUNCED: "known switch moments", UNKNOWN: "unknown switch moments", FLIGHTS: "recorded flights",
+    GLIDERS: "flights of gliders",
+}  # fmt: skip
 """What agents decide, in messages."""
 
 
-def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
+def learned_family(folder: Path, options: Any = None, recorded: str = FLIGHTS) -> DeciderFamily:
     """Return the agent of a folder at any threshold, for any training algorithm.
 
     Args:
         folder: with weights and card.
         options: of the environment to decide in; None for recorded flights.
+        recorded: which ones, `FLIGHTS` or `GLIDERS`.
 
     Raises:
         ArgumentError: the folder cannot be read, or its agent is for another task.
@@ -32,7 +36,7 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
     from agents.learned.policy_file import card_task, load_network, load_policy
 
     weights, card = load_policy(folder)
-    task = FLIGHTS if options is None else options.switches
+    task = recorded if options is None else options.switches
     if card_task(card) != task:
         raise reject("decider", str(folder), f"a policy for {TASKS[task]}")
     algo = card["recipe"]["entry"]["algo"]
@@ -48,8 +52,8 @@ def learned_family(folder: Path, options: Any = None) -> DeciderFamily:
 
 OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
-    "flights": ("flight_decider", "FlightAgent"), "reward": ("reward_decider", "RewardDecider"),
-    "tandem": ("tandem_decider", "TandemDecider"),
+    "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
+    "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 
@@ -57,7 +61,9 @@ OWN_NETWORKS = {
 EXCHANGED = (".zip", ".onnx")
 """Endings of the files of policies that other libraries write."""
 SHIPPED = "shipped"
-SHIPPED_FOLDERS = {ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights"}
+SHIPPED_FOLDERS = {
+    ANNOUNCED: "shipped", UNKNOWN: "shipped_quickest", FLIGHTS: "shipped_flights", GLIDERS: "shipped_gliders",
+}  # fmt: skip
 """Folders of the weights that come with the package."""
 
 

@@ -10,10 +10,11 @@
   its base class and that of `anchor_decider`.
 - `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.
 - `statement_net`: a recurrent network that states the present mode, and its inputs.
-- `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights.
+- `statement_decider`: this network as a decider in an environment; `flight_decider`: on recorded flights;
+  `glider_decider`: on those of gliders.
 - `features`: selects the quantities that an actor observes.
 - `policy_file`: reads and writes weights and their card; the limits on the sizes of networks.
-- `shipped/`, `shipped_quickest/`, `shipped_flights/`: the weights that come with the package.
+- `shipped/`, `shipped_quickest/`, `shipped_flights/`, `shipped_gliders/`: the weights that come with the package.
 
 All of them map observation rows to actions through the interface of `baselines.rules.decider`.
 

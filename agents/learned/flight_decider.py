@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agents.learned.statement_decider import UtilityDecider
 from agents.learned.statement_net import StatementNet
-from baselines.estimation.turns import STRAIGHT, Batch, TurnEstimates
+from baselines.estimation.turns import STRAIGHT, Batch, TurnEstimates, TurnModel
 from baselines.recordings.flights.tracks import FlightTracks
 from baselines.rules.decider import FLIGHTS, Actions
 
@@ -27,8 +27,8 @@ def log_probabilities(estimates: TurnEstimates) -> NDArray[np.float32]:
     return np.maximum(np.log(np.maximum(estimates.probabilities, 1e-30)), LOWEST_LOG).astype(np.float32)
 
 
-def flight_inputs(batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]:
-    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn."""
+def flight_inputs(batch: Batch, estimates: TurnEstimates, unit: float = 2.0) -> NDArray[np.float32]:
+    """Return the inputs (T, B, 2, 16) from the side of a left and of a right turn; turn rates in units [deg/s]."""
     logs = log_probabilities(estimates)
     likelihoods = estimates.log_likelihoods
     ratios = np.maximum(likelihoods - likelihoods.max(-1, keepdims=True), LOWEST_RATIO)
@@ -43,7 +43,7 @@ def flight_inputs(batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]
             *(2.0 * np.exp(logs[..., mode]) - 1.0 for mode in order),
             *(logs[..., mode] / 5.0 for mode in order),
             *(ratios[..., mode] / 3.0 for mode in order),
-            SIDES[turn] * np.degrees(estimates.rates) / 2.0,
+            SIDES[turn] * np.degrees(estimates.rates) / unit,
             0.5 * innovations[..., 0],
             0.5 * SIDES[turn] * innovations[..., 1],
             np.log(np.clip(steps, 0.1, 100.0)),
@@ -69,16 +69,23 @@ class FlightAgent(UtilityDecider):
     task = FLIGHTS
     observes = "tracks"
     inputs = INPUTS
+    model = TurnModel()
+    """Settings of the filter."""
 
     def __init__(self, net: StatementNet, margin: float = 0.0):
         super().__init__(net, margin)
         self._tracks: FlightTracks | None = None
         self._outputs = np.empty(0)
 
+    @staticmethod
+    def inputs_of(batch: Batch, estimates: TurnEstimates) -> NDArray[np.float32]:
+        """Return the inputs (T, B, 2, inputs) of the network."""
+        return flight_inputs(batch, estimates)
+
     def observe(self, tracks: FlightTracks) -> NDArray[np.float64]:
         """Return the utilities (B, 3) of the modes and that of keeping the statement, together (B, 4)."""
         if self._tracks is not tracks:
-            inputs, logs = flight_inputs(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
+            inputs, logs = self.inputs_of(tracks.batch, tracks.estimates), log_probabilities(tracks.estimates)
             self._tracks, self._outputs = tracks, self.utilities(inputs, logs)
         return self._outputs[tracks.tick]
 
@@ -87,7 +94,7 @@ class FlightAgent(UtilityDecider):
         """Return `observe` at every position, (T, B, 4); the network reads positions up to each only.
 
         Args:
-            inputs: (T, B, 2, 16), see `flight_inputs`.
+            inputs: (T, B, 2, inputs), see `inputs_of`.
             logs: (T, B, 3), see `flight_inputs.log_probabilities`.
         """
         found = np.empty((*logs.shape[:2], 4))

@@ -14,7 +14,7 @@ from torch import Tensor
 from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
-from baselines.rules.decider import ANNOUNCED, FLIGHTS, UNKNOWN
+from baselines.rules.decider import ANNOUNCED, FLIGHTS, GLIDERS, UNKNOWN
 from hybrid_env.checks import check_flag, check_integer, reject
 from hybrid_env.observation import Layout, QuickestLayout
 
@@ -23,6 +23,7 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 ALGORITHMS = {
     "ppo": (ANNOUNCED, UNKNOWN), "recurrent_ppo": (ANNOUNCED, UNKNOWN), "anchor": (ANNOUNCED,),
     "reward": (ANNOUNCED,), "tandem": (ANNOUNCED,), "statements": (UNKNOWN,), "flights": (FLIGHTS,),
+    "gliders": (GLIDERS,),
 }  # fmt: skip
 """Tasks of the agents of every training algorithm."""
 
@@ -55,8 +56,8 @@ def _scales(layout: type[Layout]) -> dict[str, float]:
 def card_task(card: Mapping[str, Any]) -> str:
     """Return the task that a policy was trained for, from a card of `load_policy`."""
     tasks = ALGORITHMS[card["recipe"]["entry"]["algo"]]
-    if tasks == (FLIGHTS,):
-        return FLIGHTS
+    if tasks[0] not in LAYOUTS:
+        return tasks[0]
     return next(task for task in tasks if card["observation_scales"] == _scales(LAYOUTS[task]))
 
 

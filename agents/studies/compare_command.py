@@ -42,7 +42,7 @@ class FlightArguments:
         """Compare, print the tables and write gliders.json and gliders.png.
 
         Args:
-            deciders: names; without any all rules for gliders, the IMM first.
+            deciders: names; without any all rules for gliders, the IMM first, and the agent.
             out: output folder.
 
         Raises:
@@ -136,7 +136,8 @@ class Compare(WorldArguments, TrustArguments, ParallelArguments, FlightArguments
     deciders: Annotated[tuple[str, ...] | None, shown_default("the usual rules of the environment")] = None
     """Classical rules, or rules of your own ('mine.py:MyRule'); the first is the reference. Announced
     switches: {announced}. Unknown switches: {unknown}. With --flights: {flights}, with an optional
-    ':threshold', or the folder of an agent. With --gliders: {gliders}."""
+    ':threshold', or the folder of an agent. With --gliders: {gliders}, 'agent', or the folder of
+    an agent."""
     agents: Annotated[tuple[str, ...] | None, shown_default("ppo shipped; shipped for unknown switches")] = None
     """Learned agents: recipes to train during the run ('ppo', 'anchor' ...), 'shipped' (weights in the
     package), run folders, or policies of other libraries ('model.zip', 'policy.onnx')."""

@@ -12,6 +12,7 @@ from agents.evaluation.gliders import METRICS, glider_rule
 from agents.figures.tracks import recording_figure
 from agents.studies.comparison import finite
 from agents.studies.flights_report import figure_cell
+from agents.studies.gliders_gap import SHARES, gap_table
 from agents.studies.gliders_study import LEVELS, GliderComparison
 from baselines.recordings.flights.labels import MODE_NAMES
 from baselines.recordings.flights.metrics import STATISTICS
@@ -19,16 +20,16 @@ from baselines.scoring.estimates import Estimate
 
 SHOWN = 600.0  # time in the picture [s]
 NOTE = (
-    "Second lines: 95 % interval, flights drawn with replacement.\n"
+    "Second lines: 95 % interval, flights drawn with replacement. Less first: points of agreement.\n"
     "Settings: the best agreement on the other half with as few false changes there.\n"
     "Enter, leave: mean time from a change of the label to the first right statement.\n"
-    "Misses: the next change of the label came first."
+    "Misses: the next change of the label came first. Simul.: agreement on simulated flights."
 )
 
 
 def glider_tables(result: GliderComparison) -> list[Table]:
-    """Return the tables of each level, for the open logs and for the sealed ones."""
-    return [_table(result, group, level) for group in result.groups for level in LEVELS]
+    """Return the tables of each level, for the open logs and for the sealed ones, and of the simulated flights."""
+    return [*(_table(result, group, level) for group in result.groups for level in LEVELS), gap_table(result.gap)]
 
 
 def _table(result: GliderComparison, group: str, level: float) -> Table:
@@ -38,8 +39,9 @@ def _table(result: GliderComparison, group: str, level: float) -> Table:
         less = difference(result, level, name, rows)
         cells = [figure_cell(scores.some(rows), metric) for metric in METRICS]
         cells.append("" if less is None else bounds_cell(less, 1, 100.0))
+        cells.append(f"{100.0 * float(result.simulated[level][name].curve(STATISTICS['agreement'])[0]):.1f}")
         lines.append((escape(glider_rule(name).title), *cells))
-    heads = ("decider", *(metric.head for metric in METRICS), f"less {lines[0][0]}\npoints")
+    heads = ("decider", *(metric.head for metric in METRICS), "less\nfirst", "simul.\n%")
     title = f"{len(rows)} flights of gliders, {group}, {hours:.1f} h: at most {level:g} false an hour"
     return filled_table(title, heads, lines, NOTE if level == LEVELS[-1] else "")
 
@@ -64,6 +66,8 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
                 less = difference(result, level, name, rows)
                 figures["agreement_less_first"] = None if less is None else less.as_json()
                 figures["settings"] = result.chosen[level][name]
+                copied = result.simulated[level][name]
+                figures["simulated"] = {one.name: copied.estimate(one.statistic).as_json() for one in METRICS}
                 groups.setdefault(group, {}).setdefault(f"{level:g}", {})[name] = figures
     flights = [
         {
@@ -79,7 +83,7 @@ def gliders_json(result: GliderComparison) -> dict[str, Any]:
         }
         for k, (flight, labels) in enumerate(zip(result.flights, result.labels, strict=True))
     ]
-    return {"groups": groups, "flights": flights, "seal": result.seal}
+    return {"groups": groups, "flights": flights, "gap": {"percentiles": SHARES, **result.gap}, "seal": result.seal}
 
 
 def glider_figure(result: GliderComparison) -> Figure:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.evaluation.flights import AGENT
 from agents.evaluation.gliders import (
     FALSE,
     Setting,
@@ -19,12 +20,15 @@ from agents.evaluation.gliders import (
     read_gliders,
     score_settings,
 )  # fmt: skip
+from agents.evaluation.registry import SHIPPED, policy_folder
+from agents.studies.gliders_gap import percentiles, samples
 from baselines.recordings.flights import circling, gliders
 from baselines.recordings.flights import labels as label_rules
 from baselines.recordings.flights.flight import Flight
 from baselines.recordings.flights.gliders import HALVES, SEALED, half_of, read_logs
 from baselines.recordings.flights.labels import Labels
-from baselines.recordings.flights.metrics import STATISTICS
+from baselines.recordings.flights.metrics import STATISTICS, score_flights
+from baselines.recordings.flights.simulated_gliders import label_gliders, simulate_glider
 from baselines.recordings.reading import igc
 from baselines.rules import circling as rules_of_circling
 from baselines.rules.decider import GLIDERS, rules
@@ -35,6 +39,7 @@ LEVELS = (2.0, 5.0, 8.0)
 """False changes an hour at which rules are compared."""
 
 REFERENCE = "imm"
+SIMULATED, SIMULATED_TIME, SIMULATED_SEED = 60, 3600.0, 20260601  # flights, of seconds, for comparison
 SEAL = Path(__file__).with_name("sealed.json")
 """Digests of code and weights, and the settings, which are fixed before the sealed logs are opened."""
 
@@ -53,6 +58,8 @@ class GliderComparison:
         scores: by level and name of the rule; each flight has the setting that was selected without its half.
         chosen: settings by level, name and half that they are scored on, or `SEALED`: selected on all halves.
         stated: statements (n,) of the rules on each flight at the middle level.
+        simulated: scores on simulated flights, with the settings that were selected on all halves.
+        gap: percentiles of the open flights and of the simulated ones, by quantity.
     """
 
     flights: list[Flight]
@@ -60,6 +67,8 @@ class GliderComparison:
     scores: dict[float, dict[str, Scores]]
     chosen: dict[float, dict[str, dict[str, Setting]]]
     stated: dict[str, list[IntArray]]
+    simulated: dict[float, dict[str, Scores]]
+    gap: dict[str, tuple[list[float], list[float]]]
 
     @property
     def groups(self) -> dict[str, list[int]]:
@@ -114,7 +123,16 @@ def compare_on_gliders(
         found = read_gliders(some, half)
         flights, labels = flights + found[0], labels + found[1]
     of = np.array([flight.tier.name for flight in flights])
-    result = GliderComparison(flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {})
+    note("simulated flights")
+    generator = np.random.default_rng(SIMULATED_SEED)
+    copies = [simulate_glider(SIMULATED_TIME, generator) for _ in range(SIMULATED)]
+    copied, rows = label_gliders(copies), np.flatnonzero(of != SEALED)
+    real, made = samples([flights[k] for k in rows], [labels[k] for k in rows]), samples(copies, copied)
+    known = [name for name, values in real.items() if values.size and made[name].size]
+    gap = {name: (percentiles(real[name]), percentiles(made[name])) for name in known}
+    result = GliderComparison(
+        flights, labels, {k: {} for k in LEVELS}, {k: {} for k in LEVELS}, {}, {k: {} for k in LEVELS}, gap
+    )
     for name, settings in every.items():
         note(glider_rule(name).title)
         told = glider_statements(flights, settings)
@@ -133,24 +151,33 @@ def compare_on_gliders(
             result.chosen[level][name] = {half: settings[k] for half, k in best.items()}
             if level == LEVELS[1]:
                 result.stated[name] = [told[settings[k]][row] for row, k in enumerate(chosen)]
+        usual = dict.fromkeys(one[name][SEALED] for one in result.chosen.values())
+        told = glider_statements(copies, list(usual))
+        for level in LEVELS:
+            stated = told[result.chosen[level][name][SEALED]]
+            result.simulated[level][name] = score_flights(swept.name, copies, copied, stated)
     return result
 
 
 def steps(names: Sequence[str], sealed: bool) -> int:
     """Return the number of calls of `note` by `compare_on_gliders`."""
-    return 1 + len(HALVES) + len(names) + sealed
+    return 2 + len(HALVES) + len(names) + sealed
 
 
 def default_names() -> tuple[str, ...]:
-    """Return the names of all rules, the reference first."""
-    return tuple(dict.fromkeys((REFERENCE, *rules(GLIDERS))))
+    """Return the names of all rules, the reference first, and of the agent."""
+    return tuple(dict.fromkeys((REFERENCE, *rules(GLIDERS), AGENT)))
 
 
 def current_seal() -> dict[str, Any]:
-    """Return the digests of what labels and rules are computed with; there are no weights yet."""
-    code = {name: Path(str(file.__file__)).read_bytes() for name, file in FROZEN.items()}
-    digests = {name: sha256(content).hexdigest() for name, content in code.items()}
-    return {"code": digests | {"libigc": version("libigc")}, "weights": {}}
+    """Return the digests of what labels and rules are computed with, and of the agent."""
+    weights, files = policy_folder(SHIPPED, GLIDERS), {name: Path(str(one.__file__)) for name, one in FROZEN.items()}
+    files |= {name: weights.parent / f"{name}_decider.py" for name in ("flight", "glider")}  # importing loads PyTorch
+    code, shipped = (
+        {name: sha256(file.read_bytes()).hexdigest() for name, file in some.items()}
+        for some in (files, {file.name: file for file in sorted(weights.glob("policy.*"))})
+    )
+    return {"code": code | {"libigc": version("libigc")}, "weights": shipped}
 
 
 def unbroken_seal(names: Sequence[str]) -> dict[str, Any]:

@@ -7,7 +7,7 @@
 - `anchor`, `anchor_stream`: the anchor agent, and the tracks that it decides on.
 - `reward`: the agent that learns from rewards alone; `tandem`: MSPRT-TANDEM, on the same segments.
 - `statements`: agents that are trained on the expected reward of their statements, on simulated tracks or
-  on `simulated_flights`.
+  on `simulated_flights` or `simulated_gliders`.
 - `run_folder`: lock, config and metrics; `checkpoint`: the state of a run on disk.
 - `learning_curve`: evaluation during training, and its plot.
 

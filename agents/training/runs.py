@@ -11,20 +11,21 @@ from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
+from agents.training.simulated_gliders import GliderRun
 from agents.training.statements import TrackRun
 from agents.training.tandem import TandemRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
-    "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun,
+    "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
 }  # fmt: skip
 """Runs by algorithm."""
 
 
 def run_name(env_id: str, recipe: Recipe) -> str:
     """Return the name of the folder of a run: environment and recipe; flights have no environment."""
-    return recipe.name if recipe.algo == "flights" else f"{env_id.rpartition(':')[2]}-{recipe.name}"
+    return recipe.name if issubclass(RUNS[recipe.algo], FlightRun) else f"{env_id.rpartition(':')[2]}-{recipe.name}"
 
 
 def make_run(

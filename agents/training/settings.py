@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from agents.learned.policy_file import LARGEST_HIDDEN, check_policy_kwargs
 from hybrid_env.checks import check_between, check_flag, check_integer, check_number, check_positive, reject
@@ -265,13 +265,10 @@ class ExpectedRewardSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class StatementSettings(ExpectedRewardSettings):
-    """Hyper-parameters of the agent for unknown switch moments.
-
-    Every round simulates new tracks in environments with random measurement variances and radii.
+    """Hyper-parameters of the agent for unknown switch moments, trained on new tracks in every round.
 
     Attributes:
-        durations: laws of the durations of segments, one environment of every round for each; a law may be
-            repeated.
+        durations: laws of the durations of segments, one environment of every round for each, also repeated.
         n_envs: tracks of each environment.
         variances: smallest and largest factor of the measurement variance of the environment.
         radii: smallest and largest factor of its radii.
@@ -307,30 +304,29 @@ def _factors(name: str, value: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSettings(ExpectedRewardSettings):
-    """Hyper-parameters of the agent for recorded flights, which is trained on simulated ones.
-
-    Every round simulates new flights of all tiers, each with settings of its own.
+    """Hyper-parameters of the agent for recorded flights, trained on simulated ones, new ones in every round.
 
     Attributes:
         flights: of the tiers A to D in a round. Short ones are left out, about half of those of D.
         rows: approximate number of positions of a flight.
         passes: times that the flights of a round are used.
-        change_cost: cost of a change to a wrong mode where steps are average: as much as a wrong statement
-            for this time [s]. It is in proportion to the scored time of the position.
+        change_cost: of a change to a wrong mode: as much as a wrong statement for this time [s], times the
+            scored time of the position over its mean.
     """
 
-    flights: tuple[int, int, int, int]
+    flights: tuple[int, ...]
     rows: int
     passes: int
     change_cost: float
 
+    groups: ClassVar[tuple[str, ...]] = ("A", "B", "C", "D")
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != 4:
-            raise reject("flights", self.flights, "four numbers of flights, of the tiers A to D")
-        for count in self.flights:
-            check_integer("flights", count, maximum=LARGEST_COUNT)
-        object.__setattr__(self, "flights", tuple(self.flights))
+        if not isinstance(self.flights, (list, tuple)) or len(self.flights) != len(self.groups):
+            raise reject("flights", self.flights, f"a list of the numbers of flights of {', '.join(self.groups)}")
+        counts = tuple(check_integer("flights", count, maximum=LARGEST_COUNT) for count in self.flights)
+        object.__setattr__(self, "flights", counts)
         check_integer("rows", self.rows, minimum=100, maximum=LARGEST_COUNT)
         check_integer("passes", self.passes, maximum=LARGEST_COUNT)
         if sum(self.flights) * self.rows > LARGEST_FLIGHTS:
@@ -339,8 +335,15 @@ class FlightSettings(ExpectedRewardSettings):
             raise reject("change_cost", self.change_cost, f"a number from 0 to {LARGEST_FACTOR:g}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class GliderSettings(FlightSettings):
+    """Those of the agent for gliders, with one number of flights of a round."""
+
+    groups = ("gliders",)
+
+
 Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | FlightSettings
 ALGORITHMS: dict[str, type[Settings]] = {
-    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings,
-    "reward": RewardSettings, "tandem": SegmentSettings, "statements": StatementSettings, "flights": FlightSettings,
+    "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
+    "tandem": SegmentSettings, "statements": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
 }  # fmt: skip

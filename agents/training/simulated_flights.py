@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from agents.evaluation.task import Wording
 from agents.interface.world_arguments import DEFAULT_ENV
-from agents.learned.flight_decider import FlightAgent, flight_inputs, log_probabilities
+from agents.learned.flight_decider import FlightAgent, log_probabilities
 from agents.training.checkpoint import restore_generator
 from agents.training.learning_curve import LearningCurve
 from agents.training.settings import FlightSettings
 from agents.training.statements import Batch, StatementRun
-from baselines.estimation.turns import TurnModel, run_turn_imm
-from baselines.recordings.flights.flight import TIERS, stack_flights
-from baselines.recordings.flights.labels import label_flights
+from baselines.estimation.turns import run_turn_imm
+from baselines.recordings.flights.flight import TIERS, Flight, stack_flights
+from baselines.recordings.flights.labels import Labels, label_flights
 from baselines.recordings.flights.simulated import DRAWN, WIDE, draw_world, simulate_flights
 from baselines.rules.decider import DeciderFamily
 from baselines.rules.threshold import ThresholdDecider
@@ -38,6 +38,8 @@ WORDING = Wording(
     "threshold", "IMM threshold", "threshold rule", "position", ("right",), "right {right:.1%} of the time"
 )
 
+Simulated = tuple[list[Flight], list[Labels], list[float]]
+
 
 class FlightRun(StatementRun):
     """A training run on simulated flights; see `StatementRun`.
@@ -46,9 +48,12 @@ class FlightRun(StatementRun):
         ArgumentError: an environment or options of one are given, or a damaged checkpoint.
     """
 
-    decider_class = FlightAgent
+    decider_class: ClassVar[type[FlightAgent]] = FlightAgent
     next_command = "hybridtrack compare --flights --deciders imm"
     smallest_factor: ClassVar[float] = 0.05
+    simulation: ClassVar[dict[str, Any]] = asdict(WIDE) | DRAWN
+    early: ClassVar[float] = 0.0
+    """Time before a change of the label in which a change of the statement costs nothing [s]."""
 
     def prepare(self) -> None:
         """See `StatementRun.prepare`."""
@@ -62,8 +67,7 @@ class FlightRun(StatementRun):
 
     def make_curve(self) -> LearningCurve:
         """See `Run.make_curve`; the episodes are simulated flights."""
-        assert isinstance(self.recipe.settings, FlightSettings)
-        return flight_curve(self.recipe.settings)
+        return flight_curve(self, CURVE_FLIGHTS)
 
     def remaining(self) -> float:
         """See `OwnNetworkRun.remaining`; of the updates, as if all flights were of full length."""
@@ -73,7 +77,7 @@ class FlightRun(StatementRun):
 
     def batches(self) -> Iterator[Batch]:
         """Simulate the flights of a round once for all passes."""
-        batch = simulate(self.settings, self.settings.flights, self._generator)
+        batch = self.simulate(self.settings.flights, self._generator)
         for _ in range(self.settings.passes):
             yield batch
 
@@ -89,47 +93,49 @@ class FlightRun(StatementRun):
 
     def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
         """See `Run.save_agent`; the card also tells how flights were simulated, and the filter."""
-        simulation = {"world": asdict(WIDE) | DRAWN, "filter": asdict(TurnModel())}
+        simulation = {"world": self.simulation, "filter": asdict(self.decider_class.model)}
         super().save_agent(folder, card | {"environment": self.recipe.algo} | simulation)
 
+    def draw(self, counts: tuple[int, ...], generator: np.random.Generator) -> Simulated:
+        """Return simulated flights of each tier, with settings of their own, their labels, and usual steps [s]."""
+        flights, steps = [], []
+        for (name, step), count in zip(ROWS.items(), counts, strict=True):
+            for _ in range(count):
+                world = draw_world(generator)
+                flights += simulate_flights(TIERS[name], 1, step * self.settings.rows, generator, world)[0]
+                steps.append(step)
+        return flights, label_flights(flights), steps
 
-def simulate(settings: FlightSettings, flights: tuple[int, ...], generator: np.random.Generator) -> Batch:
-    """Simulate flights of all tiers, each with settings of its own.
+    def simulate(self, counts: tuple[int, ...], generator: np.random.Generator) -> Batch:
+        """Return what the network is trained on, from simulated flights of each group.
 
-    Weights of the reward are the times that are scored, and costs those of a wrong change, both in steps.
-
-    Args:
-        settings: of the training.
-        flights: number of flights of the tiers A to D.
-        generator: random numbers.
-    """
-    simulated = []
-    for (name, step), count in zip(ROWS.items(), flights, strict=True):
-        for _ in range(count):
-            world = draw_world(generator)
-            simulated += simulate_flights(TIERS[name], 1, step * settings.rows, generator, world)[0]
-    batch = stack_flights(simulated)
-    estimates, labels = run_turn_imm(batch), label_flights(simulated)
-    modes = np.zeros(batch.times.shape, np.int64)
-    weights, costs = np.zeros((2, *batch.times.shape), np.float32)
-    for column, (k, first, end) in enumerate(batch.pieces):
-        rows, step = slice(end - first), ROWS[simulated[k].tier.name]
-        modes[rows, column] = labels[k].modes[first:end]
-        weights[rows, column] = labels[k].weights[first:end] / step
-        costs[:, column] = settings.change_cost / step
-    # of all tiers together; D has some far shorter flights, which are left out
-    shortest = int(np.quantile(batch.present.sum(0), 0.1))
-    kept = batch.present[shortest - 1]
-    arrays = flight_inputs(batch, estimates), log_probabilities(estimates), modes, costs, weights
-    return Batch(*(torch.from_numpy(one[:shortest, kept]) for one in arrays))
+        Weights of the reward are the times that are scored, and costs those of a wrong change, both in steps.
+        """
+        flights, labels, steps = self.draw(counts, generator)
+        batch, kind = stack_flights(flights), self.decider_class
+        estimates = run_turn_imm(batch, kind.model)
+        modes = np.zeros(batch.times.shape, np.int64)
+        weights, costs = np.zeros((2, *batch.times.shape), np.float32)
+        for column, (k, first, end) in enumerate(batch.pieces):
+            rows = slice(end - first)
+            modes[rows, column] = labels[k].modes[first:end]
+            weights[rows, column] = labels[k].weights[first:end] / steps[k]
+            costs[:, column] = self.settings.change_cost / steps[k]
+        for ahead in range(1, round(self.early / min(steps)) + 1):
+            costs[:-ahead][modes[:-ahead] != modes[ahead:]] = 0.0
+        # of all flights together; D has some far shorter ones, which are left out
+        shortest = int(np.quantile(batch.present.sum(0), 0.1))
+        kept = batch.present[shortest - 1]
+        arrays = kind.inputs_of(batch, estimates), log_probabilities(estimates), modes, costs, weights
+        return Batch(*(torch.from_numpy(one[:shortest, kept]) for one in arrays))
 
 
-def flight_curve(settings: FlightSettings) -> LearningCurve:
-    """Return the learning curve on simulated flights, next to the threshold on the IMM."""
+def flight_curve(run: FlightRun, counts: tuple[int, ...]) -> LearningCurve:
+    """Return the learning curve on simulated flights of each group, next to the threshold on the IMM."""
 
     @functools.cache
     def flights() -> Batch:
-        return simulate(settings, CURVE_FLIGHTS, np.random.default_rng(CURVE_SEED))
+        return run.simulate(counts, np.random.default_rng(CURVE_SEED))
 
     def measure(family: DeciderFamily) -> dict[str, float]:
         batch, agent = flights(), family.make(family.default)
@@ -144,7 +150,7 @@ def flight_curve(settings: FlightSettings) -> LearningCurve:
         logs = batch.log_probability.numpy().astype(np.float64)
         return max(mean_reward(batch, ThresholdDecider(one).statements(logs))["reward"] for one in PROBABILITIES)
 
-    return LearningCurve(WORDING, f"{sum(CURVE_FLIGHTS)} flights", measure, measure_rule)
+    return LearningCurve(WORDING, f"{sum(counts)} flights", measure, measure_rule)
 
 
 def mean_reward(batch: Batch, stated: NDArray[np.int64]) -> dict[str, float]:

@@ -5,7 +5,7 @@ says how good they are. `labels` finds the turns with a smoother that sees the w
 flights as an environment with unknown switches, whose rows come from the filters of
 `baselines.estimation.turns` or from the semi-Markov posterior of `turn_beam`; `metrics` compares statements
 with the labels. `simulated` makes flights that look like the recorded ones, and simulated twins of these.
-Flights of gliders are read by `gliders`, and labelled by `circling`.
+Flights of gliders are read by `gliders`, labelled by `circling` and simulated by `simulated_gliders`.
 `semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that
 environment.
 

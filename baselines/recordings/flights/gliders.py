@@ -67,8 +67,13 @@ def half_of(identity: str) -> str:
 def glider_flight(identity: str, group: str, log: IgcLog) -> Flight:
     """Return the flight of a log; its tier is its group, with the error of a position in this log."""
     projection = centred_projection(log.latitudes, log.longitudes)
-    tier = Tier(group, ACROSS + ROUNDING * log.step, 0.0)
     return Flight(
-        identity, tier, log.times - log.times[0], projection.forward(log.latitudes, log.longitudes),
-        np.full(len(log.times), np.nan), projection, 0, 0, log.altitudes,
+        identity, error_tier(group, log.step), log.times - log.times[0],
+        projection.forward(log.latitudes, log.longitudes), np.full(len(log.times), np.nan), projection, 0, 0,
+        log.altitudes,
     )  # fmt: skip
+
+
+def error_tier(group: str, step: float) -> Tier:
+    """Return a tier with the error of positions that are rounded to steps [m]."""
+    return Tier(group, ACROSS + ROUNDING * step, 0.0)

@@ -147,13 +147,10 @@ def fly(
     grid = GRID * np.arange(len(wanted))
     width = max(round(world.roll / GRID), 1)
     rolled = np.convolve(np.pad(wanted, (width - 1, 0), mode="edge"), np.ones(width) / width, "valid")
-    jitter = _coloured(len(grid), world.jitter, world.jitter_time, generator)
-    wander = _coloured(len(grid), world.wander, world.wander_time, generator)
+    jitter = coloured(len(grid), world.jitter, world.jitter_time, generator)
+    wander = coloured(len(grid), world.wander, world.wander_time, generator)
     rates = rolled * (1.0 + jitter) + wander
-    heading = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - rates)
-    middle = heading + 0.5 * GRID * rates
-    moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
-    path = np.cumsum(moved, axis=0) - moved
+    path, moved = flown_path(rates, speeds, generator)
     scale = np.sqrt((world.freedom - 2.0) / world.freedom)
     late = scale * tier.timing * generator.standard_t(world.freedom, len(times))
     errors = scale * tier.across * generator.standard_t(world.freedom, (len(times), 2))
@@ -166,7 +163,24 @@ def fly(
     return flight, label_flight(flight, true_rates, speed, LabelRules())
 
 
-def _coloured(count: int, deviation: float, time: float, generator: np.random.Generator) -> FloatArray:
+def flown_path(
+    rates: FloatArray, speeds: FloatArray, generator: np.random.Generator, wind: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the path (g, 2) and its moves until the next row [m], in any first direction.
+
+    Args:
+        rates: (g,) turn rate every half second [rad/s].
+        speeds: (g,) [m/s].
+        generator: random numbers.
+        wind: (g, 2) [m/s].
+    """
+    middle = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - 0.5 * rates)
+    moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    moved += 0.0 if wind is None else GRID * wind
+    return np.cumsum(moved, axis=0) - moved, moved
+
+
+def coloured(count: int, deviation: float, time: float, generator: np.random.Generator) -> FloatArray:
     """Return noise with an exponential autocorrelation (Ornstein-Uhlenbeck), (count,)."""
     kept = np.exp(-GRID / time)
     white = deviation * generator.standard_normal(count)

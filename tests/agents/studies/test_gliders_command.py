@@ -11,6 +11,7 @@ from made_up_glider import made_up_log
 
 from agents.cli import main
 from agents.evaluation import gliders as evaluated
+from agents.learned.glider_decider import GliderAgent
 from agents.studies import gliders_study as study
 from baselines.recordings.flights import gliders
 from baselines.rules.circling import GliderImm, XcsoarRule
@@ -27,6 +28,8 @@ def archive(tmp_path, monkeypatch):
     monkeypatch.setattr(GliderImm, "models", GliderImm.models[:1])
     monkeypatch.setattr(GliderImm, "grid", ((0.7, 0.7), (0.95, 0.9)))
     monkeypatch.setattr(XcsoarRule, "grid", ((4.0, 6.0, 4.0), (7.0, 10.0, 6.0)))
+    monkeypatch.setattr(GliderAgent, "grid", ((0.0, 0.0), (4.0, 0.0)))
+    monkeypatch.setattr(study, "SIMULATED", 3)
     path = tmp_path / "logs.tgz"
     with tarfile.open(path, "w:gz") as file:
         for k in (*OPEN["A"], *OPEN["B"], CLOSED):
@@ -41,7 +44,19 @@ def compare(archive, *flags):
     pytest.importorskip("libigc")
     out = archive.parent / "out"
     code = main(
-        ["compare", "--gliders", "--source", str(archive), "--deciders", "imm", "xcsoar", "--out", str(out), *flags]
+        [
+            "compare",
+            "--gliders",
+            "--source",
+            str(archive),
+            "--deciders",
+            "imm",
+            "xcsoar",
+            "agent",
+            "--out",
+            str(out),
+            *flags,
+        ]
     )
     return code, out
 
@@ -61,6 +76,10 @@ def test_rules_are_compared_on_open_logs_only(archive, monkeypatch, capsys):
     assert figures["imm"]["agreement"]["value"] > 0.9 > 0.2 > figures["imm"]["misses_in"]["value"]
     assert figures["imm"]["enter"]["value"] < figures["xcsoar"]["enter"]["value"]
     assert figures["xcsoar"]["agreement_less_first"]["value"] < 0.0
+    assert 0.8 < figures["agent"]["agreement"]["value"] < 1.0
+    assert 0.7 < figures["imm"]["simulated"]["agreement"]["value"] < 1.0
+    assert "straight: airspeed, m/s" in printed
+    assert result["gap"]["circling: turn rate, deg/s"][0][1] == pytest.approx(18.0, abs=1.0)
     assert "Nobody" not in json.dumps(result)
     assert (out / "gliders.png").stat().st_size > 10_000
 
@@ -99,7 +118,7 @@ def test_sealed_logs_are_opened_by_an_unbroken_seal_only(archive, monkeypatch, t
 def test_the_seal_of_the_package_is_that_of_its_code():
     pytest.importorskip("libigc")
     seal = json.loads(study.SEAL.read_text())
-    assert seal["code"] == study.current_seal()["code"]
+    assert {part: seal[part] for part in ("code", "weights")} == study.current_seal()
     assert set(seal["settings"]["5"]) == set(study.default_names())
 
 

@@ -54,6 +54,7 @@ INVALID = {
         ("rows", 0), ("rows", 1e3), ("passes", 0), ("change_cost", -1.0), ("change_cost", 1e9),
         ("n_steps", 0), ("belief_weight", float("nan")),
     ],
+    "gliders": [("flights", 3), ("flights", [1, 1]), ("flights", [0])],
 }  # fmt: skip
 NAMED = {
     "policy_kwargs": "net_arch|policy_kwargs|recipe", "unknown": "hyper-parameter='unknown'",

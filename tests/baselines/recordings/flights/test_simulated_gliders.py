@@ -1,0 +1,61 @@
+"""Simulated flights of gliders, and their labels."""
+
+import numpy as np
+import pytest
+
+from baselines.recordings.flights.circling import air_motion, decode, label_glider
+from baselines.recordings.flights.simulated_gliders import (
+    ROUNDED,
+    label_gliders,
+    one_after_the_other,
+    simulate_glider,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flights():
+    generator = np.random.default_rng(2)
+    return [simulate_glider(1800.0, generator) for _ in range(20)]
+
+
+def test_turns_rise_and_fall_one_after_the_other():
+    turns = one_after_the_other(*np.array([[2.0, 0.0], [4.0, 3.0], [1.0, -2.0], [2.0, 1.0], [2.0, 1.0]]))
+    times = np.array([0.0, 2.0, 3.0, 5.0, 7.0, 8.5, 9.0, 11.0, 12.0, 50.0])
+    np.testing.assert_allclose(turns.at(times), [0.0, 0.0, 0.5, 1.0, 0.5, -1.0, -2.0, -2.0, 0.0, 0.0])
+
+
+def test_flights_are_drawn_from_wide_ranges_and_rounded(flights):
+    labels = label_gliders(flights)
+    scored = np.concatenate([one.scored for one in labels])
+    circling = np.concatenate([one.modes for one in labels])[scored] > 0
+    assert scored.mean() > 0.8
+    assert 0.1 < circling.mean() < 0.8
+    climbs = np.concatenate([one.climbs for one in flights])[scored]
+    assert climbs[circling].mean() > 0.5 > -0.3 > climbs[~circling].mean()
+    speeds = [np.median(motion.speeds) for motion in air_motion(flights)]
+    assert min(speeds) < 9.0 < 12.0 < max(speeds) < 25.0
+    for flight in flights:
+        north = flight.positions[:, 1:] / ROUNDED
+        assert (np.abs(north - np.round(north)).max(0) < 1e-6).any()
+        assert (flight.altitudes == np.round(flight.altitudes)).all()
+    again = simulate_glider(1800.0, np.random.default_rng(2))
+    np.testing.assert_array_equal(again.positions, flights[0].positions)
+
+
+def test_rule_b_is_that_of_libigc(flights):
+    """Its decoder reads the positions as a log."""
+    pytest.importorskip("libigc")
+    from made_up_glider import write_log
+
+    from baselines.recordings.flights.gliders import glider_flight
+    from baselines.recordings.reading.igc import parse_igc
+
+    same = []
+    for flight in flights[:6]:
+        times = np.arange(flight.times[-1])
+        positions = np.column_stack([np.interp(times, flight.times, axis) for axis in flight.positions.T])
+        log = parse_igc("log", write_log(positions, np.interp(times, flight.times, flight.altitudes) + 1500.0))
+        read, decoded = glider_flight("log", "A", log), decode(log.records)
+        (ours,), theirs = label_gliders([read]), label_glider(read, air_motion([read])[0], decoded)
+        same.append((ours.own == theirs.own)[decoded >= 0])
+    assert np.concatenate(same).mean() > 0.98
