@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agents.evaluation.registry import SHIPPED, base_name, is_brought, load_decider, needed_options
+from agents.interface.error_rate import ErrorArguments
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording
@@ -32,7 +33,7 @@ SIMULATED_SEGMENTS = 6  # of an episode, for deciders that are fitted by simulat
 
 
 @dataclass(kw_only=True)
-class TrackingArguments:
+class TrackingArguments(ErrorArguments):
     """How a recording is tracked. What is not given is found from the recording, in any units."""
 
     lengths: tuple[int, ...] = ()
@@ -142,7 +143,7 @@ class TrackingArguments:
         return lengths
 
     def _decider_name(self) -> str:
-        return self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER)
+        return self.at_error(self.decider or (DECIDER_OF_LENGTHS if self.lengths else DECIDER))
 
     def _tracker(
         self, name: str, options: dict[str, Any], lengths: Sequence[int], grid: TickGrid, model: TrackModel

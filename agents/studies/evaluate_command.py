@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from agents.interface.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
 from agents.interface.trust import TrustArguments
@@ -26,7 +27,7 @@ MOST_SHOWN_MODES = 5  # of a confusion matrix
 
 
 @dataclass(kw_only=True)
-class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
+class Evaluate(WorldArguments, ErrorArguments, TrustArguments, ParallelArguments):
     """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
 
     With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes, reward.
@@ -66,7 +67,7 @@ class Evaluate(WorldArguments, TrustArguments, ParallelArguments):
 
         console = Console(emoji=False)
         first = task_of(*self.world_of(self.deciders[0] if self.deciders else ""))
-        deciders = self.deciders or (first.reference,)
+        deciders = tuple(map(self.at_error, self.deciders or (first.reference,)))
         metrics: Any
         if self.shifted or self.drawn or self.noises:
             metrics = self._evaluate_worlds(deciders, first, console)

@@ -11,6 +11,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
+from agents.interface.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display
@@ -31,7 +32,7 @@ FINAL_FRAMES = 2 * RENDER_FPS
 
 
 @dataclass(kw_only=True)
-class Play(WorldArguments, TrustArguments):
+class Play(WorldArguments, ErrorArguments, TrustArguments):
     """Watch a decider on one track in a window, or save the episode as an animation, picture or recording."""
 
     decider: Annotated[str | None, shown_default("ate; threshold in HybridTrackQuickest-v0")] = None
@@ -59,7 +60,8 @@ class Play(WorldArguments, TrustArguments):
         show = self.out is None and (self.record is None or display_available())
         if show and not display_available():
             raise ArgumentError("no window can be opened here: use --out FILE with a .gif or .png file")
-        episodes = Episodes(task_of(*self.world_of(self.decider or "")), self.decider or "")
+        task = task_of(*self.world_of(self.decider or ""))
+        episodes = Episodes(task, self.at_error(self.decider or task.reference))
         renderer = episodes.renderer(show)
         console = Console(emoji=False)
         try:
