@@ -66,12 +66,10 @@ class PosteriorDecider(Decider):
     def evidence(
         self, observation: Observations, state: Any = None, episode_start: BoolArray | None = None
     ) -> FloatArray:
-        """Return the posterior of each hypothesis or type, (N, M), for the best type 1 - expected loss."""
+        """Return the posterior of each hypothesis or type, (N, M), for the best one 1 - expected loss."""
         # a copy, because `posterior` may change the state in place
         posterior, state = self.posterior(observation, copy.deepcopy(state), episode_start)
         error, best = self.errors(observation, posterior, state)
+        kinds = mode_types(posterior.shape[1]) if self.by_type else np.arange(posterior.shape[1])
         values = posterior_of(posterior, self.by_type)
-        if not self.by_type:
-            return values
-        types = mode_types(posterior.shape[1])
-        return np.where(types == types[best][:, None], 1.0 - error[:, None], values)
+        return np.where(kinds == kinds[best][:, None], 1.0 - error[:, None], values)

@@ -18,6 +18,7 @@ DEFAULT_RANGES = {
     "tandem": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
+    "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),
 }
 """Ranges by algorithm; recurrent PPO has those of PPO."""
 
