@@ -6,6 +6,7 @@
   in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
 - `tandem_net`, `tandem_decider`: MSPRT-TANDEM, learned log-likelihood ratios.
+- `kalman_net`, `kalman_decider`: KalmanNet, filters with a learned gain.
 - `reward_net`: the network that learns from rewards alone; `reward_decider`: it as a decider; `posterior_decider`:
   its base class and that of `anchor_decider`.
 - `policy`: an actor of Stable-Baselines3 as a decider, which declares modes or states them.

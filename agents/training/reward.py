@@ -164,7 +164,7 @@ class RewardRun(OwnNetworkRun):
         explorer = Explorer(self.decider(self.net, self.world), generator)
         found = explorer.segments(self.env, first)
         lengths, labels = found.lengths, self.labels(found)
-        inputs, logs = reward_inputs(found.rows, self.world.tau)
+        inputs, logs = self.inputs(found.rows)
         begins = lengths.cumsum() - lengths
         order, losses = generator.permutation(lengths.size), []
         self.set_learning_rate()
@@ -184,6 +184,10 @@ class RewardRun(OwnNetworkRun):
         ticks = float(lengths.mean())
         reward = 2.0 * float(found.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
         return len(found.rows), reward, ticks, {self.measure: float(np.mean(losses))}
+
+    def inputs(self, rows: Observations) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return what the loss needs of each row; see `reward_inputs`."""
+        return reward_inputs(rows, self.world.tau)
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         """Return what the loss needs of each segment, arrays (S,)."""

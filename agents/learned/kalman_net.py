@@ -1,0 +1,208 @@
+"""KalmanNet: a Kalman filter whose gain, and innovation covariance, a recurrent network learns.
+
+Revach et al. 2022, "KalmanNet: neural network aided Kalman filtering for partially known dynamics", IEEE Transactions
+on Signal Processing 70. The motion and measurement model is known, the noise covariances are not. A GRU reads
+differences that tell how well the filter follows, and returns the gain. Here the filter has a likelihood too: the
+memory of the GRU before a measurement gives the covariance of its innovation. Without training the gain is zero.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.learned.statement_net import sides
+from hybrid_env.observation import Layout
+
+LARGEST_INPUT = 3.0  # the differences are compressed to +-3
+LARGEST_CONTEXT = 5.0
+LARGEST_LOG = 12.0  # magnitude of the logarithm of a deviation of the innovation
+
+RESIDUAL, TURN, SCALE, CONTEXT = slice(0, 2), 2, slice(3, 4), slice(4, 9)  # of the inputs of a filter
+SMALLEST = 1e-12
+SENSOR = torch.eye(2, 4)
+
+
+class KalmanState(NamedTuple):
+    """State of N filters.
+
+    Attributes:
+        state: (N, m) estimate after the last measurement.
+        memory: (N, hidden) of the GRU.
+        measurement: (N, n) last one.
+        evolution, update: (N, m) last difference of two estimates, and of the estimate and its prediction.
+    """
+
+    state: Tensor
+    memory: Tensor
+    measurement: Tensor
+    evolution: Tensor
+    update: Tensor
+
+
+class KalmanNet(nn.Module):
+    """The filter of a linear model of m states and n measurements.
+
+    Args:
+        states, measurements: m and n.
+        hidden: units of the GRU.
+    """
+
+    def __init__(self, states: int, measurements: int, hidden: int):
+        super().__init__()
+        self.states, self.measurements = states, measurements
+        inputs = 2 * (states + measurements)
+        self.before = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU())
+        self.recurrent = nn.GRUCell(hidden, hidden)
+        self.gain = nn.Sequential(
+            nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, states * measurements),
+            nn.Unflatten(-1, (states, measurements)),
+        )  # fmt: skip
+        entries = measurements * (measurements + 1) // 2
+        self.covariance = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, entries))
+        for parameter in (*self.gain[2].parameters(), *self.covariance[2].parameters()):
+            nn.init.zeros_(parameter)
+
+    def start(self, state: Tensor, measurement: Tensor) -> KalmanState:
+        """Return filters that start at estimates (N, m), with the measurements (N, n) that these predict."""
+        nothing = torch.zeros_like(state)
+        memory = state.new_zeros(len(state), self.recurrent.hidden_size)
+        return KalmanState(state, memory, measurement, nothing, nothing)
+
+    def step(
+        self, last: KalmanState, motion: Tensor, sensor: Tensor, measurement: Tensor, scale: Tensor
+    ) -> tuple[KalmanState, Tensor]:
+        """Process one measurement of every filter.
+
+        Args:
+            last: of the last tick.
+            motion: (m, m) or (N, m, m) matrix from the last state to the next one.
+            sensor: (n, m) matrix from the state to the measurement.
+            measurement: (N, n).
+            scale: (N, 1) typical deviation of an innovation, in the unit of state and measurement.
+
+        Returns:
+            The state of the filters, and the log-likelihood of each measurement given those before, (N,).
+        """
+        predicted = (motion @ last.state[..., None])[..., 0]
+        innovation = measurement - predicted @ sensor.T
+        differences = torch.cat([innovation, measurement - last.measurement, last.evolution, last.update], -1) / scale
+        inputs = LARGEST_INPUT * torch.tanh(differences / LARGEST_INPUT)
+        memory = self.recurrent(self.before(inputs), last.memory)
+        update = (self.gain(memory) @ innovation[..., None])[..., 0]
+        n = self.measurements
+        # from the memory before the measurement, or the density would be none
+        logs, below = self.covariance(last.memory).tensor_split((n,), -1)
+        state = predicted + update
+        after = KalmanState(state, memory, measurement, state - last.state, update)
+        return after, normal_log_density(innovation / scale, logs, below) - n * scale.log()[..., 0]
+
+    def forward(
+        self, start: KalmanState, motion: Tensor, sensor: Tensor, measurements: Tensor, scale: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return the estimates (T, N, m) and log-likelihoods (T, N) of measurements (T, N, n); see `step`."""
+        found, logs = [], []
+        for measurement in measurements:
+            start, log = self.step(start, motion, sensor, measurement, scale)
+            found.append(start.state)
+            logs.append(log)
+        return torch.stack(found), torch.stack(logs)
+
+
+def normal_log_density(values: Tensor, logs: Tensor, below: Tensor) -> Tensor:
+    """Return the logarithm of the density (...) of normal vectors (..., n) with zero mean.
+
+    Args:
+        values: the vectors.
+        logs: (..., n) logarithms of the diagonal of the inverse of the Cholesky factor of the covariance, with the
+            other sign.
+        below: (..., n (n - 1) / 2) entries of this inverse below the diagonal, row by row.
+    """
+    n = values.shape[-1]
+    logs = LARGEST_LOG * torch.tanh(logs / LARGEST_LOG)
+    inverse = torch.diag_embed(torch.exp(-logs))
+    rows, columns = torch.tril_indices(n, n, -1)
+    inverse[..., rows, columns] = below
+    whitened = (inverse @ values[..., None])[..., 0]
+    return -(0.5 * whitened.square() + logs).sum(-1) - 0.5 * n * math.log(2.0 * math.pi)
+
+
+def filter_inputs(rows: NDArray[np.float32], tau: float) -> NDArray[np.float32]:
+    """Return the inputs of the M + 1 filters of each track, (N, M + 1, 9): two for straight motion, one for each turn.
+
+    A filter estimates the deviation from the path that its hypothesis predicts from the anchor, along and across this
+    path, in deviations of the measurement noise. It sees it from the side of its turn; straight motion has no side and
+    therefore two filters. A mirrored trajectory gives the same inputs for the mirrored turns.
+
+    Args:
+        rows: (N, width) of the environment.
+        tau: length of a tick [s].
+    """
+    layout = Layout.of_rows(rows)
+    read = {name: layout.read(rows, name) for name in layout.slices}
+    side = np.concatenate([[1.0, -1.0], sides(layout.hypotheses)[1:]])
+    speed = np.maximum(read["speed"] * tau * np.exp(-0.5 * read["log_noise"]), SMALLEST)[:, None]
+    turn = np.abs(read["curvature"]) * (read["speed"] * tau)[:, None]
+    turn = np.concatenate([turn[:, :1], turn], -1)
+    angle = turn * read["ticks"][:, None]
+    way = speed * read["ticks"][:, None]
+    along = read["displacement_along"][:, None] - way * np.sinc(angle / np.pi)
+    across = side * read["displacement_across"][:, None] - 0.5 * way * angle * np.sinc(0.5 * angle / np.pi) ** 2
+    cosine, sine = np.cos(angle), np.sin(angle)
+    xx, xv, vv = read["anchor_xx"], read["anchor_xv"] * tau, read["anchor_vv"] * tau * tau
+    scale = np.sqrt(np.maximum(1.0 + xx + 2.0 * xv + vv, 1.0))
+    of_track = [
+        scale, 0.5 * np.log(np.maximum(xx, SMALLEST)), xv / scale**2, 0.5 * np.log(np.maximum(vv, SMALLEST)) + 2.0,
+        0.5 * np.log(speed[:, 0]),
+    ]  # fmt: skip
+    out = np.empty((*turn.shape, 9), np.float32)
+    out[..., 0], out[..., 1] = cosine * along + sine * across, cosine * across - sine * along
+    out[..., TURN] = turn
+    out[..., 3:8] = np.stack(of_track, -1)[:, None]
+    out[..., 8] = 10.0 * turn
+    return out
+
+
+class KalmanBank(KalmanNet):
+    """The filters of all hypotheses, which share one network; see `filter_inputs`.
+
+    Args:
+        hidden: units of the GRU.
+    """
+
+    def __init__(self, hidden: int):
+        super().__init__(4, 2, hidden)
+        self.context = nn.Sequential(nn.Linear(CONTEXT.stop - CONTEXT.start, hidden), nn.Tanh())
+
+    def begin(self, inputs: Tensor) -> KalmanState:
+        """Return filters at the anchor, from their first inputs (n, 9)."""
+        nothing = inputs.new_zeros(len(inputs), 4)
+        context = inputs[:, CONTEXT].clamp(-LARGEST_CONTEXT, LARGEST_CONTEXT)
+        return self.start(nothing, nothing[:, :2])._replace(memory=self.context(context))
+
+    def advance(self, last: KalmanState, inputs: Tensor) -> tuple[KalmanState, Tensor]:
+        """Process the inputs (n, 9) of a tick; return the filters and the log-likelihoods (n,)."""
+        return self.step(last, turning(inputs[:, TURN]), SENSOR, inputs[:, RESIDUAL], inputs[:, SCALE])
+
+
+def turning(turn: Tensor) -> Tensor:
+    """Return the matrices (n, 4, 4) of deviations from a path that turns by an angle (n,) per tick.
+
+    The state is the deviation of the position and of the velocity [1/tick], along and across the path.
+    """
+    cosine, sine = turn.cos(), turn.sin()
+    forward, sideways = torch.sinc(turn / math.pi), 0.5 * turn * torch.sinc(0.5 * turn / math.pi).square()
+    one, zero = torch.ones_like(turn), torch.zeros_like(turn)
+    entries = [
+        cosine, sine, forward, sideways, -sine, cosine, -sideways, forward,
+        zero, zero, one, zero, zero, zero, zero, one,
+    ]  # fmt: skip
+    return torch.stack(entries, -1).unflatten(-1, (4, 4))
+
+
+def evidence(logs: Tensor) -> Tensor:
+    """Return the log-likelihoods of the hypotheses (..., M) from those of the filters (..., M + 1)."""
+    return torch.cat([logs[..., :2].mean(-1, keepdim=True), logs[..., 2:]], -1)
