@@ -34,7 +34,7 @@ def test_the_motion_of_a_deviation_is_the_difference_of_two_turning_paths():
                            np.sin(angles) * start[0] + np.cos(angles) * start[1]])  # fmt: skip
         return np.trapezoid(moving, dx=1e-5)
 
-    difference = path(velocity + [0.4, -0.2]) - path(velocity)
+    difference = path(velocity + np.array([0.4, -0.2])) - path(velocity)
     rotated = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ difference
     found = turning(torch.tensor([turn], dtype=torch.double))[0].numpy() @ [0.0, 0.0, 0.4, -0.2]
     np.testing.assert_allclose(found, [*rotated, 0.4, -0.2], atol=1e-8)
@@ -85,8 +85,8 @@ def test_a_mirrored_trajectory_gives_the_mirrored_posterior():
 
 
 def test_training_for_seconds_earns_more_than_the_bank():
-    run = make_run(ENV, {}, load_recipe("kalman", ENV, ("n_envs=64", "hidden=16")), seed=1, steps=40_000)
+    run = make_run(ENV, {}, load_recipe("kalman", ENV, ("n_envs=64", "hidden=16")), seed=1, steps=120_000)
     run.train()
-    bank, agent = (evaluate(one, episodes=100, seed=5) for one in (MSPRTDecider(0.02), run.family("").make(0.1)))
+    bank, agent = (evaluate(one, episodes=300, seed=5) for one in (MSPRTDecider(0.02), run.family("").make(0.1)))
     gain = agent.reward - bank.reward
     assert gain.mean() > 3.0 * gain.mean(1).std() / np.sqrt(len(gain)) > 0.0
