@@ -19,6 +19,7 @@ from hybrid_env.observation import Layout
 
 LARGEST_INPUT = 3.0  # the differences are compressed to +-3
 LARGEST_CONTEXT = 5.0
+LARGEST_DEVIATION = 1e6  # from the path of a hypothesis, over the scale
 LARGEST_LOG = 12.0  # magnitude of the logarithm of a deviation of the innovation
 
 RESIDUAL, TURN, SCALE, CONTEXT = slice(0, 2), 2, slice(3, 4), slice(4, 9)  # of the inputs of a filter
@@ -159,7 +160,9 @@ def filter_inputs(rows: NDArray[np.float32], tau: float) -> NDArray[np.float32]:
         0.5 * np.log(speed[:, 0]),
     ]  # fmt: skip
     out = np.empty((*turn.shape, 9), np.float32)
-    out[..., 0], out[..., 1] = cosine * along + sine * across, cosine * across - sine * along
+    out[..., 0] = np.clip((cosine * along + sine * across) / scale[:, None], -LARGEST_DEVIATION, LARGEST_DEVIATION)
+    out[..., 1] = np.clip((cosine * across - sine * along) / scale[:, None], -LARGEST_DEVIATION, LARGEST_DEVIATION)
+    out[..., :2] *= scale[:, None, None]
     out[..., TURN] = turn
     out[..., 3:8] = np.stack(of_track, -1)[:, None]
     out[..., 8] = 10.0 * turn

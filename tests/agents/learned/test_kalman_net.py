@@ -104,6 +104,6 @@ def test_the_gain_of_a_linear_model_is_learned_in_seconds():
 @pytest.mark.study
 @pytest.mark.parametrize("process", [0.01, 0.1, 1.0])
 def test_the_error_of_a_linear_model_is_within_five_per_cent_of_the_kalman_filter(process):
-    learned, best, log, exact = compared(2500, 50, process)
+    learned, best, log, exact = compared(1000, 50, process)
     assert learned < 1.05 * best
     assert exact - log < 0.05
