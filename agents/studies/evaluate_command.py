@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from agents.interface.error_rate import ErrorArguments
+from agents.evaluation.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
 from agents.interface.trust import TrustArguments

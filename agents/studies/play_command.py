@@ -11,7 +11,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.interface.error_rate import ErrorArguments
+from agents.evaluation.error_rate import ErrorArguments
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, write_table
 from agents.interface.progress import progress_display

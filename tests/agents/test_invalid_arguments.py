@@ -234,6 +234,11 @@ INVALID_ARGUMENTS += [
     )
 ]
 INVALID_ARGUMENTS += [
+    (f"{command} --error {rate}", f"error='{rate}'")
+    for command in ("evaluate ate", "play --out x.gif", "track good.csv")
+    for rate in ("2", "auto", "2/100")
+]
+INVALID_ARGUMENTS += [
     (f"{command} {flags}", message)
     for command in ("limits", "compare", "evaluate", "reproduce", "tune")
     for flags, message in (("--jobs 0", "jobs=0"), ("--engine spark", "spark"))
