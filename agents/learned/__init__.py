@@ -5,6 +5,7 @@
 - `anchor_net`: the networks that predict the distribution of the anchor error, and what a wrong radius costs
   in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
+- `distilled`: the shipped agent as a small network on the present row.
 - `tandem_net`, `tandem_decider`: MSPRT-TANDEM, learned log-likelihood ratios.
 - `reward_net`: the network that learns from rewards alone; `reward_decider`: it as a decider; `posterior_decider`:
   its base class and that of `anchor_decider`.

@@ -173,7 +173,8 @@ class RewardRun(OwnNetworkRun):
             some = np.concatenate(
                 [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
             )
-            parts = inputs[some], logs[some], lengths[chosen], *(label[chosen] for label in labels)
+            own = (label[some if len(label) == len(inputs) else chosen] for label in labels)
+            parts = inputs[some], logs[some], lengths[chosen], *own
             loss = self.loss(*map(torch.from_numpy, parts))
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
@@ -186,7 +187,7 @@ class RewardRun(OwnNetworkRun):
         return len(found.rows), reward, ticks, {self.measure: float(np.mean(losses))}
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
-        """Return what the loss needs of each segment, arrays (S,)."""
+        """Return what the loss needs of each segment, arrays (S, ...), or of each row, (n, ...)."""
         return found.declared, found.rewarded
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:

@@ -6,6 +6,7 @@ from typing import Any
 from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
+from agents.training.distilled import DistilledRun
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
@@ -19,6 +20,7 @@ from hybrid_env.checks import check_integer, reject
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
     "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
+    "distilled": DistilledRun,
 }  # fmt: skip
 """Runs by algorithm."""
 

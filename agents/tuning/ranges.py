@@ -16,6 +16,7 @@ DEFAULT_RANGES = {
     "anchor": ("learning_rate=0.0003..0.03", "hidden=16..128", "smallest_alpha=0.0001..0.03"),
     "reward": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "tandem": ("learning_rate=0.0003..0.03", "hidden=16..128"),
+    "distilled": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),

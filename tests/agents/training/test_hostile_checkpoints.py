@@ -26,6 +26,7 @@ RECIPES = {
     "anchor": ("n_steps=8", "hidden=4", "worlds=[{n_envs: 4}]"),
     "reward": ("n_envs=4", "hidden=4", "batch_size=8"),
     "tandem": ("n_envs=4", "hidden=4", "batch_size=8"),
+    "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
     "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }
