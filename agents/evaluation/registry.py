@@ -54,7 +54,7 @@ OWN_NETWORKS = {
     "anchor": ("anchor_decider", "AnchorDecider"), "statements": ("statement_decider", "StatementDecider"),
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
-    "distilled": ("distilled", "DistilledDecider"),
+    "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

@@ -6,6 +6,7 @@
   in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
 - `distilled`: the shipped agent as a small network on the present row.
+- `transformer_net`: attention over the measurements of a segment, without filters, and it as a decider.
 - `tandem_net`, `tandem_decider`: MSPRT-TANDEM, learned log-likelihood ratios.
 - `reward_net`: the network that learns from rewards alone; `reward_decider`: it as a decider; `posterior_decider`:
   its base class and that of `anchor_decider`.

@@ -125,6 +125,7 @@ class RewardRun(OwnNetworkRun):
 
     smallest_factor: ClassVar[float] = 0.01
     decider: ClassVar[type[RewardDecider]] = RewardDecider
+    inputs = staticmethod(reward_inputs)
     measure: ClassVar[str] = "cross_entropy"
     """Name of the loss in the metrics."""
 
@@ -164,7 +165,7 @@ class RewardRun(OwnNetworkRun):
         explorer = Explorer(self.decider(self.net, self.world), generator)
         found = explorer.segments(self.env, first)
         lengths, labels = found.lengths, self.labels(found)
-        inputs, logs = reward_inputs(found.rows, self.world.tau)
+        inputs, logs = self.inputs(found.rows, self.world.tau)
         begins = lengths.cumsum() - lengths
         order, losses = generator.permutation(lengths.size), []
         self.set_learning_rate()

@@ -15,12 +15,13 @@ from agents.training.simulated_flights import FlightRun
 from agents.training.simulated_gliders import GliderRun
 from agents.training.statements import TrackRun
 from agents.training.tandem import TandemRun
+from agents.training.transformer import TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
     "ppo": PPORun, "recurrent_ppo": PPORun, "anchor": AnchorRun, "reward": RewardRun,
     "tandem": TandemRun, "statements": TrackRun, "flights": FlightRun, "gliders": GliderRun,
-    "distilled": DistilledRun,
+    "distilled": DistilledRun, "transformer": TransformerRun,
 }  # fmt: skip
 """Runs by algorithm."""
 
