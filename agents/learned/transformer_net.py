@@ -101,10 +101,11 @@ class TransformerNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.enter = nn.Linear(RAW_INPUTS, hidden)
-        self.layers = nn.ModuleList(AttentionLayer(hidden) for _ in range(LAYERS))
-        self.output = nn.Sequential(nn.LayerNorm(hidden), nn.Linear(hidden, 2))
-        nn.init.zeros_(self.output[1].weight)
-        nn.init.zeros_(self.output[1].bias)
+        self.layers: Any = nn.ModuleList(AttentionLayer(hidden) for _ in range(LAYERS))
+        last = nn.Linear(hidden, 2)
+        self.output = nn.Sequential(nn.LayerNorm(hidden), last)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
 
     def logits(self, x: Tensor) -> Tensor:
         """Return logarithms of the posterior (..., M) from streams of each turn (..., M - 1, hidden)."""
