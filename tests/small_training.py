@@ -36,6 +36,8 @@ KINDS = {
     "reward": ("reward", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "tandem": ("tandem", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "kalman": ("kalman", "HybridTrack-v0", SCHEME, SMALL_REWARD),
+    "distilled": ("distilled", "HybridTrack-v0", SCHEME, SMALL_REWARD),
+    "transformer": ("transformer", "HybridTrack-v0", SCHEME, SMALL_REWARD),
     "recurrent-ppo": ("recurrent-ppo", "HybridTrack-v0", SCHEME, (*SMALL_PPO, "policy_kwargs.lstm_hidden_size=8")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
     "statements": ("statements", "HybridTrackQuickest-v0", QUICK, SMALL_STATEMENTS),

@@ -55,6 +55,7 @@ OWN_NETWORKS = {
     "flights": ("flight_decider", "FlightAgent"), "gliders": ("glider_decider", "GliderAgent"),
     "reward": ("reward_decider", "RewardDecider"), "tandem": ("tandem_decider", "TandemDecider"),
     "kalman": ("kalman_decider", "KalmanDecider"),
+    "distilled": ("distilled", "DistilledDecider"), "transformer": ("transformer_net", "TransformerDecider"),
 }  # fmt: skip
 """File and class of the deciders whose networks are of this package, by training algorithm."""
 

@@ -5,6 +5,8 @@
 - `anchor_net`: the networks that predict the distribution of the anchor error, and what a wrong radius costs
   in the next segment.
 - `dimensionless`: the inputs of both networks, without units.
+- `distilled`: the shipped agent as a small network on the present row.
+- `transformer_net`: attention over the measurements of a segment, without filters, and it as a decider.
 - `tandem_net`, `tandem_decider`: MSPRT-TANDEM, learned log-likelihood ratios.
 - `kalman_net`, `kalman_decider`: KalmanNet, filters with a learned gain.
 - `reward_net`: the network that learns from rewards alone; `reward_decider`: it as a decider; `posterior_decider`:

@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agents.evaluation.registry import SHIPPED, base_name, is_brought, load_decider, needed_options
 from agents.evaluation.error_rate import ErrorArguments
+from agents.evaluation.registry import SHIPPED, base_name, is_brought, load_decider, needed_options
 from agents.recordings.tracked import TrackedRecording, row_results
 from baselines.recordings.consistency import check_consistency
 from baselines.recordings.decisions import ModelUnits, check_lengths, decide_recording

@@ -21,9 +21,10 @@ class KalmanRun(RewardRun):
     decider: ClassVar[type[RewardDecider]] = KalmanDecider
     measure: ClassVar[str] = "negative_log_likelihood"
 
-    def inputs(self, rows: Observations) -> tuple[NDArray[Any], NDArray[Any]]:
+    @staticmethod
+    def inputs(rows: Observations, tau: float) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the inputs of the filters (n, M + 1, 9), and the ticks (n,)."""
-        return filter_inputs(rows, self.world.tau), Layout.of_rows(rows).read(rows, "ticks")
+        return filter_inputs(rows, tau), Layout.of_rows(rows).read(rows, "ticks")
 
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
         """See `RewardRun.labels`."""

@@ -125,6 +125,7 @@ class RewardRun(OwnNetworkRun):
 
     smallest_factor: ClassVar[float] = 0.01
     decider: ClassVar[type[RewardDecider]] = RewardDecider
+    inputs = staticmethod(reward_inputs)
     measure: ClassVar[str] = "cross_entropy"
     """Name of the loss in the metrics."""
 
@@ -164,7 +165,7 @@ class RewardRun(OwnNetworkRun):
         explorer = Explorer(self.decider(self.net, self.world), generator)
         found = explorer.segments(self.env, first)
         lengths, labels = found.lengths, self.labels(found)
-        inputs, logs = self.inputs(found.rows)
+        inputs, logs = self.inputs(found.rows, self.world.tau)
         begins = lengths.cumsum() - lengths
         order, losses = generator.permutation(lengths.size), []
         self.set_learning_rate()
@@ -173,7 +174,8 @@ class RewardRun(OwnNetworkRun):
             some = np.concatenate(
                 [np.arange(n) + begin for begin, n in zip(begins[chosen], lengths[chosen], strict=True)]
             )
-            parts = inputs[some], logs[some], lengths[chosen], *(label[chosen] for label in labels)
+            own = (label[some if len(label) == len(inputs) else chosen] for label in labels)
+            parts = inputs[some], logs[some], lengths[chosen], *own
             loss = self.loss(*map(torch.from_numpy, parts))
             self.optimizer.zero_grad(set_to_none=False)
             loss.backward()
@@ -185,12 +187,8 @@ class RewardRun(OwnNetworkRun):
         reward = 2.0 * float(found.rewarded.mean()) - 1.0 - self.world.delay_cost * ticks
         return len(found.rows), reward, ticks, {self.measure: float(np.mean(losses))}
 
-    def inputs(self, rows: Observations) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return what the loss needs of each row; see `reward_inputs`."""
-        return reward_inputs(rows, self.world.tau)
-
     def labels(self, found: Segments) -> Sequence[NDArray[Any]]:
-        """Return what the loss needs of each segment, arrays (S,)."""
+        """Return what the loss needs of each segment, arrays (S, ...), or of each row, (n, ...)."""
         return found.declared, found.rewarded
 
     def loss(self, inputs: Tensor, logs: Tensor, lengths: Tensor, declared: Tensor, rewarded: Tensor) -> Tensor:

@@ -346,5 +346,5 @@ Settings = PPOSettings | AnchorSettings | SegmentSettings | StatementSettings | 
 ALGORITHMS: dict[str, type[Settings]] = {
     "ppo": PPOSettings, "recurrent_ppo": PPOSettings, "anchor": AnchorSettings, "reward": RewardSettings,
     "tandem": SegmentSettings, "statements": StatementSettings, "flights": FlightSettings, "gliders": GliderSettings,
-    "kalman": SegmentSettings,
+    "kalman": SegmentSettings, "distilled": SegmentSettings, "transformer": SegmentSettings,
 }  # fmt: skip

@@ -17,6 +17,8 @@ DEFAULT_RANGES = {
     "reward": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "tandem": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "kalman": ("learning_rate=0.0003..0.03", "hidden=8..64"),
+    "distilled": ("learning_rate=0.0003..0.03", "hidden=16..128"),
+    "transformer": ("learning_rate=0.0003..0.03", "hidden=16..128"),
     "statements": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "flights": ("learning_rate=0.0003..0.03", "hidden=8..64"),
     "gliders": ("learning_rate=0.0003..0.03", "hidden=8..64"),

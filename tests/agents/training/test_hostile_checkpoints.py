@@ -27,6 +27,8 @@ RECIPES = {
     "reward": ("n_envs=4", "hidden=4", "batch_size=8"),
     "tandem": ("n_envs=4", "hidden=4", "batch_size=8"),
     "kalman": ("n_envs=4", "hidden=4", "batch_size=8"),
+    "distilled": ("n_envs=4", "hidden=4", "batch_size=8"),
+    "transformer": ("n_envs=4", "hidden=4", "batch_size=8"),
     "statements": ("n_envs=2", "batch_size=4", "n_steps=4", "hidden=4", "durations=[uniform 2-4, geometric 3]"),
     "flights": ("flights=[1, 1, 1, 1]", "rows=100", "passes=1", "hidden=4"),
 }

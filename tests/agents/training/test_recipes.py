@@ -44,6 +44,8 @@ INVALID = {
     ],
     "tandem": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
     "kalman": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
+    "distilled": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
+    "transformer": [("n_envs", 0), ("batch_size", 0), ("hidden", 10**6), ("learning_rate", 2.0)],
     "statements": [
         ("durations", []), ("durations", ["normal 3"]), ("durations", "uniform 5-20"), ("n_envs", 0),
         ("n_envs", 10**6), ("variances", [2.0, 1.0]), ("variances", [1.0]), ("radii", [0.0, 1.0]),
