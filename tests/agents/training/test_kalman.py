@@ -63,7 +63,7 @@ def test_the_filter_of_the_turn_sees_no_deviation_on_its_path(side):
 @pytest.mark.parametrize("options", [{}, {"radii": (2.0, 5.0), "correctness": "type"}])
 def test_a_decision_after_every_row_is_that_of_whole_segments(options):
     run, found = random_run(options)
-    inputs, ticks = run.inputs(found.rows)
+    inputs, ticks = run.inputs(found.rows, run.world.tau)
     lengths = torch.from_numpy(found.lengths)
     assert inputs.shape == (len(ticks), run.world.hypotheses + 1, 9)
     with torch.no_grad():
