@@ -9,7 +9,7 @@ import tyro
 from agents.interface.help_texts import shown_default
 from agents.interface.parallel import ParallelArguments
 from agents.interface.trust import TrustArguments
-from hybrid_env.checks import reject
+from hybrid_env.checks import check_integer, reject
 
 
 @dataclass(kw_only=True)
@@ -21,11 +21,17 @@ class League(TrustArguments, ParallelArguments):
     """
 
     deciders: Annotated[tyro.conf.Positional[tuple[str, ...]], shown_default("none is played")] = ()
-    """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped' or a rule."""
+    """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped' or a rule. The name
+    of a recipe, or a YAML file, is a family: its agents are trained, and trained further if that was interrupted."""
+    training_seeds: int = 5
+    """Number of agents trained per recipe."""
+    steps: Annotated[int | None, shown_default("those of the recipe")] = None
+    """Environment steps of each training."""
     table: Annotated[tuple[Path, ...], shown_default("those of the package")] = ()
     """Files of the league to show, besides those of the package."""
     out: Path = Path("results")
-    """Folder for a JSON file of each decider, league.md and league.png."""
+    """Folder for a JSON file of each decider, league.md and league.png; of recipes also the run folders and
+    training.png."""
 
     def run(self) -> None:
         """Play the deciders, print the tables and write the files.
@@ -34,15 +40,20 @@ class League(TrustArguments, ParallelArguments):
             ArgumentError: a decider is unknown, or a file is not of this league.
         """
         workers = self.workers()
+        check_integer("training-seeds", self.training_seeds)
+        if self.steps is not None:
+            check_integer("steps", self.steps)
         for name in self.deciders:
             if len(name.rpartition(":")[0]) > 1 and not name.rpartition(":")[2].isidentifier():
                 raise reject("deciders", name, "a name without a threshold; the protocol selects it")
         from rich.console import Console
 
+        from agents.evaluation.cells import filled_table, markdown_table
         from agents.evaluation.registry import SHIPPED, find_family, is_brought
         from agents.figures.canvas import save_figure
         from agents.interface.output_files import atomic_file, output_folder, write_json
         from agents.interface.progress import progress_display
+        from agents.league import families
         from agents.league.entry import read_entry
         from agents.league.protocol import WORLDS, play, world_task
         from agents.league.table import league_figure, league_markdown, league_table, shipped_entries, world_table
@@ -50,15 +61,28 @@ class League(TrustArguments, ParallelArguments):
 
         entries = {entry["title"]: entry for entry in (*shipped_entries(), *map(read_entry, self.table))}
         known = {SHIPPED, *rules(ANNOUNCED), *rules(UNKNOWN)}
+        recipes = [name for name in self.deciders if families.is_recipe(name)]
         for name in self.deciders:  # one that cannot be found or imported is refused before any work
-            if name not in known and not is_brought(name):
+            if name in recipes:
+                families.home_of(name)
+            elif name not in known and not is_brought(name):
                 find_family(name, world_task("R = 0.1").options)
         folder, console = output_folder("out", self.out), Console(emoji=False)
-        played = []
+        played, runs = [], {}
         with progress_display(console) as progress:
-            bar = progress.add_task("Playing", total=len(WORLDS) * len(self.deciders), note="")
+            parts = {name: 2 * self.training_seeds if name in recipes else len(WORLDS) for name in self.deciders}
+            bar = progress.add_task("Playing", total=sum(parts.values()), note="")
             for name in self.deciders:
-                entry = play(name, workers, lambda world: progress.update(bar, advance=1, note=world))
+
+                def done(part: str | int, name: str = name) -> None:
+                    progress.update(bar, advance=1, note=f"{name} seed {part}" if isinstance(part, int) else part)
+
+                if name in recipes:
+                    entry, runs[name] = families.play_family(
+                        name, self.training_seeds, self.steps, workers, folder, done
+                    )
+                else:
+                    entry = play(name, workers, done)
                 file = "".join(one if one.isalnum() else "-" for one in entry["title"])
                 write_json(folder / f"{file}.json", entry)
                 played.append(entry)
@@ -73,7 +97,17 @@ class League(TrustArguments, ParallelArguments):
                 console.print(line, markup=False, highlight=False, soft_wrap=True)
             console.print(world_table(entry, [*entries.values()]))
         console.print(league_table([*entries.values()]))
+        tables = [league_markdown([*entries.values()])]
+        for env_id, (heads, rows) in families.families_tables([*entries.values()]).items():
+            title = f"Trained families in {env_id.rpartition(':')[2]}"
+            (*short,) = ([*row[:2], *row[-3:]] for row in ([head.replace(" ", "\n") for head in heads], *rows))
+            console.print(filled_table(title, short[0], short[1:], families.CAPTION))
+            tables.append(markdown_table(heads, rows))
         with atomic_file(folder / "league.md") as part:
-            part.write_text(league_markdown([*entries.values()]), encoding="utf-8")
-        save_figure(league_figure([*entries.values()]), folder / "league.png")
-        console.print(f"Files in {folder}: league.md, league.png", markup=False, highlight=False)
+            part.write_text("\n".join(tables), encoding="utf-8")
+        figures = {"league.png": league_figure([*entries.values()])}
+        if runs:
+            figures["training.png"] = families.training_figure(runs)
+        for file, figure in figures.items():
+            save_figure(figure, folder / file)
+        console.print(f"Files in {folder}: league.md, {', '.join(figures)}", markup=False, highlight=False)

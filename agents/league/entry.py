@@ -21,12 +21,15 @@ LARGEST = 2**20  # bytes of a file
 REWARD = "<f4"  # little-endian float32
 
 
-def make_entry(decider: str, title: str, kind: str, worlds: dict[str, Any]) -> dict[str, Any]:
-    """Return the contents of a file, with a digest of them."""
+def make_entry(
+    decider: str, title: str, kind: str, worlds: dict[str, Any], cost: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the contents of a file, with a digest of them; `cost` is that of a trained family."""
     entry = {
         "protocol": PROTOCOL, "versions": package_versions(), "decider": decider, "title": title,
         "kind": kind, "worlds": worlds,
     }  # fmt: skip
+    entry |= {} if cost is None else {"cost": cost}
     return entry | {"digest": _digest(entry)}
 
 

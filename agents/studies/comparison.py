@@ -222,7 +222,7 @@ def score(plan: Plan, folder: Path | None, name: str, number: int, full: bool, p
     if isinstance(found, DeciderFamily):
         family, weights = found, weights_digest(name, plan.task.switches)
     else:
-        family, run_folder = _train(found, plan, number, display, continuation)
+        family, run_folder = train_agent(found, plan, number, display, continuation)
         weights = "" if run_folder is None else weights_digest(str(run_folder), plan.task.switches)
     key = [family.name, family.thresholds, family.options, weights, full]
     saved = continuation.load(key)
@@ -261,7 +261,7 @@ def fastest(scores: Scores, accuracy: float) -> int:
     return int(np.where(reached, means["ticks"], np.inf).argmin())
 
 
-def _train(
+def train_agent(
     recipe: Any, plan: Plan, number: int, progress: Progress, continuation: Continuation
 ) -> tuple[DeciderFamily, Path | None]:
     """Train an agent, or go on with its training; return its family and run folder."""

@@ -234,6 +234,11 @@ INVALID_ARGUMENTS += [
     )
 ]
 INVALID_ARGUMENTS += [
+    ("league reward --training-seeds 0", "training-seeds=0"),
+    ("league reward --steps 0", "steps=0"),
+    ("league gliders", "deciders='gliders'"),
+]
+INVALID_ARGUMENTS += [
     (f"{command} --error {rate}", f"error='{rate}'")
     for command in ("evaluate ate", "play --out x.gif", "track good.csv")
     for rate in ("2", "auto", "2/100")

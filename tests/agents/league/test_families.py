@@ -1,0 +1,64 @@
+"""Families of the league: interquartile means, merged entries, and the command that trains and resumes."""
+
+import numpy as np
+import pytest
+
+from agents.cli import main
+from agents.league import families, protocol, table
+from agents.league.families import interquartile_mean, merged, probe
+from agents.league.protocol import WORLDS
+from agents.league.table import reward
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
+from hybrid_env.checks import ArgumentError
+
+HOME = "R = 0.1"
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setattr(protocol, "EPISODES", {ANNOUNCED: 8, UNKNOWN: 3})
+    monkeypatch.setattr(families, "PROBED_TRACKS", 8)
+    monkeypatch.setattr(table, "shipped_entries", list)  # they have more episodes
+    few = {world: WORLDS[world] for world in (HOME, "R = 1", "unknown, R = 0.1")}
+    for module in (protocol, table, families):
+        monkeypatch.setattr(module, "WORLDS", few)
+
+
+def test_interquartile_mean_is_that_of_the_middle_half_and_its_interval_resamples_each_world():
+    rewards = np.array([[0.0, 10.0], [1.0, 11.0], [2.0, 12.0], [30.0, 13.0]])
+    found = interquartile_mean(rewards)
+    assert found.value == np.sort(rewards, axis=None)[2:6].mean()
+    assert found.low < found.value < found.high
+    same = interquartile_mean(np.tile([0.3, 0.7], (5, 1)))  # no spread within a world: no width
+    assert (same.value, same.low, same.high) == pytest.approx((0.5, 0.5, 0.5))
+
+
+def test_a_calibrated_statement_is_right_as_often_as_it_states():
+    calibration, microseconds = probe("shipped", HOME, 0.1)
+    assert abs(calibration) < 0.05  # about 80 declarations that are right in 95 % or more
+    assert microseconds > 0.0
+    assert np.isnan(probe("msprt", HOME, 0.1)[0])  # a rule that states nothing
+
+
+def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    settings = "algo: reward, n_timesteps: 100, n_envs: 4, hidden: 4, batch_size: 8, learning_rate: 0.01"
+    (tmp_path / "tiny.yml").write_text(f"default: {{{settings}}}")
+    line = ["league", "tiny.yml", "--training-seeds", "2", "--out", "out", "--jobs", "1"]
+    assert main(line) == 0
+    first = capsys.readouterr().out
+    assert "Trained families in HybridTrack-v0" in first
+    assert all((tmp_path / "out" / f"{name}.png").stat().st_size > 10_000 for name in ("league", "training"))
+    entry = families.read_entry(tmp_path / "out" / "tiny.json")
+    seeds = entry["worlds"][HOME]["seeds"]
+    assert reward(entry, HOME).value == pytest.approx(np.mean(seeds), abs=1e-6)
+    assert f"{interquartile_mean(np.array(seeds)[:, None]).value:.3f}" in (tmp_path / "out" / "league.md").read_text()
+    monkeypatch.setattr(families, "play", lambda *_: pytest.fail("played again"))
+    assert main(line) == 0
+    assert families.read_entry(tmp_path / "out" / "tiny.json")["worlds"] == entry["worlds"]
+    assert merged("tiny", [entry, entry], {})["worlds"]["unknown, R = 0.1"]["refused"]
+
+
+def test_a_recipe_for_recorded_flights_is_refused():
+    with pytest.raises(ArgumentError, match="deciders='gliders' is not allowed"):
+        families.home_of("gliders")
