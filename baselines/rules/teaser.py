@@ -1,0 +1,100 @@
+"""TEASER, a rule of early classification of time series, on the posterior of the bank.
+
+Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge
+Discovery 34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what
+resembles right predictions, and v equal accepted predictions in a row are declared. Here every tick is a
+checkpoint, the bank is the classifier, and its error probability, which tells as much as all its probabilities do, has
+a one-class test in one dimension: a quantile of right predictions. A one-class support vector machine, as
+published, would also refuse predictions that are surer than most.
+"""
+
+import functools
+from typing import Any, ClassVar
+
+import numpy as np
+
+from baselines.rules.decider import Actions, Decider, DeciderFamily, Observations
+from baselines.rules.msprt import By, PosteriorRule
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.rules.seeds import FITTING
+from hybrid_env.checks import BoolArray, FloatArray, check_array, check_integer, reject
+from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
+
+ACCEPTED = 0.95
+"""Share of the right predictions of a checkpoint that its test accepts; 1 less the published nu."""
+FEWEST = 100
+"""Checkpoints with fewer right predictions have the limit of the last one before."""
+FITTING_EPISODES = 1000
+
+
+def accepted_errors(paths: PosteriorPaths) -> FloatArray:
+    """Return the largest log error probability that the test of each tick accepts, (T,).
+
+    Args:
+        paths: simulated segments without early decisions.
+
+    Raises:
+        ArgumentError: there are too few of them.
+    """
+    limits: list[float] = []
+    for tick in range(paths.log_error_probability.shape[1]):
+        right = paths.correct[:, tick] & (paths.length > tick)
+        if right.sum() < FEWEST:
+            break
+        limits.append(float(np.quantile(paths.log_error_probability[right, tick], ACCEPTED)))
+    if not limits:
+        raise reject("paths", len(paths.length), f"at least {FEWEST} right predictions at the first tick")
+    return np.array(limits)
+
+
+class TeaserDecider(PosteriorRule):
+    """Declares after some equal predictions in a row that resemble right ones.
+
+    Args:
+        limits: (T,) from `accepted_errors`. The last value holds for all later ticks.
+        predictions: v, number of equal accepted predictions.
+        by: what has to be correct, as in the paths of the limits.
+
+    Raises:
+        ArgumentError: the limits are not finite numbers, or v is not a positive integer.
+    """
+
+    name, title, symbol, default = "teaser", "TEASER", "predictions", 12
+    thresholds: ClassVar[tuple[float, ...]] = (1, 2, 3, 5, 7, 9, 10, 11, 12, 13, 15, 20, 25)
+
+    def __init__(self, limits: FloatArray, predictions: int = 12, by: By = "hypothesis"):
+        super().__init__(by)
+        self.limits = check_array("limits", limits, (None,))
+        self.predictions = check_integer("predictions", predictions)
+
+    @classmethod
+    def family(cls, options: WorldOptions) -> DeciderFamily:
+        """Return the rule fitted to an environment; its threshold is v."""
+
+        @functools.cache
+        def fitted() -> tuple[FloatArray, By]:
+            paths = simulate_posterior_paths(FITTING_EPISODES, FITTING, **vars(options))
+            return accepted_errors(paths), paths.by
+
+        def make(predictions: float) -> Decider:
+            limits, by = fitted()
+            return cls(limits, int(predictions), by)
+
+        return DeciderFamily(cls.title, cls.symbol, cls.thresholds, cls.default, make)
+
+    def log_limits(self) -> FloatArray:
+        """Return the limits of the tests."""
+        return self.limits
+
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> tuple[Actions, Any]:
+        """See `Decider.decide`. The state is the last accepted action (N,), 0 for none, and how often in a row."""
+        accepted = self.act(observation)
+        last, row = state or (accepted, np.zeros(len(accepted), np.int64))
+        goes_on = (accepted == last) & (Layout.of_rows(observation).read(observation, "ticks") > 1.5)
+        row = np.where(accepted == 0, 0, np.where(goes_on, row + 1, 1))
+        return np.where(row >= self.predictions, accepted, 0), (accepted, row)
+
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
+        """See `Decider.select_tracks`."""
+        return None if state is None else tuple(part[tracks] for part in state)

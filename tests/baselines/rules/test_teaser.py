@@ -1,0 +1,57 @@
+"""TEASER: quantiles of right predictions, predictions in a row, and what it earns."""
+
+import numpy as np
+import pytest
+
+from baselines import MSPRTDecider, SPRTDecider
+from baselines.rules.posterior_paths import PosteriorPaths, simulate_posterior_paths
+from baselines.rules.rollout import evaluate
+from baselines.rules.teaser import TeaserDecider, accepted_errors
+from hybrid_env import ArgumentError
+from hybrid_env.observation import Layout
+from hybrid_env.options import WorldOptions
+
+
+def test_the_test_of_a_tick_accepts_95_percent_of_the_right_predictions_of_other_segments():
+    limits = accepted_errors(simulate_posterior_paths(400, 0))
+    others = simulate_posterior_paths(400, 10**6)
+    for tick in (0, 10, 30):
+        right = others.correct[:, tick] & (others.length > tick)
+        share = (others.log_error_probability[right, tick] <= limits[tick]).mean()
+        assert abs(share - 0.95) < 5.0 * np.sqrt(0.95 * 0.05 / right.sum())  # both samples vary
+    assert limits[40] < limits[10] < limits[0]
+
+
+def test_it_declares_after_equal_accepted_predictions_in_a_row_of_one_segment():
+    decider = TeaserDecider(np.full(3, np.log(0.3)), 2)
+    layout, state, found = Layout(3), None, []
+    # likeliest hypothesis, its error probability and the tick of the segment; the fifth row begins a segment
+    for best, error, tick in ((1, 0.2, 1), (2, 0.2, 2), (2, 0.4, 3), (2, 0.2, 4), (2, 0.2, 1), (2, 0.1, 2)):
+        row = np.zeros((1, layout.width), np.float32)
+        row[0, layout.slices["log_ratio"]] = np.where(np.arange(3) == best, 0.0, -1.0)
+        for name, value in (("log_error_probability", np.log(error)), ("ticks", tick)):
+            row[0, layout.slices[name]] = value * layout.scales.get(name, 1.0)
+        action, state = decider.decide(row, state, None)
+        found.append(int(action[0]))
+    assert found == [0, 0, 0, 0, 0, 3]
+    assert decider.select_tracks(state, np.array([True]))[1].tolist() == [2]
+
+
+def test_it_earns_as_much_as_ate_and_less_than_the_msprt():
+    options = WorldOptions()
+    rewards = {}
+    for rule, threshold in ((TeaserDecider, 12), (MSPRTDecider, 0.04), (SPRTDecider, 0.001)):
+        decider = rule.family(options).make(threshold)
+        rewards[rule] = evaluate(decider, episodes=200).reward.mean()
+    assert rewards[TeaserDecider] < rewards[MSPRTDecider] - 0.05
+    assert abs(rewards[TeaserDecider] - rewards[SPRTDecider]) < 0.08
+
+
+def test_bad_limits_are_refused():
+    with pytest.raises(ArgumentError, match="limits"):
+        TeaserDecider(np.array([np.nan]))
+    with pytest.raises(ArgumentError, match="predictions=0"):
+        TeaserDecider(np.zeros(1), 0)
+    nothing = PosteriorPaths(np.zeros((9, 2)), np.zeros((9, 2), bool), np.full(9, 2), "hypothesis")
+    with pytest.raises(ArgumentError, match="paths=9"):
+        accepted_errors(nothing)
