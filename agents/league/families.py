@@ -109,6 +109,11 @@ def home_of(recipe: str) -> tuple[str, str]:
     return HOMES[task]
 
 
+def worlds_of(env_id: str) -> list[str]:
+    """Return the worlds of an environment."""
+    return [world for world, (other, _) in WORLDS.items() if other == env_id]
+
+
 def is_recipe(name: str) -> bool:
     """Return whether a decider is to be trained."""
     return name in recipe_names() or name.endswith(".yml")
@@ -124,11 +129,11 @@ def train(recipe: str, number: int, steps: int | None, out: Path) -> Path:
     return folder
 
 
-def play_agent(folder: Path) -> dict[str, Any]:
-    """Play a trained agent. Its entry stays in the run folder, and is read from there the next time."""
+def play_agent(folder: Path, worlds: Sequence[str]) -> dict[str, Any]:
+    """Play a trained agent in some worlds. Its entry stays in the run folder, and is read from there the next time."""
     path = folder / "league.json"
     if not path.is_file():
-        write_json(path, play(str(folder), Workers(), lambda world: None))
+        write_json(path, play(str(folder), Workers(), lambda world: None, worlds))
     return read_entry(path)
 
 
@@ -147,26 +152,24 @@ def play_family(
     """
     trainings = {number: functools.partial(train, recipe, number, steps, out) for number in range(training_seeds)}
     folders = dict(workers.results(trainings, on_done))
-    plays = {number: functools.partial(play_agent, folder) for number, folder in folders.items()}
-    entries = [entry for _, entry in workers.results(plays, on_done)]
-    home, costs = home_of(recipe)[1], []
+    env_id, home = home_of(recipe)
+    worlds = worlds_of(env_id)
+    plays = {number: functools.partial(play_agent, folder, worlds) for number, folder in folders.items()}
+    entries, costs = [entry for _, entry in workers.results(plays, on_done)], []
     for folder, entry in zip(folders.values(), entries, strict=True):  # one after the other, for the sake of times
         found = probe(str(folder), home, entry["worlds"][home]["threshold"])
         costs.append((*found, read_json(folder / CARD)["seconds"]))
     names = "calibration", "microseconds", "seconds"
     means = (float(mean) if np.isfinite(mean) else None for mean in np.mean(costs, 0))
     cost = dict(zip(names, means, strict=True))
-    return merged(load_recipe(recipe, home_of(recipe)[0]).name, entries, cost), list(folders.values())
+    return merged(load_recipe(recipe, env_id).name, entries, cost), list(folders.values())
 
 
 def merged(title: str, entries: Sequence[dict[str, Any]], cost: dict[str, Any]) -> dict[str, Any]:
     """Return the entry of a family: rewards of episodes, metrics and thresholds are means over the agents."""
     worlds = {}
-    for world in WORLDS:
+    for world in entries[0]["worlds"]:
         agents = [entry["worlds"][world] for entry in entries]
-        if any("refused" in one for one in agents):
-            worlds[world] = next(one for one in agents if "refused" in one)
-            continue
         rewards = np.array([scores.of("reward", 0) for entry in entries if (scores := scores_of(entry, world))])
         metrics = {name: [one["metrics"][name]["value"] for one in agents] for name in agents[0]["metrics"]}
         worlds[world] = {
@@ -199,7 +202,7 @@ def families_tables(entries: Sequence[dict[str, Any]]) -> dict[str, tuple[list[s
     """Return heads and rows of a table for each environment in which families have been trained, by its id."""
     tables = {}
     for env_id, home in HOMES.values():
-        worlds = [world for world, (other, _) in WORLDS.items() if other == env_id]
+        worlds = worlds_of(env_id)
         rows: list[tuple[str, ...]] = []
         for entry in entries:
             if "seeds" not in entry["worlds"].get(home, {}):

@@ -1,7 +1,7 @@
 """The protocol of the league: worlds, episodes and what is recorded of a decider."""
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,8 +44,10 @@ def world_task(world: str) -> Task:
     return task_of(*WORLDS[world])
 
 
-def play(name: str, workers: Workers, on_progress: Callable[[str], None]) -> dict[str, Any]:
-    """Play a decider in all worlds and return its entry, see `agents.league.entry`.
+def play(
+    name: str, workers: Workers, on_progress: Callable[[str], None], worlds: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Play a decider in all worlds, or some, and return its entry, see `agents.league.entry`.
 
     The threshold with the best reward is selected in each world, on other episodes than those reported.
 
@@ -53,16 +55,17 @@ def play(name: str, workers: Workers, on_progress: Callable[[str], None]) -> dic
         name: of the decider, without a threshold, see `find_family`.
         workers: where the work runs.
         on_progress: called with the name of each world.
+        worlds: to play in; None for all.
 
     Raises:
         ArgumentError: it can decide in no world; the reason in the first one.
     """
-    found = dict(workers.results({world: functools.partial(_play, name, world) for world in WORLDS}, on_progress))
-    worlds = {world: found[world] for world in WORLDS}
-    played = [one for one in worlds.values() if "refused" not in one]
+    calls = {world: functools.partial(_play, name, world) for world in (WORLDS if worlds is None else worlds)}
+    found = dict(workers.results(calls, on_progress))
+    played = [one for one in found.values() if "refused" not in one]
     if not played:
-        raise ArgumentError(next(iter(worlds.values()))["refused"])
-    return make_entry(name, played[0].pop("title"), played[0].pop("kind"), _without(worlds, "title", "kind"))
+        raise ArgumentError(next(iter(found.values()))["refused"])
+    return make_entry(name, played[0].pop("title"), played[0].pop("kind"), _without(found, "title", "kind"))
 
 
 def _without(worlds: Mapping[str, dict[str, Any]], *keys: str) -> dict[str, Any]:

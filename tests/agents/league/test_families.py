@@ -5,7 +5,7 @@ import pytest
 
 from agents.cli import main
 from agents.league import families, protocol, table
-from agents.league.families import interquartile_mean, merged, probe
+from agents.league.families import interquartile_mean, probe
 from agents.league.protocol import WORLDS
 from agents.league.table import reward
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
@@ -56,7 +56,7 @@ def test_the_command_trains_a_family_and_goes_on_from_what_is_there(tmp_path, mo
     monkeypatch.setattr(families, "play", lambda *_: pytest.fail("played again"))
     assert main(line) == 0
     assert families.read_entry(tmp_path / "out" / "tiny.json")["worlds"] == entry["worlds"]
-    assert merged("tiny", [entry, entry], {})["worlds"]["unknown, R = 0.1"]["refused"]
+    assert list(entry["worlds"]) == [HOME, "R = 1"]
 
 
 def test_a_recipe_for_recorded_flights_is_refused():
