@@ -13,7 +13,7 @@ from agents.evaluation.cells import filled_table, markdown_table
 from agents.figures.canvas import new_canvas
 from agents.figures.decider_colours import decider_styles
 from agents.league.entry import read_entry, scores_of
-from agents.league.protocol import WORLDS
+from agents.league.protocol import QUICKEST, WORLDS
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import mean
 
@@ -90,13 +90,18 @@ def _bounds(estimate: Estimate, sign: str = "") -> str:
 
 
 def league_markdown(entries: Sequence[dict[str, Any]]) -> str:
-    """Return a table in Markdown, with deciders in rows and all worlds in columns."""
-    rows = []
-    for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
-        values = [reward(entry, world) for world in WORLDS]
-        cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
-        rows.append((entry["title"], entry["kind"], *cells))
-    return markdown_table(("decider", "kind", *WORLDS), rows)
+    """Return two tables in Markdown, of announced and of unknown switches: deciders in rows, worlds in columns."""
+    tables = []
+    for is_unknown in (False, True):
+        worlds = [world for world, (env_id, _) in WORLDS.items() if (env_id == QUICKEST) == is_unknown]
+        rows = []
+        for entry in sorted(entries, key=lambda one: (KINDS.index(one["kind"]), one["title"])):
+            values = [reward(entry, world) for world in worlds]
+            if any(values):
+                cells = ["-" if value is None else f"{value.value:.3f}" for value in values]
+                rows.append((entry["title"], entry["kind"], *cells))
+        tables.append(markdown_table(("decider", "kind", *worlds), rows))
+    return "\n".join(tables)
 
 
 def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
