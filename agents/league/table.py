@@ -123,7 +123,8 @@ def league_figure(entries: Sequence[dict[str, Any]]) -> Figure:
         )  # fmt: skip
     for place in range(1, len(worlds)):
         axes.axvline(place - 0.5, color="0.9", linewidth=0.8, zorder=0)
-    axes.set_xticks(range(len(worlds)), [textwrap.fill(world, 11) for world in worlds], fontsize=7)
+    names = ["\n".join(textwrap.fill(part, 11) for part in world.split(", ")) for world in worlds]
+    axes.set_xticks(range(len(worlds)), names, fontsize=7)
     axes.set_xlim(-0.5, len(worlds) - 0.5)
     axes.set_ylabel("mean reward: per segment, per tick for unknown switches")
     axes.set_title("League: reward in every world, with 95 % intervals")
