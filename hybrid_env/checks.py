@@ -23,18 +23,14 @@ _short.maxlevel = 3
 
 
 class ArgumentError(ValueError):
-    """An argument has a value that is not allowed. The message is a single line."""
+    """An argument has a value that is not allowed: the error of all classes and functions. The message is one line."""
 
     def __init__(self, message: str):
         super().__init__(_shorten(" ".join(message.split()), LONGEST_MESSAGE))
 
 
 class ReadOnlyAttributes:
-    """A class with attributes that are set once, because compiled code relies on them.
-
-    Attributes:
-        read_only: names of these attributes.
-    """
+    """A class whose attributes named in `read_only` are set once, because compiled code relies on them."""
 
     read_only: ClassVar[frozenset[str]] = frozenset()
 

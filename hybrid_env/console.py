@@ -10,11 +10,7 @@ PACKAGES = ("agents", "baselines")
 
 
 def main() -> int:
-    """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its place.
-
-    Returns:
-        The exit status.
-    """
+    """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its place."""
     if sys.argv[1:] == ["--version"]:  # the commands load slowly
         print(f"hybridtrack {metadata.version(DISTRIBUTION)}")
         return 0

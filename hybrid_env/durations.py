@@ -36,9 +36,6 @@ class GeometricDurations:
     Attributes:
         mean: of G [ticks], at least 1.
         offset: smallest duration minus 1 [ticks].
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     mean: float
@@ -81,14 +78,7 @@ class DrawnDurations(GeometricDurations):
 
 @dataclass(frozen=True)
 class UniformDurations:
-    """Equally likely durations from `shortest` to `longest`, both included.
-
-    Attributes:
-        shortest, longest: [ticks].
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
-    """
+    """Equally likely durations from `shortest` to `longest`, both included [ticks]."""
 
     shortest: int
     longest: int
@@ -115,14 +105,7 @@ class UniformDurations:
 
 @dataclass(frozen=True)
 class TwoDurations:
-    """One of two laws with equal probability, drawn anew for every segment.
-
-    Attributes:
-        one, other: the laws, which are geometric or uniform.
-
-    Raises:
-        ArgumentError: an attribute is not such a law.
-    """
+    """One of two laws, each geometric or uniform, with equal probability, drawn anew for every segment."""
 
     one: GeometricDurations | UniformDurations
     other: GeometricDurations | UniformDurations
@@ -148,14 +131,7 @@ SimpleDurations: TypeAlias = GeometricDurations | UniformDurations | TwoDuration
 
 @dataclass(frozen=True)
 class ModeDurations:
-    """A law of straight segments and another one of turns.
-
-    Attributes:
-        straight, turns: the laws.
-
-    Raises:
-        ArgumentError: an attribute is not a law for one mode.
-    """
+    """A law of straight segments and another one of turns."""
 
     straight: SimpleDurations
     turns: SimpleDurations

@@ -19,15 +19,7 @@ from hybrid_env.world import World
 
 
 class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
-    """An environment of one track; each environment has a subclass that names its options.
-
-    Args:
-        render_mode: "human", "rgb_array" or None.
-        options: of the model.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-    """
+    """An environment of one track; each environment has a subclass that names its options."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # type: ignore[misc]
 

@@ -1,8 +1,7 @@
 """Allowed ranges of the options.
 
-Inside these ranges every observation is finite and inside the observation space; `make study` tests this with
-10^9 ticks of random options. The ranges of single options are so wide that neither the object (a walker, a
-car, a ship, an aircraft) nor the units matter. The ratios in `check_ratios` have no units.
+Inside them every observation is finite and inside the observation space; `make study` tests this with 10^9 ticks
+of random options. They are so wide that neither the object nor the units matter.
 """
 
 import math
@@ -41,13 +40,7 @@ LARGEST_CIRCLE = 1e12  # radius / standard deviation of a measurement; a float64
 
 
 def check_within(name: str, value: Any, limits: str = "") -> float:
-    """Return a finite float inside a range.
-
-    Args:
-        name: the argument, for the message.
-        value: its value.
-        limits: key of `RANGES`, by default the name.
-    """
+    """Return a finite float inside a range; limits: key of `RANGES`, by default the name."""
     low, high = RANGES[limits or name]
     allowed = f"a number from {low:g} to {high:g}"
     number = check_number(name, value, allowed)
@@ -117,17 +110,7 @@ def check_ratios(
     measurement_variances: Sequence[float],
     initial_velocity: float,
 ) -> None:
-    """Check the ratios of options: the turn per tick, and motion and radius in standard deviations.
-
-    Args:
-        radii: of the bank and of the scheme [m].
-        speed, tau, process_variance: options of the same name.
-        measurement_variances: of the axes [m^2].
-        initial_velocity: velocity variance of the first estimate [m^2/s^2].
-
-    Raises:
-        ArgumentError: a ratio is too large.
-    """
+    """Check the turn per tick, and motion and radius in standard deviations of a measurement; these have no units."""
     if speed * tau > LARGEST_TURN * min(radii):
         allowed = (
             f"at least {speed * tau / LARGEST_TURN:g}, so that the object turns by at most "

@@ -1,7 +1,7 @@
 """The state of a track on a live sensor: the measurements come from the caller.
 
 Arrays, parameters, kernels and observations are those of the environments; the commands of a live sensor in
-`core.kernels` have no object. `baselines.OnlineTracker` puts a decider in front of them.
+`core.kernels` have no object.
 """
 
 import copy
@@ -30,8 +30,6 @@ UNIT_NOISE = np.array([1.0, 0.0, 1.0])
 
 class OnlineTrack(World):
     """One track that is stepped with measurements from outside, with unknown switches.
-
-    A decider states a mode at every tick.
 
     Attributes:
         announced: whether switches are announced by `begin_segment`.
@@ -65,8 +63,7 @@ class OnlineTrack(World):
         """Begin a track one tick before its first measurement.
 
         Args:
-            estimate: (4,) [x, vx, y, vy] [m, m/s].
-            covariance: (4, 4) of the estimate.
+            estimate, covariance: (4,) [x, vx, y, vy] [m, m/s], and (4, 4).
             mode: before the first tick; -1 if it is not known.
         """
         self._estimate[:] = estimate
@@ -83,12 +80,7 @@ class OnlineTrack(World):
         """Begin a segment of a number of ticks, before its first measurement."""
 
     def measure(self, x: float, y: float, fused: Fused | None = None) -> None:
-        """Advance by one tick with a measurement [m]; write the observation.
-
-        Args:
-            x, y: measured position [m].
-            fused: the same with its covariance and the range rates; None is variance R.
-        """
+        """Advance by one tick with a position [m]; fused: the same with covariance and rates, None is variance R."""
         self._measurement[0] = x
         self._measurement[1] = y
         if self.options.sensors:
@@ -149,12 +141,7 @@ class OnlineTrack(World):
 
 
 class MeasuredTracks(OnlineTrack):
-    """N tracks with measurements from outside, with unknown switches, as the world of a vector environment.
-
-    Args:
-        options: of `hybrid_env.HybridTrackQuickestEnv`.
-        tracks: N.
-    """
+    """N tracks with measurements from outside, with unknown switches, as the world of a vector environment."""
 
     def __init__(self, options: QuickestOptions, tracks: int):
         super().__init__(options, tracks)
@@ -165,13 +152,7 @@ class MeasuredTracks(OnlineTrack):
         self.blocks[name][blocks, ..., lanes] = values
 
     def begin_all(self, estimates: FloatArray, covariance: FloatArray, modes: IntArray) -> None:
-        """Begin all tracks one tick before their first measurements.
-
-        Args:
-            estimates: (N, 4) [x, vx, y, vy] [m, m/s].
-            covariance: (4, 4) of each.
-            modes: (N,) before the first tick; -1 where it is not known.
-        """
+        """Begin all tracks one tick before their first measurements; modes: (N,), -1 where it is not known."""
         self.write("estimate", estimates)
         self.write("covariance", np.tile(covariance[TRIANGLE], (len(estimates), 1)))
         self.actions[:] = modes
@@ -186,14 +167,9 @@ class MeasuredTracks(OnlineTrack):
 class AnnouncedTrack(OnlineTrack):
     """A track with known switch moments.
 
-    The estimate is that of the filter of the last decided mode; with `follow="bank"` it is merged over the
-    bank. The probabilities are posteriors with equal priors at the switch. After a decision only the decided
-    filter runs on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all
-    run on. The
+    The probabilities are posteriors with equal priors at the switch. After a decision only the decided filter runs
+    on, and they do not change until the next segment; with `follow="bank"` or `refine_radius` all run on. The
     published bank with one measurement variance has one covariance for both axes: it starts from that of x.
-
-    Args:
-        options: of the model; `bank="oracle"` is not available.
     """
 
     announced = True
@@ -291,11 +267,7 @@ class AnnouncedTrack(OnlineTrack):
 
 
 def live_track(options: Any) -> OnlineTrack:
-    """Return the track of a live sensor for the options of an environment.
-
-    Raises:
-        ArgumentError: they are not the options of an environment.
-    """
+    """Return the track of a live sensor for the options of an environment; others raise `ArgumentError`."""
     if isinstance(options, WorldOptions):
         return AnnouncedTrack(options)
     if isinstance(options, QuickestOptions):

@@ -80,9 +80,6 @@ class OutlierNoise(Noise):
     Attributes:
         share: of outliers, at least 0 and below 1.
         ratio: of the standard deviations of outliers and other measurements.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     example, law, numbers = "outliers 0.02", OUTLIERS, ("share", "ratio", math.inf)
@@ -107,9 +104,6 @@ class LevyNoise(Noise):
         index: alpha, from 0.5 to 2.
         scale: in units of sqrt(R).
         clip: largest magnitude of an error, in units of sqrt(R).
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     example, law, numbers = "levy 1.5 1 44", LEVY, ("index", "scale", "clip")
@@ -128,13 +122,8 @@ class LevyNoise(Noise):
 class StudentNoise(Noise):
     """Errors with the bivariate Student t distribution of scale matrix R, clipped at `LARGEST_ERROR`.
 
-    Large errors of both coordinates occur together. A coordinate has the variance R freedom / (freedom - 2).
-
-    Attributes:
-        freedom: degrees of freedom, from 1 (Cauchy) to `LARGEST_FREEDOM`.
-
-    Raises:
-        ArgumentError: the attribute has a value that is not allowed.
+    Large errors of both coordinates occur together. A coordinate has the variance R freedom / (freedom - 2), with
+    degrees of freedom from 1 (Cauchy) to `LARGEST_FREEDOM`.
     """
 
     example, law, numbers = "student_t 3", STUDENT_T, ("freedom", 1.0, LARGEST_ERROR)
@@ -150,15 +139,7 @@ GRAMMAR = ", ".join(repr(law.example) for law in _LAWS.values()) + ", or a law o
 
 
 def parse_noise(value: Any, name: str = "noise", grammar: str = GRAMMAR) -> Noise:
-    """Parse a text; a law is returned as it is.
-
-    Args:
-        value: text or law.
-        name, grammar: the argument and what is allowed, for the message.
-
-    Raises:
-        ArgumentError: any other value.
-    """
+    """Parse a text; a law is returned as it is. name, grammar: the argument and what is allowed, for the message."""
     if isinstance(value, Noise):
         return value
     found = _TEXT.fullmatch(value.strip()) if isinstance(value, str) else None

@@ -1,7 +1,4 @@
-"""The layouts of observations, by name.
-
-`core.observation_row` writes the observations. A layout locates each quantity by name and removes its scale.
-"""
+"""The layouts of the observations that `core.observation_row` writes."""
 
 import functools
 from typing import Any, ClassVar, Self

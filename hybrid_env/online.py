@@ -36,9 +36,6 @@ class KalmanBank(ReadOnlyAttributes):
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
 
-    Raises:
-        ArgumentError: an argument is not allowed.
-
     >>> bank = KalmanBank(radii=[5.0], measurement_variance=0.1)
     >>> bank.anchor([0.0, 2.0, 0.0, 0.0])
     >>> bank.step([0.21, -0.03]).shape
@@ -74,8 +71,7 @@ class KalmanBank(ReadOnlyAttributes):
 
         Args:
             state: (4,) [x, vx, y, vy] [m, m/s].
-            covariance: (3,) xx, xv, vv of (position, velocity) on each axis; by default the identity, as
-                published.
+            covariance: (3,) xx, xv, vv on each axis; by default the identity, as published.
         """
         anchor = check_array("state", state, (4,))
         start = check_array("covariance", covariance, (3,))

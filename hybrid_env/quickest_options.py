@@ -73,9 +73,6 @@ class QuickestOptions(ModelOptions):
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a tick.
         hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M; None is the
             inverse of the mean duration.
-
-    Raises:
-        ArgumentError: an option has a value that is not allowed.
     """
 
     switches, layout_class, traced = "unknown", QuickestLayout, False
@@ -147,10 +144,7 @@ class QuickestOptions(ModelOptions):
 
     @property
     def duration_laws(self) -> NDArray[np.float64]:
-        """Probabilities of 1, ..., `ticks` ticks, (4, ticks).
-
-        Of the first segment if it is straight, or a turn; of the others if they are straight, or turns.
-        """
+        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of the first segment if straight or turn, of the others."""
         first = remaining_probabilities if self.start == "random" else duration_probabilities
         laws = laws_by_mode(self.law)
         return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])

@@ -41,11 +41,7 @@ def register_environments() -> None:
 
 
 def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":
-    """Create the vector environment of a registered id; `options` override the options of the id.
-
-    Raises:
-        ArgumentError: the id is not one of this package, or an option is not allowed.
-    """
+    """Create the vector environment of a registered id; `options` override the options of the id."""
     from hybrid_env.vector_env import TrackVectorEnv
 
     _check_env_id(env_id, TrackVectorEnv)
@@ -55,11 +51,7 @@ def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackV
 
 
 def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackVectorEnv":
-    """Create the vector environment of an id of `HybridTrackEnv`, as `make_track_vector_env`.
-
-    Raises:
-        ArgumentError: the id has another environment, or an option is not allowed.
-    """
+    """Create the vector environment of an id of `HybridTrackEnv`, as `make_track_vector_env`."""
     from hybrid_env.vector_env import HybridTrackVectorEnv
 
     _check_env_id(env_id, HybridTrackVectorEnv)
@@ -69,11 +61,7 @@ def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackV
 
 
 def environment_options(env_id: str) -> "type[ModelOptions]":
-    """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`.
-
-    Raises:
-        ArgumentError: the id is not one of this package.
-    """
+    """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`."""
     from hybrid_env.vector_env import TrackVectorEnv
 
     _check_env_id(env_id, TrackVectorEnv)

@@ -30,9 +30,6 @@ class Segment:
         mode: "S" straight, "L" left turn, "R" right turn.
         length: length [ticks], at least 1.
         radius: turn radius [m]; None for a straight segment.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     mode: str
@@ -59,14 +56,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class FixedScheme:
-    """A scheme with the same segments in every episode.
-
-    Attributes:
-        pieces: the segments in order, at most 10,000.
-
-    Raises:
-        ArgumentError: the pieces are not segments.
-    """
+    """A scheme with the same segments in every episode: a tuple of at most 10,000 pieces."""
 
     pieces: tuple[Segment, ...]
 
@@ -92,9 +82,6 @@ class RandomScheme:
         segments: number of segments.
         lengths: (shortest, longest) length [ticks]; lengths are uniform and include both limits.
         radii: turn radii of the object [m]; None uses the radii of the bank.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     segments: int = 6
@@ -169,8 +156,7 @@ def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
 def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
     """Return the segment table, (segments, columns), with columns `core.records.SEGMENT_COLUMNS`.
 
-    A fixed scheme has one row per segment. A random scheme has one row per mode, with length 0; the rows are
-    equally likely.
+    A random scheme has one row per mode, equally likely, with length 0.
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):

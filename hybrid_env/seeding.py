@@ -1,11 +1,8 @@
 """Seeds of many tracks at once.
 
 The random stream of a track starts from four 64-bit words drawn from the generator that Gymnasium creates for
-a seed. `SeedSequence` and PCG64 are repeated here in NumPy arrays: creating one generator per track takes
-60 us, a minute for a million tracks.
-
-Source: NumPy's SeedSequence, after O'Neill 2015 ("Developing a seed_seq alternative"), and PCG64 (O'Neill
-2014, PCG XSL RR 128/64).
+a seed. NumPy's SeedSequence, after O'Neill 2015, and PCG64 (O'Neill 2014, PCG XSL RR 128/64) are repeated here
+in arrays: creating one generator per track takes a minute for a million tracks.
 """
 
 from collections.abc import Sequence
@@ -30,11 +27,7 @@ HALF, SHIFT = np.uint64(32), np.uint32(16)
 
 
 def random_states(seeds: Sequence[int | None]) -> Words:
-    """Return the initial states of the random streams of several tracks, (n, 4).
-
-    Args:
-        seeds: (n,) integers >= 0; None draws a state from the entropy of the system.
-    """
+    """Return the initial states of random streams, (n, 4), of seeds >= 0; None draws one from the system's entropy."""
     states = np.empty((len(seeds), 4), np.uint64)
     unseeded = np.array([seed is None for seed in seeds], np.bool_)
     words_of_system = 4 * int(unseeded.sum())

@@ -58,9 +58,6 @@ class Sensor(_Placed):
         position: (x, y) of the sensor [m]; an object starts at (0, 0).
         period: ticks from one measurement to the next.
         range: largest distance of the object at which it is measured [m].
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     variance: float
@@ -87,9 +84,6 @@ class Radar(_Placed):
         bearing_deviation: of the bearing [rad].
         rate_deviation: of the range rate [m/s]; None measures none. At most four radars of a list do.
         position, period, range: see `Sensor`.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     range_deviation: float
@@ -109,10 +103,7 @@ class Radar(_Placed):
         return 2 if self.rate_deviation is None else 3
 
     def located(self, values: FloatArray) -> Position:
-        """Return the position of a measured (range, bearing, ...) [m, rad], and its covariance xx, xy, yy.
-
-        Bearings are counter-clockwise from the x axis.
-        """
+        """Return the position of a measured (range, bearing, ...) and its covariance; bearings start at the x axis."""
         distance, bearing = values[:2].tolist()
         x, y, *covariance = to_position(
             distance, math.cos(bearing), math.sin(bearing), self.range_deviation, self.bearing_deviation
@@ -147,13 +138,8 @@ class Fused(NamedTuple):
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
     """Return what some of the sensors measured in a tick.
 
-    Args:
-        sensors: the list.
-        values: of each sensor that measured, by its place in the list: (x, y), (range, bearing) or (range,
-            bearing, range rate) [m, rad, m/s].
-
-    Raises:
-        ArgumentError: there is no such sensor, or the values are not those of the sensor.
+    values: of each sensor that measured, by its place in the list: (x, y), (range, bearing) or (range, bearing,
+    range rate) [m, rad, m/s].
     """
     information, rates, origin = (0.0,) * 5, [], None
     for k, sensor in enumerate(sensors):
@@ -224,11 +210,7 @@ def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
 
 
 def check_sensors(sensors: Sequence[Sensor | Radar], variances: Sequence[float]) -> None:
-    """Check the sensors against the measurement variances of the axes [m^2].
-
-    Raises:
-        ArgumentError: R differs between the axes, or a variance is too different from R.
-    """
+    """Check that R, the variances of the axes [m^2], is one number, and those of the sensors are not too different."""
     if not sensors:
         return
     if len(variances) > 1:
@@ -246,12 +228,7 @@ def _variance(sensor: Sensor | Radar) -> float:
 
 
 def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> NDArray[Any]:
-    """Return (k,) records `SENSOR` for the kernel.
-
-    Args:
-        sensors: k sensors.
-        variance: R [m^2].
-    """
+    """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
     table, rates = np.zeros(len(sensors), SENSOR), 0
     table["rate_row"] = -1
     for row, sensor in zip(table, sensors, strict=True):

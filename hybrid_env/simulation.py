@@ -86,9 +86,6 @@ def simulate(
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2], one number or (x, y).
         noise: law of the measurement noise, see `hybrid_env.noises`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     fixed = parse_scheme(scheme)
     if not isinstance(fixed, FixedScheme):

@@ -31,9 +31,8 @@ _DICT_METHODS = (
 class LazyInfo(dict[str, Any]):
     """A dictionary that is filled on first access.
 
-    Most callers of a vector environment's `step` never read `info`, and creating eight arrays with their
-    masks takes as long as a step of eight tracks. The state is copied in the step, so the values are those of
-    the step that returned the dictionary, whenever they are read.
+    Most callers of `step` never read `info`, and creating its arrays takes as long as a step of eight tracks. The
+    state is copied in the step, so the values are those of the step that returned the dictionary.
 
     Code in C that reads the size of a dictionary directly, such as `json.dumps`, sees an empty one until the
     first use: pass it `dict(info)`. All masks of an info are one array.
@@ -77,10 +76,7 @@ for _name in _DICT_METHODS:
 
 
 class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]):
-    """A vector environment of N tracks; each environment has a subclass that names its options.
-
-    Its arguments are those of `HybridTrackVectorEnv`.
-    """
+    """A vector environment of N tracks, as `HybridTrackVectorEnv`; each environment has a subclass with its options."""
 
     options_class: ClassVar[Any]
     """Class of the options."""
@@ -175,11 +171,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         return [None if one is None else check_integer("seed", one, minimum=0) for one in seed]
 
     def action_array(self, actions: Any) -> NDArray[np.int64]:
-        """Return actions as an array of integers, (N,).
-
-        Raises:
-            InvalidAction: the shape or type is wrong.
-        """
+        """Return actions as an array of integers, (N,). Raises `InvalidAction` if shape or type are wrong."""
         try:
             array = np.asarray(actions)
         except (TypeError, ValueError, RuntimeError):  # ragged, or a tensor with a gradient
@@ -264,9 +256,6 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         threads: number of threads that step the tracks in parallel. Results do not depend on it. More than
             one is useful from about 4,000 tracks.
         options: see `WorldOptions`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
 
     options_class = WorldOptions
@@ -287,18 +276,11 @@ class HybridTrackVectorEnv(TrackVectorEnv):
 
 
 class HybridTrackQuickestVectorEnv(TrackVectorEnv):
-    """A vector environment of N `HybridTrackQuickestEnv` tracks, stepped in one kernel call.
-
-    With seed s, track i equals the single environment with seed s + i, bit for bit and across autoresets.
-    Spaces, rewards and info keys are those of `HybridTrackQuickestEnv`, batched. As in Gymnasium, a mask
-    `_key` marks the tracks for which an info key is valid.
+    """A vector environment of N `HybridTrackQuickestEnv` tracks, as `HybridTrackVectorEnv`.
 
     Args:
         num_envs, autoreset_mode, tick_info, threads: as in `HybridTrackVectorEnv`.
         options: see `QuickestOptions`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
 
     options_class = QuickestOptions

@@ -22,15 +22,9 @@ from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
-    """State of N tracks under one set of options.
+    """State of N tracks under one set of options, stepped by some threads.
 
     The arrays can be changed in place, but not replaced, because the kernel has their addresses.
-
-    Args:
-        options: of an environment; see `options.ModelOptions`.
-        tracks: N, number of tracks.
-        trace_rows: number of ticks per step stored for rendering and recording, 0 to store none.
-        threads: number of threads that step different blocks of tracks in parallel.
 
     Attributes:
         layout: of the observation.
@@ -38,17 +32,12 @@ class World(ReadOnlyAttributes):
         blocks: (B,) records with the state of `LANES` tracks.
         actions: (N,) actions of the next step.
         observations: (N, width).
-        rewards: (N,) of the last step.
-        terminated: (N,) whether the episode has ended.
+        rewards, terminated: (N,) of the last step.
         seeded: (N,) whether the random stream has been seeded.
         trace: (N, trace rows, len(TRACE_COLUMNS)) ticks of the last step, with announced switches.
         decisions: (len(DECISION), N) decisions of the last step, with announced switches.
         decision_flags: (len(DECISION_FLAGS), N).
-        drawn_law: (N, 2, 2, 3), drawn_order: (N, M, M) habits drawn for the episodes, see `core.habits`;
-            else empty.
-
-    Raises:
-        ArgumentError: the arrays do not fit into memory, or traces are asked for with unknown switches.
+        drawn_law: (N, 2, 2, 3), drawn_order: (N, M, M) habits drawn for the episodes, see `core.habits`; else empty.
     """
 
     read_only = frozenset(
@@ -149,9 +138,7 @@ class World(ReadOnlyAttributes):
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Copy the state of a world with the same options and number of tracks from its `arrays()`.
 
-        Raises:
-            ArgumentError: an array is missing, or has another type or shape, or an index is out of range.
-                Nothing is copied.
+        If an array is missing or has another type or shape, or an index is out of range, nothing is copied.
         """
         own = self.arrays()
         for name, array in own.items():
@@ -167,15 +154,7 @@ class World(ReadOnlyAttributes):
             array[...] = arrays[name]
 
     def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
-        """Check the fields of blocks that the kernel uses as indices, as lengths of loops and as seeds.
-
-        Args:
-            blocks: (B,) records `BLOCK`.
-            seeded: (N,) tracks whose random stream has been seeded.
-
-        Raises:
-            ArgumentError: a value is out of range, which the kernel would not notice.
-        """
+        """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, (N,), as seeds."""
         for name, last in self.largest().items():
             values = blocks[name]
             if (values < 0).any() or (values > last).any():
@@ -278,14 +257,10 @@ class World(ReadOnlyAttributes):
         self._run(RESET)
 
     def step(self) -> int:
-        """Step every track with `actions`. A terminated track begins its next episode.
+        """Step every track with `actions`; a terminated track begins its next episode.
 
-        Returns:
-            Events of the kernel, combined as bits: `kernel.DECIDED` if any track made a decision,
-            `kernel.TERMINATED` if any terminated.
-
-        Raises:
-            InvalidAction: an action is outside the space. No track is stepped.
+        Returns the events of the kernel, combined as bits: `DECIDED` if any track made a decision, `TERMINATED` if any
+        terminated. With an action outside the space, `InvalidAction` is raised, and no track is stepped.
         """
         events = self._run(STEP)
         if events < 0:

@@ -19,7 +19,6 @@ class CompleteInfo(gym.Wrapper[Any, Any, Any, Any]):
     """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision.
 
     Recorders such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
-    The `info` of other environments is complete, and stays as it is.
     """
 
     def __init__(self, env: gym.Env[Any, Any]):

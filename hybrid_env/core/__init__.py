@@ -8,13 +8,10 @@ Python. `kernel` runs a tick in this order:
 2. The bank in `banks` predicts and corrects every filter.
 3. `observation_row` writes the observation.
 
-`quickest_kernel` runs the tick with unknown switch moments. `kernels` has the compiled entry points, one for
-each bank, and the tick of both with a measurement from outside, without an object.
+`quickest_kernel` runs the tick with unknown switch moments; `kernels` has the compiled entry points, one for
+each bank. `state` declares all arrays and parameters once, with the records of `records`; `arrays` allocates
+them and finds them in compiled code. `compilation` has the compiler options and checks numba's cache;
+`elementary` has vectorizable log, exp, sine and cosine.
 
-`state` declares all arrays and parameters once, with the records of `records`; `arrays` allocates them and
-finds them in compiled code. `compilation` has the compiler options and checks numba's cache, whose files
-`cached_files` names; `elementary` has vectorizable log, exp, sine and cosine.
-
-The folder may import numpy, numba and its own files, nothing else of the project. After a change run
-`pytest tests/hybrid_env` and `make bench ARGS="single vector"`.
+The folder may import numpy, numba and its own files, nothing else of the project.
 """

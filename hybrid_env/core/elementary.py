@@ -1,7 +1,6 @@
 """Logarithm, exponential, sine and cosine without branches, so that a loop over lanes compiles to SIMD code.
 
-The polynomials are those of fdlibm, the freely distributable math library (Sun Microsystems 1993). The
-logarithm and the exponential are accurate to two units in the last place.
+The polynomials are those of fdlibm (Sun Microsystems 1993), accurate to two units in the last place.
 """
 
 import math

@@ -1,8 +1,7 @@
 """The kernel: object, measurement, bank, reward, fast-forward and autoreset of many tracks in one loop.
 
-Tracks are stored in blocks (see `records`). The operations of every tick are loops over the lanes of a block.
-Decisions and new segments occur in few tracks and are computed for single lanes. Threads step different
-blocks.
+The operations of every tick are loops over the lanes of a block (see `records`). Decisions and new segments
+occur in few tracks and are computed for single lanes. Threads step different blocks.
 """
 
 import math
@@ -67,15 +66,7 @@ def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDA
 
 @inlined
 def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], setting: Any) -> None:
-    """Begin a segment of the bank, before its first tick: every filter starts from the anchor.
-
-    Args:
-        block: a record `records.BLOCK`; its anchor and its kept covariance are read.
-        lane: index of the track in the block.
-        bank: bank of the block.
-        radii: (n,) turn radii of the bank [m].
-        setting: a record `PARAMETERS`.
-    """
+    """Begin a segment of the bank: every filter starts from the anchor and the kept covariance of the block."""
     anchor = (
         block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
     )  # fmt: skip
@@ -123,10 +114,7 @@ def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
 
 @inlined
 def step_irregular(bank: Any, first: Any, last: Any, block: Any, sensors: NDArray[Any], setting: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance.
-
-    block: with the fields of `records.MEASURED`; sensors: (k,) records `records.SENSOR`.
-    """
+    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of any covariance."""
     for lane in range(first, last):
         missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
         if missing or setting.radar:

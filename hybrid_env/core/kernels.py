@@ -1,11 +1,8 @@
 """The compiled entry points of the kernel, two for each bank. All other options are read at run time.
 
-Those of a live sensor are entries of their own, since few programs need both.
-
-On a live sensor the measurement comes from the caller instead of `true_object.move`. Everything else is
-computed by the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same
-observations as in the environments. With announced switches the track is the first lane of the first block.
-`irregular` is True in the parameters, because any measurement may be missing.
+On a live sensor the measurement comes from the caller instead of `true_object.move`. All else is computed by
+the functions of `kernel` and `quickest_kernel`, so that the same measurements give the same observations as in
+the environments; `irregular` is True in the parameters, because any measurement may be missing.
 """
 
 from typing import Any
@@ -75,16 +72,12 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
 
 @internal
 def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
-    """Begin a segment, process a measurement, or declare a mode.
+    """Begin a segment, process a measurement, or declare a mode, on the first lane of the first block.
 
-    With `begins` the last segment ends, and the bank starts from its estimate; the first one starts from
-    `estimate` and `covariance` of the block, and its `segment` is -1. Otherwise action 0 advances the bank by
-    the `measurement` of the block, which is NaN if there is none, and writes the observation until a mode is
-    declared; action i + 1 declares mode i and advances nothing. Then `estimate` and `covariance` of the block
-    are those of the last decided mode, or merged over the bank.
-
-    Returns:
-        0.
+    With `begins` the last segment ends, and the bank starts from its estimate; the first one starts from that of
+    the block, and its `segment` is -1. Otherwise action 0 advances the bank by the `measurement`, and writes the
+    observation until a mode is declared; action i + 1 declares mode i and advances nothing. Then `estimate` and
+    `covariance` of the block are those of the last decided mode, or merged over the bank.
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:
@@ -105,12 +98,8 @@ def advance_live_quickest(begins: bool, banks: Any, arrays: Any, setting: Any) -
     """Begin tracks, or process statements and measurements, with unknown switch moments.
 
     With `begins` every filter starts from `estimate` and `covariance` of its track; the action is the mode
-    before the first tick, -1 if it is not known. Otherwise the action is the statement of the last tick,
-    which does not count before the first one; the bank advances by the `measurement` of the track, which is
-    NaN if there is none, and the observation is written.
-
-    Returns:
-        0.
+    before the first tick, -1 if it is not known. Otherwise it is the statement of the last tick, which does not
+    count before the first one.
     """
     for b in range(setting.first_block, setting.last_block):
         block, bank = arrays.blocks[b], imm_of_block(banks, b)
@@ -139,8 +128,8 @@ def advance_published(address: int, command: int) -> int:
     changed: it is the one on which the last decision was made.
 
     Args:
-        address: address of a record `PARAMETERS`, whose arrays must exist during the call. Only its
-            blocks first_block .. last_block - 1 are stepped, so that threads can share the tracks.
+        address: of a record `PARAMETERS`, whose arrays must exist during the call; its blocks
+            first_block .. last_block - 1 are stepped, so that threads can share the tracks.
         command: `STEP` or `RESET`.
 
     Returns:

@@ -15,14 +15,8 @@ LARGEST_ANGLE = 1000.0  # [rad], turned per tick in the model of a bank
 
 @internal
 def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, float]:
-    """Return the entries of the transition matrix Phi of one axis over one tick. Golubkov 2018, eq. (1).
-
-    Args:
-        turn_rate: omega >= 0 [rad/s]; 0 is straight motion.
-        tau: length of a tick [s].
-
-    Returns:
-        (cos(omega tau), sin(omega tau) / omega [s], omega sin(omega tau) [1/s]).
+    """Return cos(omega tau), sin(omega tau) / omega [s] and omega sin(omega tau) [1/s]: the entries of the transition
+    matrix Phi of one axis over one tick. Golubkov 2018, eq. (1); omega >= 0 [rad/s], 0 is straight motion.
     """
     if turn_rate < 1e-150:  # sin(x) / x = 1 here; the quotient below could underflow to 0/0
         return 1.0, tau, 0.0
@@ -34,16 +28,9 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
 def propagate(
     position: float, velocity: float, centre: float, cosine: float, sine_velocity: float, sine_position: float
 ) -> tuple[float, float]:
-    """Advance one axis by one tick without noise. Golubkov 2018, eq. (1), matrices Phi and B.
+    """Return position [m] and velocity [m/s] of one axis after a tick without noise. Golubkov 2018, eq. (1).
 
-    Args:
-        position: coordinate [m].
-        velocity: velocity along the axis [m/s].
-        centre: coordinate of the centre of the turn [m]; any finite number for straight motion.
-        cosine, sine_velocity, sine_position: from `motion_coefficients`.
-
-    Returns:
-        (position [m], velocity [m/s]) one tick later.
+    centre: of the turn [m]; any finite number for straight motion.
     """
     offset = position - centre
     return centre + cosine * offset + sine_velocity * velocity, cosine * velocity - sine_position * offset
@@ -53,8 +40,7 @@ def propagate(
 def bank_turn_rate(speed: float, radius: float, tau: float) -> float:
     """Return the turn rate that a bank assumes, speed / radius, at most `LARGEST_ANGLE` per tick [rad/s].
 
-    The bound matters after wrong decisions only. Without it, the estimated speed can be multiplied by a large
-    number in every wrongly decided segment, until it overflows.
+    Unbounded, the estimated speed could grow in every wrongly decided segment until it overflows.
     """
     return min(speed / radius, LARGEST_ANGLE / tau)
 
@@ -70,11 +56,5 @@ def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, 
 
 @internal
 def turn_centre(x: float, y: float, heading_x: float, heading_y: float, signed_radius: float) -> tuple[float, float]:
-    """Return the centre [m] of a turn that starts at (x, y) with a unit heading. Golubkov 2018, eq. (1).
-
-    Args:
-        x, y: position at the start of the turn [m].
-        heading_x, heading_y: unit vector of the heading.
-        signed_radius: turn radius [m], positive to the left, negative to the right.
-    """
+    """Return the centre [m] of a turn that starts at (x, y) with a unit heading; radius positive to the left [m]."""
     return x - heading_y * signed_radius, y + heading_x * signed_radius

@@ -77,12 +77,7 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 
 @internal
 def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int) -> None:
-    """Draw four independent numbers from N(0, 1), of magnitude below 8.5, for lanes first .. last - 1.
-
-    Args:
-        state: (4, LANES), advanced in place.
-        noise: (NOISE_ROWS, LANES); rows 0 .. 3 are written in place.
-    """
+    """Draw four numbers from N(0, 1), of magnitude below 8.5, into rows 0 .. 3 for lanes first .. last - 1."""
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
     for pair in range(2):
@@ -93,14 +88,9 @@ def draw_normals(state: NDArray[np.uint64], noise: NDArray[np.float64], first: i
 def draw_noise(state: NDArray[np.uint64], noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Draw the noise of one tick for lanes first .. last - 1.
 
-    Args:
-        state: (4, LANES), advanced in place.
-        noise: (NOISE_ROWS, LANES), written in place. Rows 0 and 1 are independent draws of N(0, 1), of
-            magnitude below 8.5, for the velocities; rows 2 and 3 are the errors of the measured coordinates
-            over sqrt(R). Row `LOST` is uniform in [0, 1) if measurements may be missing. The others are
-            temporary.
-        setting: a record with the fields of `state.PARAMETERS` whose names begin with `noise_`, and
-            `missed`, the probability that a tick has no measurement.
+    Rows 0 and 1 of the noise, (NOISE_ROWS, LANES), are independent draws of N(0, 1), of magnitude below 8.5, for
+    the velocities; rows 2 and 3 are the errors of the measured coordinates over sqrt(R). Row `LOST` is uniform in
+    [0, 1) if measurements may be missing. The others are temporary.
     """
     for lane in range(first, last):
         _draw_uniforms(state, lane, noise, lane)
@@ -195,8 +185,7 @@ def _to_stable(noise: NDArray[np.float64], first: int, last: int, setting: Any) 
 def _to_student(noise: NDArray[np.float64], first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in rows 2 and 3 to a draw of the bivariate Student t distribution.
 
-    Bailey 1994: the squared radius r of the bivariate distribution satisfies
-    P(r > q) = (1 + q / freedom)^(-freedom / 2). Each coordinate has the univariate distribution.
+    Bailey 1994: its squared radius r satisfies P(r > q) = (1 + q / freedom)^(-freedom / 2).
     """
     freedom, scale, clip = setting.noise_shape, setting.noise_scale, setting.noise_clip
     for column in range(first, last):

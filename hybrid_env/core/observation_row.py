@@ -1,7 +1,6 @@
 """The observations as written by the kernel. `hybrid_env.observation.Layout` reads them by name.
 
-A row is a float32 array of six blocks of M values, one per hypothesis, followed by scalars of the track: ten
-with announced switches, two with unknown ones.
+A row is a float32 array of six blocks of M values, one per hypothesis, followed by scalars of the track.
 """
 
 import math
@@ -89,11 +88,7 @@ def innovation_in_frame(innovation: Any, lane: int, heading_x: float, heading_y:
 
 @inlined
 def log_error_probability(others: float) -> float:
-    """Return ln(1 - maximum posterior) for equal priors, at least `LOG_FLOOR`.
-
-    Args:
-        others: sum of the likelihoods of all other hypotheses, divided by that of the most likely one.
-    """
+    """Return ln(1 - maximum posterior), equal priors, clipped; others: likelihoods of the others over the largest."""
     return max(log(others / (1.0 + others)), LOG_FLOOR)
 
 
@@ -149,16 +144,7 @@ def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last:
 
 @internal
 def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any) -> None:
-    """Write the values that change with every tick. `compare_hypotheses` is called before.
-
-    Args:
-        row: (6 M + 10,); the other values are written by `write_segment`.
-        block: a record `BLOCK`.
-        lane: index of the track in the block.
-        scratch: a record `SCRATCH`.
-        bank: bank of the block.
-        setting: a record `PARAMETERS`.
-    """
+    """Write the values of a row, (6 M + 10,), that change with every tick, after `compare_hypotheses`."""
     M = bank.hypotheses.size
     heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
     for h in range(M):
@@ -184,10 +170,7 @@ def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, ba
 
 @internal
 def write_expected_displacement(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
-    """Write the displacement that the likeliest filter expects, if the tick has no measurement.
-
-    Arguments as in `write_tick`, which is called before.
-    """
+    """Write the displacement that the likeliest filter expects, if the tick has no measurement."""
     if not math.isnan(block.measurement[0, lane]):
         return
     expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
@@ -203,15 +186,7 @@ def write_expected_displacement(row: NDArray[np.float32], block: Any, lane: int,
 
 @internal
 def write_quickest_row(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
-    """Write the observation of a track.
-
-    Args:
-        row: (6 M + 2,).
-        block: a record `BLOCK`.
-        lane: index of the track in the block.
-        bank: `imm.ImmBank` of the block.
-        setting: a record `PARAMETERS`.
-    """
+    """Write the observation of a track with unknown switches, (6 M + 2,)."""
     M = bank.hypotheses.size
     speed, heading_x, heading_y = heading_vector(block.estimate[1, lane], block.estimate[3, lane])
     largest = bank.hypotheses[0].log_likelihood[lane]

@@ -30,12 +30,9 @@ def range_rate(x: float, y: float, u: float, v: float) -> float:
 def to_position(
     distance: float, along_x: float, along_y: float, range_deviation: float, bearing_deviation: float
 ) -> Position:
-    """Return the position relative to the radar of a measured range and direction, and its covariance.
+    """Return the position relative to the radar of a measured range [m] and direction, and its covariance.
 
-    Args:
-        distance: measured range [m].
-        along_x, along_y: unit vector of the measured bearing.
-        range_deviation, bearing_deviation: standard deviations [m, rad].
+    along: unit vector of the measured bearing; the standard deviations are in m and rad.
     """
     square = bearing_deviation * bearing_deviation
     shorter, turn = -math.expm1(-square), -0.5 * math.expm1(-2.0 * square)

@@ -24,14 +24,8 @@ FIRST_DURATIONS, OTHER_DURATIONS = 0, 2  # rows of the table of durations; those
 
 @internal
 def draw_duration(cumulative: NDArray[np.float64], number: float) -> int:
-    """Return a duration from a uniform number in [0, 1), by bisection.
-
-    Args:
-        cumulative: (ticks,) probabilities of at most 1, 2, ..., `ticks`.
-        number: uniform random number.
-
-    Returns:
-        Duration from 1 to `ticks` + 1; the last one stands for all that are longer than `ticks`.
+    """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ..., `ticks`, by bisection;
+    `ticks` + 1 stands for all that are longer.
     """
     low, high = 0, cumulative.size
     while low < high:

@@ -1,7 +1,6 @@
 """The state of N tracks, declared once: the arrays of the kernel, and the parameters with their addresses.
 
-Allocation, addresses, saved states and their checks follow from these declarations (`arrays`), from those of
-the banks, and from the records of `records`.
+Allocation, addresses, saved states and their checks follow from these declarations and those of the banks.
 """
 
 from typing import Annotated, Any, NamedTuple

@@ -1,7 +1,6 @@
 """The true object: its start, motion with process noise on the velocity, and measurements of its position.
 
-Golubkov 2018, eq. (1). A tick may have no measurement, which is then NaN, or those of several sensors, among
-them radars, whose ranges and bearings are converted to positions.
+Golubkov 2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are fused.
 """
 
 import math
@@ -22,15 +21,8 @@ SIGNED_RADIUS = SEGMENT_COLUMNS.index("signed_radius")
 
 @internal
 def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setting: Any) -> None:
-    """Set the initial state of the object of a lane, and draw the first estimate.
-
-    Its error has the normal distribution whose covariance the bank may use.
-
-    Args:
-        block: a record `records.BLOCK`.
-        noise: (NOISE_ROWS, LANES), overwritten.
-        lane: index of the track in the block.
-        setting: a record `PARAMETERS`, or a record with its fields of the first estimate.
+    """Set the initial state of the object of a lane, and draw the first estimate, whose error has the normal
+    distribution whose covariance the bank may use. noise: (NOISE_ROWS, LANES), overwritten.
     """
     heading = setting.heading
     if math.isnan(heading):
@@ -58,14 +50,7 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
 
 @internal
 def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float) -> None:
-    """Begin a segment of the object of a lane. Centre and turn rate are computed from its true state.
-
-    Args:
-        block: a record `records.BLOCK`.
-        lane: index of the track in the block.
-        segment: a row of the segment table, with columns `records.SEGMENT_COLUMNS`.
-        tau: length of a tick [s].
-    """
+    """Begin a segment, a row of the segment table: centre and turn rate follow from the true state of the lane."""
     x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
     signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
     speed, heading_x, heading_y = heading_vector(vx, vy)
@@ -80,16 +65,7 @@ def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float
 
 @inlined
 def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
-    """Move the object of one lane by one tick and measure its position.
-
-    Args:
-        block: a record `records.BLOCK`.
-        lane: index of the track in the block.
-        noise: (NOISE_ROWS, LANES), from `noise.draw_noise`.
-        column: column of `noise` for this tick.
-        setting: a record with `process_deviation`, sqrt(Q) [m/s], and `deviation_x` and `deviation_y`,
-            sqrt(R) [m].
-    """
+    """Move the object of one lane by one tick and measure its position; column: that of the noise for this tick."""
     truth = block.truth
     cosine, sine_velocity, sine_position = (
         block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
@@ -177,14 +153,8 @@ def sum_errors(block: Any, lane: int, hypotheses: NDArray[Any], errors: NDArray[
 
 @internal
 def move(block: Any, noise: NDArray[np.float64], first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
-    """Move the objects of lanes first .. last - 1 by one tick and measure their positions.
-
-    Args:
-        block: a record `records.BLOCK`.
-        noise: (NOISE_ROWS, LANES), overwritten.
-        first, last: range of lanes.
-        sensors: (k,) records `records.SENSOR`; with none, one sensor measures with variance R everywhere.
-        setting: see `move_lane` and `noise.draw_noise`.
+    """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without sensors with
+    variance R everywhere. noise: (NOISE_ROWS, LANES), overwritten.
     """
     if sensors.size > 0:
         for lane in range(first, last):

@@ -22,24 +22,13 @@ AXIS_MARGIN = 1.15  # limit of an axis, relative to the threshold
 
 
 def mode_name(mode: int, radii: Sequence[float]) -> str:
-    """Return the name of a mode: "S", "L r=5 m" or "R r=5 m".
-
-    Args:
-        mode: index of the hypothesis in the bank, 0 .. 2 n.
-        radii: (n,) turn radii of the bank [m].
-
-    Raises:
-        ArgumentError: the mode is not in the bank.
-    """
+    """Return the name of a mode, an index in the bank of some radii [m]: "S", "L r=5 m" or "R r=5 m"."""
     kind = _type_of(mode, radii)
     return "S" if kind == 0 else f"{'SLR'[kind]} r={radii[(mode - 1) % len(radii)]:g} m"
 
 
 def mode_colour(mode: int, radii: Sequence[float]) -> str:
-    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns are darker.
-
-    Arguments and error as of `mode_name`.
-    """
+    """Return the colour "#rrggbb" of a mode: straight red, left blue, right green; tighter turns are darker."""
     kind = _type_of(mode, radii)
     if kind == 0 or len(radii) == 1:
         return TYPE_COLOURS[kind]
@@ -63,12 +52,7 @@ def _type_of(mode: int, radii: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class Threshold:
-    """A level of the evidence at which a decision is made.
-
-    Attributes:
-        levels: (T,) level at each tick since the switch; later ticks use the last one.
-        name: printed at the right end of the line.
-    """
+    """A level of the evidence at which a decision is made, (T,) by the ticks since the switch; the last one holds on."""
 
     levels: NDArray[np.float64]
     name: str = ""
@@ -76,16 +60,12 @@ class Threshold:
 
 @dataclass(frozen=True, kw_only=True)
 class EvidencePanel:
-    """What the evidence panel shows.
+    """What the evidence panel shows: label, limits and scale of the vertical axis, and below.
 
     Attributes:
-        label: of the vertical axis.
-        limits: of the vertical axis.
-        scale: of the vertical axis.
         curves: one curve for each hypothesis, one for each type of motion (straight, left turn, right turn),
             or a single one. Hypotheses that share a curve must have the same evidence.
-        thresholds: drawn as dashed lines.
-        legend: entry of the thresholds in the legend.
+        thresholds, legend: drawn as dashed lines, and their entry in the legend.
         ribbons: whether true and stated modes are drawn below the curves, for unknown switch moments; there
             are then no decisions, and the evidence does not begin anew at a switch.
     """
@@ -114,11 +94,7 @@ def ratio_limits(threshold: float) -> tuple[float, float]:
 
 
 def sprt_panel(alpha: float) -> EvidencePanel:
-    """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the SPRT.
-
-    Args:
-        alpha: error probability of the first and of the second kind.
-    """
+    """Return the panel of log-likelihood ratios to the active mode, with the thresholds of the SPRT at an alpha."""
     upper = math.log((1.0 - alpha) / alpha)
     return EvidencePanel(
         label="log-likelihood ratio to the active mode",
@@ -131,10 +107,7 @@ def sprt_panel(alpha: float) -> EvidencePanel:
 def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float64] | None = None) -> EvidencePanel:
     """Return the panel of posterior probabilities with the threshold 1 - alpha.
 
-    Args:
-        source: of the posterior.
-        by_type: show one curve for each type of motion instead of one for each hypothesis.
-        alpha: (T,) threshold on the posterior error probability at each tick; None draws no threshold.
+    alpha: (T,) threshold on the posterior error probability at each tick; None draws none.
     """
     limit = 1.0 - POSTERIOR_LIMIT
     thresholds: tuple[Threshold, ...] = ()
@@ -157,9 +130,7 @@ def posterior_panel(source: str, by_type: bool = False, alpha: NDArray[np.float6
 def probability_panel(source: str = "", threshold: float = 0.0) -> EvidencePanel:
     """Return the panel of the probabilities of the modes, for unknown switch moments.
 
-    Args:
-        source: of the probabilities; "" does not name it.
-        threshold: smallest probability of a mode to which the statement changes; 0 draws none.
+    threshold: smallest probability of a mode to which the statement changes; 0 draws none.
     """
     return EvidencePanel(
         label=f"probability ({source})" if source else "probability",

@@ -1,7 +1,6 @@
 """Frames of an episode: the track on the left, the evidence on the right.
 
-The figure is built once. Each frame sets new data on the artists that change. All other artists are in a
-background image, which is drawn again only when the limits of the axes change.
+Each frame sets new data on the artists that change; all others are in a background image.
 """
 
 import math
@@ -32,15 +31,7 @@ _DPI = 100
 
 
 class EpisodeFigure:
-    """The figure with both panels and the legends.
-
-    Args:
-        options: of the world.
-        panel: what the evidence panel shows.
-
-    Attributes:
-        figure: the matplotlib figure, FRAME_SIZE pixels large.
-    """
+    """The matplotlib figure, `FRAME_SIZE` pixels large, with both panels and the legends."""
 
     def __init__(self, options: Any, panel: EvidencePanel):
         self.options, self.panel = options, panel
@@ -104,10 +95,7 @@ class EpisodeFigure:
         return np.asarray(self._canvas.buffer_rgba())
 
     def _fit_view(self, history: History) -> tuple[float, ...]:
-        """Episode number and axis limits (x, x, y, y, time).
-
-        The limits of the last frame are kept while they contain all data, so that the picture is steady.
-        """
+        """Episode number and axis limits (x, x, y, y, time), kept while they contain all data: a steady picture."""
         trace, ticks = history.trace, len(history.trace)
         low, high = np.empty(2), np.empty(2)
         for axis, name in enumerate("xy"):

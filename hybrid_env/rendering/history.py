@@ -1,7 +1,6 @@
-"""Every tick of the running episode, for figures and recordings.
+"""Every tick of the running episode, for figures and recordings: a timeline of true modes beside one of stated modes.
 
-It is a timeline of true modes beside a timeline of stated modes. A declaration is a statement that begins at
-its tick and holds until the next switch.
+A declaration is a statement that begins at its tick and holds until the next switch.
 """
 
 from collections.abc import Sequence
@@ -18,18 +17,7 @@ ACTIVE, SEGMENT = TRACE_INDEX["active_mode"], TRACE_INDEX["segment"]
 
 
 class Decision(NamedTuple):
-    """One decision of the episode.
-
-    Attributes:
-        time: tick of the episode, 1 at its first measurement.
-        evidence: for the decided mode at this tick.
-        mode: decided mode.
-        true_mode: true mode of the segment.
-        correct: whether the reward counts the decision as correct.
-        forced: whether the segment ended before the agent declared a mode.
-        ticks: number of ticks since the switch.
-        length: length of the segment [ticks].
-    """
+    """One decision of the episode: its tick, 1 at the first measurement, and the evidence for its mode at this tick."""
 
     time: int
     evidence: float
@@ -44,13 +32,7 @@ class Decision(NamedTuple):
 class History:
     """All ticks of the running episode, with announced or with unknown switch moments.
 
-    Attributes:
-        episode: number of episodes started.
-        finished: whether the episode has ended.
-        segment: index of the current segment.
-        tick: current tick since the switch.
-        true_mode: true mode of the current segment.
-        decisions: declarations so far in this episode; none with unknown switch moments.
+    `decisions` are the declarations so far, none with unknown switches.
     """
 
     def __init__(self) -> None:
@@ -71,12 +53,8 @@ class History:
     ) -> None:
         """Store the ticks of one step, or the first tick of an episode.
 
-        Args:
-            trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first
-                tick of the next segment; empty if the step ends the episode without a further tick.
-            evidence: (M,) of each hypothesis at the current tick, unless `set_evidence` replaces it.
-            info: returned by `reset` or `step` of the environment.
-            finished: whether the episode has ended.
+        trace: (ticks, len(TRACE_COLUMNS)), including the skipped ticks after a decision and the first tick of the next
+        segment; empty if the step ends the episode without one. evidence: (M,) at the current tick.
         """
         if "decided_mode" in info:
             self.decisions.append(
@@ -122,11 +100,7 @@ class History:
 
     @property
     def trace(self) -> FloatArray:
-        """(T, len(TRACE_COLUMNS)), one row for each tick.
-
-        The active mode is the last declared one. With unknown switch moments it is the stated one, and NaN
-        before the statement.
-        """
+        """(T, len(TRACE_COLUMNS)); with unknown switches the active mode is the stated one, NaN before it is."""
         return _joined(self._traces)
 
     @property

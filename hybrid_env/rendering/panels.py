@@ -33,15 +33,7 @@ _CURRENT_STYLE: dict[str, Any] = {"color": CURRENT_COLOUR, "marker": "*", **_OUT
 
 
 class DecisionMarkers:
-    """Markers in the colour of the decided mode.
-
-    Args:
-        axes: in which they are drawn.
-        radii: (n,) turn radii of the bank [m].
-
-    Attributes:
-        artists: one collection for correct decisions and one for wrong decisions.
-    """
+    """Markers in the colour of the decided mode: one collection for correct decisions and one for wrong ones."""
 
     def __init__(self, axes: Any, radii: Sequence[float]):
         self.radii = radii
@@ -61,12 +53,7 @@ class DecisionMarkers:
 class TrackAxes:
     """The left-hand panel: true path, measurements, estimate and decisions in the plane.
 
-    Args:
-        axes: empty axes.
-        options: of the world.
-
-    Attributes:
-        artists: artists that change from frame to frame, in drawing order.
+    `artists` change from frame to frame, in drawing order.
     """
 
     def __init__(self, axes: Any, options: ModelOptions):
@@ -102,16 +89,7 @@ class TrackAxes:
 
 
 class EvidenceAxes:
-    """The right-hand panel: evidence, thresholds, and decisions or ribbons of true and stated modes.
-
-    Args:
-        axes: empty axes.
-        options: of the world.
-        panel: what to show.
-
-    Attributes:
-        artists: artists that change from frame to frame, in drawing order.
-    """
+    """The right-hand panel: evidence, thresholds, and decisions or ribbons of true and stated modes."""
 
     def __init__(self, axes: Any, options: ModelOptions, panel: EvidencePanel):
         self.axes, self.panel = axes, panel

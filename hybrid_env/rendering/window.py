@@ -24,14 +24,7 @@ class NoDisplayError(RuntimeError):
 
 
 class Window:
-    """A pygame window. The first frame opens it; pygame is imported only then.
-
-    Args:
-        fps: maximum number of frames per second; `show` waits accordingly.
-
-    Attributes:
-        closed_by_user: True after the user has closed the window, until `close` is called.
-    """
+    """A pygame window of at most some frames per second. The first frame opens it; pygame is imported only then."""
 
     def __init__(self, fps: int):
         self.fps = fps
@@ -40,17 +33,7 @@ class Window:
         self._clock: Any = None
 
     def wants_frame(self, size: tuple[int, int]) -> bool:
-        """Open the window if necessary and process its events.
-
-        Args:
-            size: (width, height) [px].
-
-        Returns:
-            False if the user has closed the window.
-
-        Raises:
-            NoDisplayError: SDL cannot open a window.
-        """
+        """Open the window if necessary and process its events. Returns False if the user has closed it."""
         if self.closed_by_user:
             return False
         if self._surface is None:
@@ -89,10 +72,9 @@ class Window:
 
 
 def display_available() -> bool:
-    """Return whether a window can be opened on a display.
+    """Return whether a window can be opened on a display, without which SDL silently renders off screen.
 
-    Without a display, SDL silently renders off screen. A working driver named in SDL_VIDEODRIVER counts as a
-    display, even if it renders off screen.
+    A working driver named in SDL_VIDEODRIVER counts as a display.
     """
     chosen = any(map(os.environ.get, ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")))
     displays = any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
@@ -115,13 +97,7 @@ def _import_pygame() -> Any:
 
 
 class Renderer:
-    """Draws an episode, frame by frame.
-
-    Args:
-        options: of the world.
-        human: whether frames are shown in a window instead of being returned.
-        panel: what the evidence panel shows.
-    """
+    """Draws an episode, frame by frame; human: in a window instead of returning the frames."""
 
     def __init__(self, options: ModelOptions, human: bool, panel: EvidencePanel):
         self.options, self.panel = options, panel
@@ -136,12 +112,8 @@ class Renderer:
         """Draw one frame of the episode so far. Matplotlib is imported with the first one.
 
         Returns:
-            (height, width, 3) uint8, a new array; None if frames are shown in a window. After the user has
-            closed the window, this method does nothing, so that the calling loop can continue.
-
-        Raises:
-            NoDisplayError: SDL cannot open a window.
-            MissingExtraError: Matplotlib or pygame is not installed.
+            (height, width, 3) uint8, a new array; None if frames are shown in a window, also after the user has
+            closed it, so that the calling loop can continue.
         """
         if self.window is not None and not self.window.wants_frame(FRAME_SIZE):
             return None

@@ -1,6 +1,4 @@
-"""The banks of filters, one filter for each hypothesis, and the scalar formulas of their filters.
-
-`published` stands on `kalman`, `anchor_aware` on `extended_kalman`; the kernel calls both by `operations`.
-`imm`, for unknown switch moments, stands on `coordinated_turn`. With a radar, `sensing` corrects the filters.
-`mixture` merges the estimates of a bank, and `bank` has what all banks share.
+"""The banks of filters: `published` stands on `kalman`, `anchor_aware` on `extended_kalman`; the kernel calls both
+by `operations`. `imm`, for unknown switch moments, stands on `coordinated_turn`. With a radar, `sensing` corrects
+the filters. `mixture` merges the estimates of a bank, and `bank` has what all banks share.
 """

@@ -1,12 +1,8 @@
 """The anchor-aware bank: the likelihood of every turn includes the uncertainty of the anchor.
 
-The published bank computes the centre and the turn rate from the anchor and treats them as exact. In this
-bank they are part of the state: each hypothesis is an extended Kalman filter with seven states, see
-`extended_kalman`. Its initial covariance is J P J', where P is the covariance of the anchor and J is the
-Jacobian of the seven states with respect to the four states of the anchor. The straight line is a turn of
-rate 0 whose centre and rate have no variance.
-
-With an exact anchor centre and turn rate have no variance, and the filters are those of the published bank
+The published bank treats centre and turn rate, which follow from the anchor, as exact. Here they are part of
+the state of an extended Kalman filter with seven states, see `extended_kalman`. The straight line is a turn of
+rate 0 whose centre and rate have no variance. With an exact anchor the filters are those of the published bank
 with covariances between the axes, which measurements of a radar need.
 
 A filter that diverges keeps its state and its log-likelihood decreases, so that no NaN occurs.
@@ -50,13 +46,7 @@ DIVERGED = 1e3  # decrease of the log-likelihood per tick of a diverged filter
 
 
 class AnchorAwareBank(NamedTuple):
-    """The bank of a block of tracks.
-
-    Attributes:
-        hypotheses: (M,) records `AWARE_HYPOTHESIS`.
-        innovations: (M,) records `published.INNOVATION`, temporary memory shared by the blocks of a
-            thread.
-    """
+    """The bank of a block of tracks, M hypotheses. The blocks of a thread share the innovations."""
 
     hypotheses: Annotated[Records, Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))]
     innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
@@ -70,16 +60,7 @@ aware_of_block = block_reader(AnchorAwareBank)
 def begin_aware(
     bank: AnchorAwareBank, lane: int, anchor: State, covariance: Triangle4, radii: NDArray[np.float64], model: Any
 ) -> None:
-    """Start every filter of a lane from the anchor.
-
-    Args:
-        bank: bank of the block.
-        lane: index of the track in the block.
-        anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
-        covariance: covariance of the anchor, upper triangle row by row.
-        radii: (n,) turn radii of the bank [m].
-        model: a `FilterModel`, or a record with its fields.
-    """
+    """Start every filter of a lane from the anchor; arguments as in `begin_published`."""
     for h in range(bank.hypotheses.size):
         radius, exact = signed_radius(h, radii), model.exact_anchor > 0.0
         begin_hypothesis(bank.hypotheses[h], lane, anchor, covariance, radius, model.tau, exact)
@@ -91,13 +72,7 @@ def begin_hypothesis(
 ) -> None:
     """Start one filter of a lane from the anchor.
 
-    Args:
-        kalman: a record `AWARE_HYPOTHESIS`.
-        lane: index of the lane.
-        anchor, covariance: see `begin_aware`.
-        radius: turn radius [m], positive to the left, negative to the right, 0 if straight.
-        tau: length of a tick [s].
-        exact: whether centre and turn rate have no variance.
+    radius: signed as in `signed_radius` [m]; exact: whether centre and turn rate have no variance.
     """
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     # bounded: the heading of an object slower than its uncertainty deviates by about 1 rad at most
@@ -299,10 +274,7 @@ def sense_hypothesis(
 ) -> None:
     """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
 
-    Args:
-        kalman, innovation, first, last, model: see `step_hypothesis`.
-        block: a record with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
-        sensors: (k,) records `records.SENSOR`, none for positions of variance R.
+    block: with the fields of `records.MEASURED`; without sensors all lanes or none are NaN.
     """
     if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
         step_hypothesis(kalman, innovation, first, last, block.measurement, model)

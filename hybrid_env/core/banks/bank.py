@@ -26,17 +26,7 @@ INNOVATION = lanes_of(
 
 
 class FilterModel(NamedTuple):
-    """The model assumed by the filters. `state.PARAMETERS` has the same fields.
-
-    Attributes:
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2].
-        variance_x, variance_y: R of each axis [m^2].
-        stay_probability: diagonal entry of the transition matrix of unknown switches, 1 - hazard.
-        switch_probability: every other entry, hazard / (M - 1), at most `stay_probability`.
-        freedom: degrees of freedom of the robust likelihood, see `kalman.weigh`; 0 is the normal one.
-        exact_anchor: 1 if the anchor-aware bank treats centre and turn rate as exact, else 0.
-    """
+    """The model assumed by the filters. `state.PARAMETERS` has the same fields."""
 
     tau: float
     process_variance: float
@@ -62,14 +52,10 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None = None) -> Any:
-    """Return a bank of zeros.
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes.
 
-    Args:
-        bank: class of the bank.
-        radii_count: n.
-        axes: number of distinct covariances, 1 or 2, where the bank distinguishes them.
-        blocks: number of blocks of tracks, the first axis of the arrays that they do not share; None is a
-            single block without this axis.
+    blocks: number of blocks of tracks, the first axis of the arrays that they do not share; None is a single
+    block without this axis.
     """
     sizes = {"modes": 2 * radii_count + 1, "columns": radii_count + 1, "axes": axes}
     sizes["blocks_count"] = 1 if blocks is None else blocks

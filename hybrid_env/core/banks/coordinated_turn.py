@@ -2,8 +2,8 @@
 
 The state is [x, vx, y, vy], with the suffixes x, u, y and v below. In every tick the object turns by the
 angle a = speed * tau / radius about the centre that follows from its velocity: Golubkov 2018, eq. (1), with
-the switch at the present tick. The filter therefore runs on over switches and needs no anchor. The angle is
-computed from the estimated velocity and then treated as known, because the turn rate of the object does not
+the switch at the present tick. The filter therefore runs on over switches and needs no anchor. The angle
+follows from the estimated velocity and is then treated as known, because the turn rate of the object does not
 change with the process noise of a segment. A covariance is its upper triangle row by row, 10 numbers.
 """
 
@@ -17,29 +17,17 @@ from hybrid_env.core.motion import LARGEST_ANGLE
 
 @inlined
 def turn_angle(u: float, v: float, curvature: float, tau: float) -> float:
-    """Return the angle of a turn in one tick [rad], at most `motion.LARGEST_ANGLE`, positive to the left.
-
-    Args:
-        u, v: velocity [m/s].
-        curvature: 1 / radius [1/m], positive to the left; 0 is straight.
-        tau: length of a tick [s].
-    """
+    """Return the angle of a turn in one tick [rad], positive to the left, bounded; curvature: 1 / radius [1/m]."""
     angle = curvature * math.sqrt(u * u + v * v) * tau
     return max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE)
 
 
 @inlined
 def turn_coefficients(angle: float, tau: float) -> State:
-    """Return the coefficients of the motion of one tick.
+    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
 
-    Args:
-        angle: a, from `turn_angle` [rad].
-        tau: length of a tick [s].
-
-    Returns:
-        (C, S, along, across): the new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the
-        position changes by (along u - across v, across u + along v), with along = tau sin(a) / a and
-        across = tau (1 - cos a) / a [s].
+    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by
+    (along u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
     """
     half = 0.5 * angle
     sine, cosine = sine_cosine(half)
@@ -52,13 +40,7 @@ def turn_coefficients(angle: float, tau: float) -> State:
 
 @inlined
 def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Triangle4:
-    """Return the predicted covariance F P F' + G Q G', where F is the transition matrix of the turn.
-
-    Args:
-        p: covariance before the tick.
-        turn: from `turn_coefficients`.
-        process_variance: Q, variance of the noise added to each velocity [m^2/s^2].
-    """
+    """Return the predicted covariance F P F' + G Q G', F the transition matrix; turn: from `turn_coefficients`."""
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     C, S, along, across = turn
     # covariance of the new position with the old velocity
@@ -82,12 +64,9 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
 
 @inlined
 def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
-    """Return the corrected covariance P - K H P after a measurement of x.
+    """Return the corrected covariance P - K H P after a measurement of x with variance R.
 
-    Args:
-        p: covariance before the measurement.
-        inverse: 1 / innovation variance [1/m^2].
-        variance: R [m^2].
+    inverse: 1 / innovation variance [1/m^2].
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     left = variance * inverse  # the row of the measured coordinate is K R, which avoids cancellation

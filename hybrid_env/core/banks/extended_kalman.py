@@ -21,11 +21,8 @@ def anchor_covariance(
 ) -> Triangle7:
     """Return J P J', the covariance of the seven states at the switch, from the covariance P of the anchor.
 
-    Args:
-        covariance: P of [x, vx, y, vy], upper triangle row by row.
-        heading_x, heading_y: unit vector of the heading.
-        inverse_speed: 1 / speed [s/m], bounded for speeds below their standard deviation.
-        radius: turn radius [m], positive to the left; 0 is straight, without centre and rate.
+    J is their Jacobian by the anchor. heading: unit vector; inverse_speed: 1 / speed [s/m], bounded; radius: signed
+    [m], 0 is straight, without centre and rate.
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = covariance
     turns = 0.0 if radius == 0.0 else 1.0
@@ -72,15 +69,10 @@ def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
 
 @inlined
 def turn_coefficients(rate: float, tau: float) -> Vector7:
-    """Return the coefficients of the motion over one tick, and their derivatives by the turn rate.
+    """Return (C, S, W, D, dC, dS, dW) of a tick at a turn rate [rad/s].
 
-    Args:
-        rate: turn rate [rad/s].
-        tau: length of a tick [s].
-
-    Returns:
-        (C, S, W, D, dC, dS, dW), where C = cos a, S = sin a / rate, W = rate sin a and D = 1 - cos a for
-        a = rate * tau; dC, dS and dW are the derivatives of C, S and W.
+    C = cos a, S = sin a / rate, W = rate sin a and D = 1 - cos a for a = rate * tau; dC, dS and dW are the
+    derivatives of C, S and W by the rate.
     """
     C, quotient, product, derivative = turn_derivatives(rate * tau)
     S, W = tau * quotient, product / tau
@@ -94,11 +86,7 @@ def predict_covariance(
 ) -> Triangle7:
     """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion.
 
-    Args:
-        p: covariance before the tick.
-        turn: from `turn_coefficients`.
-        by_rate: derivatives of x, vx, y and vy by the turn rate.
-        process_variance: Q, variance of the noise added to each velocity [m^2/s^2].
+    turn: from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn rate.
     """
     C, S, W, D = turn[0], turn[1], turn[2], turn[3]
     g_x, h_x, g_y, h_y = by_rate
@@ -143,10 +131,7 @@ def predict_covariance(
 def condition(p: Triangle7, k: Vector7, inverse: float) -> Triangle7:
     """Return the corrected covariance P - K H P after the measurement of one coordinate.
 
-    Args:
-        p: covariance before the measurement.
-        k: covariance of the seven states with the measured coordinate.
-        inverse: 1 / innovation variance of the coordinate [1/m^2].
+    k: covariance of the states with the coordinate; inverse: 1 / innovation variance.
     """
     a, b, c, d, e, f, g = (
         k[0] * inverse, k[1] * inverse, k[2] * inverse, k[3] * inverse,

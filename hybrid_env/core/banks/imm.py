@@ -54,14 +54,7 @@ DIVERGED = -1e3  # log-likelihood of a tick in which a filter diverges
 
 
 class ImmBank(NamedTuple):
-    """The bank of a block of tracks.
-
-    Attributes:
-        hypotheses: (M,) records `IMM_HYPOTHESIS`.
-        innovations: (M,) records `bank.INNOVATION`, temporary memory shared by the blocks of a
-            thread.
-        sums: (1,) record `SUMS`, temporary memory shared by the blocks of a thread.
-    """
+    """The bank of a block of tracks, M hypotheses. The blocks of a thread share innovations and sums."""
 
     hypotheses: Annotated[Records, Array(IMM_HYPOTHESIS, ("blocks_count", "modes"))]
     innovations: Annotated[Records, Array(INNOVATION, ("modes",), "thread")]
@@ -76,11 +69,7 @@ imm_of_block = block_reader(ImmBank)
 def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
     """Start every filter of a lane from the merged estimate of the block.
 
-    Args:
-        bank: bank of the block.
-        block: a record with the fields `estimate`, (4, LANES), and `covariance`, (10, LANES).
-        lane: index of the track in the block.
-        known: the mode before the first tick; -1 if it is not known, all equally probable.
+    known: the mode before the first tick; -1 if it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -206,14 +195,7 @@ def _curvature(hypothesis: int, radii: NDArray[np.float64]) -> float:
 def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np.float64], model: Any) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by one tick.
 
-    Args:
-        bank: bank of the block.
-        block: a record with the fields `measurement`, (2, LANES), and `estimate` and `covariance` of the
-            merged estimate, (4, LANES) and (10, LANES).
-        first, last: range of lanes.
-        radii: (n,) turn radii of the bank [m].
-        model: a `FilterModel`, or a record with its fields; with degrees of freedom the likelihood is robust,
-            see `kalman.weigh`.
+    block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged estimate.
     """
     for h in range(bank.hypotheses.size):
         kalman, innovation, curvature = bank.hypotheses[h], bank.innovations[h], _curvature(h, radii)
@@ -255,8 +237,7 @@ def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int,
 def predict_imm(bank: ImmBank, block: Any, lane: int, radii: NDArray[np.float64], model: Any) -> None:
     """Advance every filter of a lane by one tick without a measurement: mixing, prediction and output.
 
-    The probabilities follow the Markov chain. The innovations are zero; their variance is that of the
-    measurement that is missing. Arguments as in `step_imm`.
+    The probabilities follow the Markov chain; innovations are zero, with the variance of a measurement.
     """
     for h in range(bank.hypotheses.size):
         curvature = _curvature(h, radii)
@@ -292,14 +273,7 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
 
 @internal
 def step_imm_irregular(bank: ImmBank, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by lane.
-
-    Args:
-        bank, first, last: see `step_imm`.
-        block: also with the fields of `records.MEASURED`, NaN without a measurement.
-        arrays: with the radii and the sensors.
-        setting: a record `PARAMETERS`.
-    """
+    """Advance every filter where measurements may be missing or of different variances, lane by lane."""
     for lane in range(first, last):
         missing, model = math.isnan(block.measurement[0, lane]), filter_model(setting, 1.0)
         if missing or setting.radar:

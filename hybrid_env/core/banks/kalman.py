@@ -21,10 +21,7 @@ def predict_covariance(
 ) -> Covariance:
     """Return the predicted covariance Phi P Phi' + G Q G' of one axis. Golubkov 2018, eq. (2).
 
-    Args:
-        covariance: (xx, xv, vv) before the tick.
-        cosine, sine_velocity, sine_position: from `motion.motion_coefficients`.
-        process_variance: Q, variance of the noise added to the velocity [m^2/s^2].
+    cosine, sine_velocity, sine_position: from `motion.motion_coefficients`.
     """
     xx, xv, vv = covariance
     row_x_x = cosine * xx + sine_velocity * xv  # first row of Phi P
@@ -47,13 +44,7 @@ def kalman_gain(covariance: Covariance, innovation_variance: float) -> tuple[flo
 
 @inlined
 def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, variance: float) -> Covariance:
-    """Return the corrected covariance P - K H P. Golubkov 2018, eq. (2).
-
-    Args:
-        covariance: predicted (xx, xv, vv).
-        gain_x, gain_v: from `kalman_gain`.
-        variance: R [m^2].
-    """
+    """Return the covariance P - K H P, corrected by a measurement of variance R. Golubkov 2018, eq. (2)."""
     # The first row of P - K H P is K R, which avoids cancellation. The last entry is bounded below so that
     # rounding does not make P indefinite if the predicted variances are very large compared with R.
     vv = max(covariance[2] - gain_v * covariance[1], gain_v * gain_v * variance)
@@ -62,35 +53,23 @@ def correct_covariance(covariance: Covariance, gain_x: float, gain_v: float, var
 
 @inlined
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
-    """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick.
-
-    Its differences between hypotheses are the log-likelihood ratios of Golubkov 2018, eq. (4).
-
-    Args:
-        white_x, white_y: whitened innovation, the innovation divided by its standard deviation.
-        log_variance: logarithm of the innovation variance [m^2], mean of the two axes.
+    """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick, whose differences between hypotheses are the
+    ratios of Golubkov 2018, eq. (4), from the whitened innovation and ln of its variance, mean of the axes.
     """
     return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))
 
 
 @inlined
 def student_log_likelihood(white_x: float, white_y: float, log_variance: float, freedom: float) -> float:
-    """Return the logarithm of the bivariate Student t density of the innovation of one tick.
-
-    Args:
-        white_x, white_y, log_variance: see `log_likelihood`; the innovation variance is the scale matrix.
-        freedom: degrees of freedom.
-    """
+    """Return the logarithm of the bivariate Student t density of an innovation; arguments of `log_likelihood`."""
     distance = white_x * white_x + white_y * white_y
     return -(LOG_TWO_PI + log_variance + 0.5 * (freedom + 2.0) * log(1.0 + distance / freedom))
 
 
 @inlined
 def student_weight(white_x: float, white_y: float, freedom: float) -> float:
-    """Return the weight of the correction by a measurement, (freedom + 2) / (freedom + d^2).
-
-    d^2 is the squared whitened innovation. This is the expected precision of the measurement, relative to
-    the assumed one, given the innovation: Lange, Little & Taylor 1989, eq. (4).
+    """Return the weight of a correction, (freedom + 2) / (freedom + d^2), d^2 the squared whitened innovation: the
+    expected precision of the measurement relative to the assumed one. Lange, Little & Taylor 1989, eq. (4).
     """
     return min((freedom + 2.0) / (freedom + white_x * white_x + white_y * white_y), 1.0)
 
@@ -101,13 +80,8 @@ def weigh(white_x: float, white_y: float, log_variance: float, freedom: float | 
 
     With the robust likelihood the innovations have a Student t distribution whose scale matrix is the
     innovation variance, and the correction of the estimate is weighted, as in Agamennoni, Nieto & Nebot 2012,
-    "Approximate inference in state-space models with heavy-tailed noise", with one iteration. A measurement
-    far from the prediction therefore changes neither much. An approximation: the covariances are those of the
-    Kalman filter and do not grow after an outlier.
-
-    Args:
-        white_x, white_y, log_variance: see `log_likelihood`.
-        freedom: degrees of freedom of the robust likelihood; None, a type of its own, for the normal one.
+    "Approximate inference in state-space models with heavy-tailed noise", with one iteration. An approximation:
+    the covariances are those of the Kalman filter. freedom: degrees of freedom; None, a type of its own, is normal.
     """
     if freedom is None:
         return 1.0, log_likelihood(white_x, white_y, log_variance)

@@ -1,8 +1,7 @@
 """Mixtures of the estimates of a bank: probabilities, and the first two moments.
 
-With announced switches the hypotheses have equal priors, and the posterior over them is a mixture weighted by
-the likelihoods. With unknown switches it is weighted by the probabilities of the IMM bank. The moments are
-those of Blom & Bar-Shalom 1988, "The interacting multiple model algorithm", output step.
+The weights are the likelihoods with announced switches, whose priors are equal, and the probabilities of the
+IMM bank with unknown ones. Blom & Bar-Shalom 1988, output step.
 """
 
 import math
@@ -85,13 +84,7 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
 
 @inlined
 def mixture_of_two(own: float, mine: Triangle4, merged: Triangle4, difference: State) -> Triangle4:
-    """Return the covariance of a mixture of two normal distributions.
-
-    Args:
-        own: weight of the first.
-        mine, merged: covariances of the first and of the second.
-        difference: of their means.
-    """
+    """Return the covariance of a mixture of two normal distributions. own: weight of the first."""
     rest = 1.0 - own
     a, b, c, d = difference
     spread = own * rest
@@ -127,14 +120,7 @@ def merged_estimate(hypotheses: NDArray[Any], lane: int) -> State:
 
 @internal
 def write_merged_covariance(bank: Any, lane: int, mean: State, covariance: NDArray[np.float64]) -> None:
-    """Write the posterior covariance of a lane.
-
-    Args:
-        bank: bank of the block.
-        lane: index of the track in the block.
-        mean: from `merged_estimate`.
-        covariance: (10, LANES), upper triangle row by row; the column of the lane is written.
-    """
+    """Write the posterior covariance of a lane into (10, LANES); mean: from `merged_estimate`."""
     hypotheses = bank.hypotheses
     largest = hypotheses[likeliest(hypotheses, lane)].log_likelihood[lane]
     total = 0.0

@@ -11,10 +11,7 @@ compiled code: `instance_class`, an attribute of its type, is used here and nowh
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle row by row
     correct(bank, lane, hypothesis, block, sensors, model)   correct a predicted filter, with a radar
 
-The arguments are described in `published`. Calls with the same types of indices and of the model share one
-compiled function: the kernel gives unsigned indices, which need no check for negative values, so that loops
-over lanes become SIMD code, and a `FilterModel`. A new bank implements these functions and is listed in
-`OPERATIONS`, `state.BANKS` and `kernels.KERNELS`.
+Calls with the same types share one compiled function: the kernel gives unsigned indices and a `FilterModel`.
 """
 
 from collections.abc import Callable

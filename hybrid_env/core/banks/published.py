@@ -1,11 +1,8 @@
 """The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
 
 Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the turn rate
-but not on the data. The left and the right turn of a radius therefore share them, and so do both axes if
-their measurement variances are equal. Each hypothesis has its four state estimates, the centre of its turn
-and its log-likelihood.
-
-With the robust likelihood (`kalman.weigh`) the left and the right turn still share their covariances.
+but not on the data, also with the robust likelihood. The left and the right turn of a radius therefore share
+them, and so do both axes if their measurement variances are equal.
 """
 
 import math
@@ -54,11 +51,8 @@ GAIN = lanes_of(
 class PublishedBank(NamedTuple):
     """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct axes.
 
-    Attributes:
-        hypotheses: (M,) records `HYPOTHESIS`.
-        covariances: (A, n + 1) records `COVARIANCE`; column 0 is straight, column c uses radius c - 1.
-        innovations: (M,) records `INNOVATION`, temporary memory shared by the blocks of a thread.
-        gains: (A, n + 1) records `GAIN`, temporary memory shared by the blocks of a thread.
+    Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a thread share
+    innovations and gains.
     """
 
     hypotheses: Annotated[Records, Array(HYPOTHESIS, ("blocks_count", "modes"))]
@@ -77,14 +71,8 @@ def begin_published(
 ) -> None:
     """Start every filter of a lane from the anchor, which also determines turn rates and centres.
 
-    Args:
-        bank: bank of the block.
-        lane: index of the track in the block.
-        anchor: estimate [x, vx, y, vy] at the switch [m, m/s].
-        covariance: covariance of the anchor, upper triangle row by row; covariances between the axes are
-            ignored.
-        radii: (n,) turn radii of the bank [m].
-        model: a `FilterModel`, or a record with its fields.
+    anchor: estimate [x, vx, y, vy] at the switch [m, m/s]; covariance: of it, whose entries between the axes are
+    ignored; radii: (n,) of the bank [m]; model: a `FilterModel`, or a record with its fields.
     """
     x, vx, y, vy = anchor
     speed, heading_x, heading_y = heading_vector(vx, vy)
@@ -168,13 +156,8 @@ def _step_estimates(bank: PublishedBank, first: int, last: int, measurement: Flo
 
 @internal
 def step_published(bank: PublishedBank, first: int, last: int, measurement: FloatArray, model: Any) -> None:
-    """Advance every filter and its log-likelihood by one tick. Golubkov 2018, eq. (2) and (4).
-
-    Args:
-        bank: bank of the block.
-        first, last: range of lanes, first .. last - 1.
-        measurement: (2, LANES) [m].
-        model: a `FilterModel`, or a record with its fields.
+    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a measurement,
+    (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
@@ -193,9 +176,8 @@ def step_published(bank: PublishedBank, first: int, last: int, measurement: Floa
 
 @internal
 def follow_published(bank: PublishedBank, lane: int, hypothesis: int, measurement: FloatArray, model: Any) -> None:
-    """Advance the filter of one hypothesis of a lane by one tick. Golubkov 2018, algorithm 1, line 15.
-
-    This is used after a decision. The log-likelihood is not updated.
+    """Advance the filter of one hypothesis of a lane after a decision, without its log-likelihood. Golubkov 2018,
+    algorithm 1, line 15.
     """
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
@@ -217,10 +199,7 @@ def follow_published(bank: PublishedBank, lane: int, hypothesis: int, measuremen
 
 @internal
 def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: only the prediction of eq. (2).
-
-    The innovations are zero. Their variance is that of the measurement that is missing.
-    """
+    """Advance every filter of a lane by one tick without a measurement: only the prediction of eq. (2)."""
     axes, columns = bank.covariances.shape
     for axis in range(axes):
         variance = model.variance_x if axis == 0 else model.variance_y

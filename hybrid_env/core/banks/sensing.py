@@ -1,9 +1,8 @@
 """The correction of a filter by what the sensors measure: a position with any covariance, and range rates.
 
-The covariance of the fused position is not diagonal if a radar took part. The filter is corrected by the
-coordinates along its principal axes, whose errors are independent, and then by one range rate after the
-other, linearised at the estimate corrected so far. A filter has the seven states of `extended_kalman`; one of
-four states is embedded in it.
+The filter is corrected by the coordinates along the principal axes of the position's covariance, whose errors
+are independent, and then by one range rate after the other, linearised at the estimate corrected so far. A
+filter has the seven states of `extended_kalman`; one of four states is embedded in it.
 """
 
 import math
@@ -98,8 +97,7 @@ def correct_scalar(
 def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple[State, float, float]:
     """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
 
-    Near the radar the bearing of the estimate is uncertain. What this adds to the predicted range rate in
-    second order adds to the variance.
+    Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
     """
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
@@ -116,14 +114,7 @@ def _rate_model(state: Vector7, p: Triangle7, rate: float, sensor: Any) -> tuple
 def correct_by_sensors(
     state: Vector7, p: Triangle7, block: Any, lane: int, sensors: NDArray[Any], model: Any
 ) -> tuple[Vector7, Triangle7, State, bool]:
-    """Correct a predicted filter by all that is measured in a tick.
-
-    Args:
-        state, p: predicted state and its covariance.
-        block: a record with the fields of `records.MEASURED`.
-        lane: index of the track in the block.
-        sensors: (k,) records `records.SENSOR`.
-        model: a `FilterModel`, or a record with its fields.
+    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of the sensors.
 
     Returns:
         State, covariance, (whitened innovation x and y, mean logarithm of its variance, log-likelihood), and
