@@ -27,7 +27,8 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
 
     options_class: ClassVar[Any]
     """Class of the options."""
-
+    evidence_panel: ClassVar[EvidencePanel]
+    """What the evidence panel of a frame shows."""
     history: History | None
     """Ticks of the running episode, for rendering; None without a render mode."""
     renderer: Renderer | None
@@ -43,18 +44,13 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         self.world = World(self.options, 1, rows)
         if render_mode is not None:
             self.history = History()
-            self.renderer = Renderer(self.options, render_mode == "human", self._evidence_panel())
+            self.renderer = Renderer(self.options, render_mode == "human", self.evidence_panel)
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
         self._reset_mask = np.ones(1, np.bool_)
-        self._action_count = int(self.action_space.n)
         self._started = False
         self._bind_views()
-
-    def _evidence_panel(self) -> EvidencePanel:
-        """Return what the evidence panel of a frame shows."""
-        raise NotImplementedError
 
     def _step_info(self, events: int) -> dict[str, Any]:
         """Return further info of the last step, by the events of the kernel."""
@@ -93,11 +89,7 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode. Without a seed the random stream continues. `options` is not used.
-
-        Raises:
-            ArgumentError: the seed is not an integer >= 0 or None, or `options` not a dict or None.
-        """
+        """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         check_reset_options(options)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
@@ -116,14 +108,13 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
         """Apply an action of the action space and advance the track.
 
         Raises:
-            InvalidAction: the action is outside the space. The track is not stepped.
-            ResetNeeded: no episode is running.
+            InvalidAction: the action is outside the space; ResetNeeded: no episode is running.
         """
         try:
             index = operator.index(action)
         except TypeError:
             raise self.world.invalid_action(action) from None
-        if not 0 <= index < self._action_count:
+        if not 0 <= index < self.options.action_count:
             raise self.world.invalid_action(action)
         if not self._started or self._terminated.item(0):
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
@@ -141,10 +132,8 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     def render(self) -> Any:
         """Render the episode so far: returns a (height, width, 3) uint8 frame in the mode "rgb_array"."""
         if self.history is None or self.renderer is None:
-            gym.logger.warn(
-                "render() has no effect without a render_mode: create the environment with "
-                "render_mode='rgb_array' or 'human'"
-            )
+            advice = "create the environment with render_mode='rgb_array' or 'human'"
+            gym.logger.warn(f"render() has no effect without a render_mode: {advice}")
             return None
         if not self._started:
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
@@ -269,12 +258,8 @@ class HybridTrackEnv(TrackEnv):
     * v0: Initial version
     """
 
-    options_class = WorldOptions
-
     options: WorldOptions
-
-    def _evidence_panel(self) -> EvidencePanel:
-        return sprt_panel(DEFAULT_ALPHA)
+    options_class, evidence_panel = WorldOptions, sprt_panel(DEFAULT_ALPHA)
 
     def _step_info(self, events: int) -> dict[str, Any]:
         if not events & DECIDED:

@@ -23,7 +23,6 @@ TRIANGLE = np.triu_indices(4)
 SQUARE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Where the elements of a covariance, (4, 4), are in its upper triangle row by row, (10,)."""
 
-
 UNIT_NOISE = np.array([1.0, 0.0, 1.0])
 """Covariance xx, xy, yy over R of a measured position."""
 
@@ -46,13 +45,10 @@ class OnlineTrack(World):
     def _bind(self, parameters: NDArray[Any], *arrays: Any) -> None:
         parameters["irregular"] = True  # any measurement may be missing
         super()._bind(parameters, *arrays)
-        block = self.blocks[0]
-        self._noise: FloatArray = block["noise"][:, 0]
-        self._rates: FloatArray = block["rates"][:, 0]
         self.blocks["noise"] = UNIT_NOISE[:, None]  # positions have variance R
-        self._measurement: FloatArray = block["measurement"][:, 0]
-        self._estimate: FloatArray = block["estimate"][:, 0]
-        self._triangle: FloatArray = block["covariance"][:, 0]
+        names = ("noise", "rates", "measurement", "estimate", "covariance")
+        views: list[FloatArray] = [self.blocks[0][name][:, 0] for name in names]
+        self._noise, self._rates, self._measurement, self._estimate, self._triangle = views
         self._values: FloatArray = self.bank.hypotheses[self.options.hypothesis_field][0, :, 0]
 
     def largest(self) -> dict[str, int]:
@@ -66,8 +62,7 @@ class OnlineTrack(World):
             estimate, covariance: (4,) [x, vx, y, vy] [m, m/s], and (4, 4).
             mode: before the first tick; -1 if it is not known.
         """
-        self._estimate[:] = estimate
-        self._triangle[:] = covariance[TRIANGLE]
+        self._estimate[:], self._triangle[:] = estimate, covariance[TRIANGLE]
         self._begin(mode)
 
     def _begin(self, mode: int) -> None:
@@ -81,8 +76,7 @@ class OnlineTrack(World):
 
     def measure(self, x: float, y: float, fused: Fused | None = None) -> None:
         """Advance by one tick with a position [m]; fused: the same with covariance and rates, None is variance R."""
-        self._measurement[0] = x
-        self._measurement[1] = y
+        self._measurement[:] = x, y
         if self.options.sensors:
             self._noise[:], self._rates[:] = UNIT_NOISE, np.nan
             if fused is not None and fused.covariance is not None:
@@ -142,9 +136,6 @@ class OnlineTrack(World):
 
 class MeasuredTracks(OnlineTrack):
     """N tracks with measurements from outside, with unknown switches, as the world of a vector environment."""
-
-    def __init__(self, options: QuickestOptions, tracks: int):
-        super().__init__(options, tracks)
 
     def write(self, name: str, values: NDArray[Any]) -> None:
         """Write a field of the blocks, (N,) or (N, k)."""

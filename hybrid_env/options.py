@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.checks import axis_variances, check_choice, check_flag, check_positive, reject
+from hybrid_env.checks import axis_variances, check_choice, check_flag, check_number, reject
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
@@ -100,8 +100,8 @@ class ModelOptions:
                 fix(name, check_within(name, getattr(self, name)))
         fix("measurement_variance", check_variances(self.measurement_variance))
         fix("noise", parse_noise(self.noise))
-        fix("missed", check_positive("missed", self.missed, allow_zero=True))
-        if self.missed >= 1.0:
+        fix("missed", check_number("missed", self.missed, "a number >= 0 and < 1"))
+        if not 0.0 <= self.missed < 1.0:
             raise reject("missed", self.missed, "a number >= 0 and < 1")
         fix("sensors", parse_sensors(self.sensors))
         fix("likelihood", parse_likelihood(self.likelihood))
@@ -111,10 +111,8 @@ class ModelOptions:
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of all options, with the radii of the bank and of the object."""
         assert isinstance(self.initial_error, tuple)
-        check_ratios(
-            sorted(radii), self.speed, self.tau, max(self.process_variance, self.object_variance or 0.0),
-            self.variances.tolist(), self.initial_error[1],
-        )  # fmt: skip
+        process = max(self.process_variance, self.object_variance or 0.0)
+        check_ratios(sorted(radii), self.speed, self.tau, process, self.variances.tolist(), self.initial_error[1])
 
     @classmethod
     def of(cls, **options: Any) -> Self:
@@ -136,11 +134,6 @@ class ModelOptions:
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        raise NotImplementedError
-
-    @property
-    def bank_class(self) -> type:
-        """Class of the bank."""
         raise NotImplementedError
 
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -261,17 +254,12 @@ class WorldOptions(ModelOptions):
             raise reject("refine_radius", True, "False with a single radius: give several in radii")
         if self.robust and self.bank == "anchor_aware":
             raise reject("likelihood", str(self.likelihood), "'gaussian' with bank='anchor_aware'")
-        self._check_radii_of_scheme()
-
-    def _check_radii_of_scheme(self) -> None:
-        """Check the radii of bank and scheme, and the ratios of all options."""
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
         missing = sorted(of_scheme - set(self.radii))
         if self.correctness == "exact" and missing:
             shown = ", ".join(map(str, missing[:3])) + (", ..." if len(missing) > 3 else "")
-            allowed = f"radii that include {shown} of the scheme, or correctness='type'"
-            raise reject("radii", self.radii, allowed)
+            raise reject("radii", self.radii, f"radii that include {shown} of the scheme, or correctness='type'")
         self._check_ratios(of_scheme | set(self.radii))
 
     @property
@@ -313,16 +301,9 @@ class WorldOptions(ModelOptions):
         """See `ModelOptions.bounds`."""
         longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
         return {
-            "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "log_variance": (0.0, np.inf),
-            "previous": (0.0, 1.0),
-            "ticks": (0.0, longest),
-            "ticks_left": (0.0, longest),
-            "speed": (0.0, np.inf),
-            "anchor_xx": (0.0, np.inf),
-            "anchor_vv": (0.0, np.inf),
-        }
+            "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0), "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
+            "previous": (0.0, 1.0), "ticks": (0.0, longest), "ticks_left": (0.0, longest),
+        } | dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf))  # fmt: skip
 
     def largest(self, trace_rows: int) -> dict[str, int]:
         """See `ModelOptions.largest`."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from hybrid_env.env import TrackEnv
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
+from hybrid_env.rendering.evidence import probability_panel
 from hybrid_env.rendering.history import History
 
 
@@ -104,12 +104,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     * v0: Initial version
     """
 
-    options_class = QuickestOptions
-
     options: QuickestOptions
-
-    def _evidence_panel(self) -> EvidencePanel:
-        return probability_panel()
+    options_class, evidence_panel = QuickestOptions, probability_panel()
 
     def _record(self, history: History, info: dict[str, Any], finished: bool) -> None:
         if history.started:

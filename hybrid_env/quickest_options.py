@@ -26,16 +26,8 @@ from hybrid_env.observation import QuickestLayout
 from hybrid_env.options import ModelOptions
 from hybrid_env.scheme import RandomScheme, segment_table
 
-STARTS = ("known", "random")
-"""Values of the option `start`."""
 ORDERS = ("equal", "cycle", DRAWN)
 """Named values of the option `order`."""
-
-
-def matrix_of(order: str, modes: int) -> NDArray[np.float64]:
-    """Return the matrix of a named order, (M, M)."""
-    cycle = np.roll(np.eye(modes), 1, axis=1)
-    return cycle if order == "cycle" else (1.0 - np.eye(modes)) / (modes - 1)
 
 
 def check_order(order: Any, modes: int) -> str | tuple[tuple[float, ...], ...]:
@@ -77,7 +69,7 @@ class QuickestOptions(ModelOptions):
 
     switches, layout_class, traced = "unknown", QuickestLayout, False
     tick_names = tuple(name for name in TICK_NAMES if name != "anchor")
-    hypothesis_field, first_action = "log_probability", "straight"
+    hypothesis_field, first_action, bank_class = "log_probability", "straight", ImmBank
 
     ticks: int = 600
     durations: str | Durations = "25 + geometric 50"
@@ -87,12 +79,12 @@ class QuickestOptions(ModelOptions):
     hazard: float | None = None
 
     def __post_init__(self) -> None:
-        fix = functools.partial(object.__setattr__, self)
         super().__post_init__()
+        fix = functools.partial(object.__setattr__, self)
         fix("ticks", check_ticks("ticks", self.ticks))
         fix("durations", parse_durations(self.durations))
         fix("order", check_order(self.order, self.hypotheses))
-        fix("start", str(check_choice("start", self.start, STARTS)))
+        fix("start", str(check_choice("start", self.start, ("known", "random"))))
         fix("change_cost", check_within("change_cost", self.change_cost, "delay_cost"))
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
@@ -101,11 +93,6 @@ class QuickestOptions(ModelOptions):
             if not 0.0 <= self.hazard <= largest:
                 raise reject("hazard", self.hazard, allowed)
         self._check_ratios(self.radii)
-
-    @property
-    def bank_class(self) -> type:
-        """Class of the bank."""
-        return ImmBank
 
     @property
     def action_count(self) -> int:
@@ -126,8 +113,8 @@ class QuickestOptions(ModelOptions):
     @property
     def assumed_hazard(self) -> float:
         """Probability of a switch per tick that the bank assumes."""
-        inverse = 1.0 / self.law.mean_duration
-        return min(inverse, 1.0 - 1.0 / self.hypotheses) if self.hazard is None else self.hazard
+        largest = 1.0 - 1.0 / self.hypotheses
+        return min(1.0 / self.law.mean_duration, largest) if self.hazard is None else self.hazard
 
     @property
     def transition_matrix(self) -> NDArray[np.float64]:
@@ -144,7 +131,7 @@ class QuickestOptions(ModelOptions):
 
     @property
     def duration_laws(self) -> NDArray[np.float64]:
-        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of the first segment if straight or turn, of the others."""
+        """Probabilities of 1, ..., `ticks` ticks, (4, ticks): of a first straight segment or turn, and of others."""
         first = remaining_probabilities if self.start == "random" else duration_probabilities
         laws = laws_by_mode(self.law)
         return np.stack([of(law, self.ticks) for of in (first, duration_probabilities) for law in laws])
@@ -152,7 +139,10 @@ class QuickestOptions(ModelOptions):
     @property
     def order_matrix(self) -> NDArray[np.float64]:
         """Probabilities of the next mode (column) by the present one, (M, M); rows sum to 1."""
-        return np.array(self.order) if isinstance(self.order, tuple) else matrix_of(self.order, self.hypotheses)
+        if isinstance(self.order, tuple):
+            return np.array(self.order)
+        others = np.eye(self.hypotheses)
+        return np.roll(others, 1, axis=1) if self.order == "cycle" else (1.0 - others) / (self.hypotheses - 1)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """See `ModelOptions.arrays`."""
@@ -162,13 +152,9 @@ class QuickestOptions(ModelOptions):
     def bounds(self) -> dict[str, tuple[float, float]]:
         """See `ModelOptions.bounds`."""
         return {
-            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
-            "log_ratio": (LOG_FLOOR, 0.0),
-            "log_variance": (0.0, np.inf),
-            "stated": (0.0, 1.0),
-            "speed": (0.0, np.inf),
+            "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0), "log_ratio": (LOG_FLOOR, 0.0), "stated": (0.0, 1.0),
             "stated_ticks": (0.0, TICK_SCALE * self.ticks * (1 + 1e-6)),
-        }
+        } | dict.fromkeys(("log_variance", "speed"), (0.0, np.inf))  # fmt: skip
 
     def largest(self, trace_rows: int) -> dict[str, int]:
         """See `ModelOptions.largest`."""
@@ -186,6 +172,5 @@ class QuickestOptions(ModelOptions):
         record["order_rows"] = 0 if self.order in ("equal", DRAWN) else self.hypotheses
         record["drawn_modes"] = self.hypotheses if self.order == DRAWN else 0
         record["drawn_laws"] = 2 if isinstance(self.durations, DrawnDurations) else 0
-        matrix = self.transition_matrix
-        record["stay_probability"], record["switch_probability"] = matrix[0, :2]
+        record["stay_probability"], record["switch_probability"] = self.transition_matrix[0, :2]
         return record

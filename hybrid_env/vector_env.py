@@ -19,7 +19,6 @@ from hybrid_env.seeding import random_states
 from hybrid_env.world import World
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
-MOST_THREADS = 1024
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 _DICT_METHODS = (
     "__getitem__", "__setitem__", "__delitem__", "__contains__", "__iter__", "__len__", "__reversed__",
@@ -93,26 +92,20 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         **options: Any,
     ):
         for name in ("render_mode", "max_episode_steps"):
-            value = options.pop(name, None)
-            if value is not None:
+            if (value := options.pop(name, None)) is not None:
                 allowed = "None for all tracks in one array, or vectorization_mode='sync' of gym.make_vec"
                 raise reject(name, value, allowed)
         self.num_envs = check_integer("num_envs", num_envs, maximum=LARGEST)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
-            raise reject(
-                "autoreset_mode", autoreset_mode, ", ".join(repr(mode.value) for mode in AutoresetMode)
-            ) from None
+            allowed = ", ".join(repr(mode.value) for mode in AutoresetMode)
+            raise reject("autoreset_mode", autoreset_mode, allowed) from None
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.options = self.options_class.of(**options)
         self.tick_info = check_flag("tick_info", tick_info)
-        self.world = World(
-            self.options,
-            self.num_envs,
-            check_integer("trace_rows", trace_rows, 0, LARGEST),
-            check_integer("threads", threads, maximum=MOST_THREADS),
-        )
+        trace_rows = check_integer("trace_rows", trace_rows, 0, LARGEST)
+        self.world = World(self.options, self.num_envs, trace_rows, check_integer("threads", threads, maximum=1024))
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -131,11 +124,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         Args:
             seed: an integer s seeds track i with s + i; a sequence has one seed per track; None continues
                 the random stream of each track.
-            options: may contain "reset_mask".
-
-        Raises:
-            ArgumentError: the seed or the mask is not allowed.
-            ResetNeeded: a track outside the mask has never been reset.
+            options: may contain "reset_mask". A track outside of it that was never reset raises `ResetNeeded`.
         """
         mask = np.ones(self.num_envs, np.bool_)
         check_reset_options(options)
@@ -177,10 +166,8 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
         except (TypeError, ValueError, RuntimeError):  # ragged, or a tensor with a gradient
             array = np.array(None)
         if array.shape != self._shape or array.dtype.kind not in "iu":
-            raise gym.error.InvalidAction(
-                f"actions have shape {array.shape} and type {array.dtype}: "
-                f"expected integers of shape ({self.num_envs},)"
-            )
+            found = f"actions have shape {array.shape} and type {array.dtype}"
+            raise gym.error.InvalidAction(f"{found}: expected integers of shape ({self.num_envs},)")
         return array
 
     def step(
@@ -188,21 +175,15 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Step every track. Returns observations, rewards, terminated, truncated and info as fresh arrays.
 
-        Args:
-            actions: (N,) integers of the action space.
-
-        Raises:
-            InvalidAction: the shape or type is wrong, or an action is outside the space. No track is stepped.
-            ResetNeeded: no episode is running.
+        actions: (N,) integers of the action space; others raise `InvalidAction`, and no track is stepped.
         """
         if not self._started:
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
         actions = self.action_array(actions)
         world = self.world
         if self._disabled and world.terminated.any():
-            raise gym.error.ResetNeeded(
-                "step() requires running episodes: reset() terminated tracks with a reset_mask first"
-            )
+            advice = "reset() terminated tracks with a reset_mask first"
+            raise gym.error.ResetNeeded(f"step() requires running episodes: {advice}")
         world.actions[:] = actions
         events = world.step()
 
@@ -258,12 +239,10 @@ class HybridTrackVectorEnv(TrackVectorEnv):
         options: see `WorldOptions`.
     """
 
+    options: WorldOptions
     options_class = WorldOptions
 
-    options: WorldOptions
-
     def _decision_info(self, mask: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        """Return the info of the decisions of the last step, zero for tracks outside a mask, (N,)."""
         values = self.world.read_decisions()
         decided = values.pop("has_decision")
         if mask is not None:
@@ -283,6 +262,5 @@ class HybridTrackQuickestVectorEnv(TrackVectorEnv):
         options: see `QuickestOptions`.
     """
 
-    options_class = QuickestOptions
-
     options: QuickestOptions
+    options_class = QuickestOptions

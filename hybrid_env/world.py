@@ -22,43 +22,28 @@ from hybrid_env.observation import Layout
 
 
 class World(ReadOnlyAttributes):
-    """State of N tracks under one set of options, stepped by some threads.
+    """State of N tracks under the options of an environment, stepped by some threads.
 
-    The arrays can be changed in place, but not replaced, because the kernel has their addresses.
-
-    Attributes:
-        layout: of the observation.
-        bank: named tuple of the arrays of all banks; `bank.hypotheses` is (B, M).
-        blocks: (B,) records with the state of `LANES` tracks.
-        actions: (N,) actions of the next step.
-        observations: (N, width).
-        rewards, terminated: (N,) of the last step.
-        seeded: (N,) whether the random stream has been seeded.
-        trace: (N, trace rows, len(TRACE_COLUMNS)) ticks of the last step, with announced switches.
-        decisions: (len(DECISION), N) decisions of the last step, with announced switches.
-        decision_flags: (len(DECISION_FLAGS), N).
-        drawn_law: (N, 2, 2, 3), drawn_order: (N, M, M) habits drawn for the episodes, see `core.habits`; else empty.
+    The arrays can be changed in place, but not replaced, because the kernel has their addresses. A trace has
+    `trace_rows` ticks of the last step, for rendering and recording with announced switches; 0 stores none.
     """
 
-    read_only = frozenset(
-        ("options", "layout", "threads", "bank", "blocks", "actions", "observations", "rewards",
-         "terminated", "seeded", "trace", "decisions", "decision_flags", "drawn_law", "drawn_order")
-    )  # fmt: skip
-
+    read_only = frozenset(("options", "layout", "threads", "bank", *declared(Arrays, "tracks")))
     kernels: ClassVar[dict[type, Any]] = KERNELS
+
     layout: Layout
-    bank: Any
-    blocks: NDArray[Any]
-    actions: NDArray[np.int64]
-    observations: NDArray[np.float32]
-    rewards: NDArray[np.float64]
-    terminated: NDArray[np.bool_]
-    seeded: NDArray[np.bool_]
-    trace: NDArray[np.float64]
-    decisions: NDArray[np.int64]
-    decision_flags: NDArray[np.bool_]
-    drawn_law: NDArray[np.float64]
-    drawn_order: NDArray[np.float64]
+    bank: Any  # named tuple of the arrays of all banks; `bank.hypotheses` is (B, M)
+    blocks: NDArray[Any]  # (B,) records with the state of `LANES` tracks
+    actions: NDArray[np.int64]  # (N,) of the next step
+    observations: NDArray[np.float32]  # (N, width)
+    rewards: NDArray[np.float64]  # (N,) of the last step
+    terminated: NDArray[np.bool_]  # (N,) whether the episode has ended
+    seeded: NDArray[np.bool_]  # (N,) whether the random stream has been seeded
+    trace: NDArray[np.float64]  # (N, trace rows, len(TRACE_COLUMNS))
+    decisions: NDArray[np.int64]  # (len(DECISION), N) of the last step, with announced switches
+    decision_flags: NDArray[np.bool_]  # (len(DECISION_FLAGS), N)
+    drawn_law: NDArray[np.float64]  # (N, 2, 2, 3) habits drawn for the episodes, see `core.habits`; else empty
+    drawn_order: NDArray[np.float64]  # (N, M, M)
 
     def __init__(self, options: Any, tracks: int = 1, trace_rows: int = 0, threads: int = 1):
         if trace_rows and not options.traced:
@@ -75,9 +60,8 @@ class World(ReadOnlyAttributes):
             state = {name: allocate(one, sizes) for name, one in declared(Arrays, "tracks").items()}
             filters = {name: allocate(one, sizes) for name, one in declared(bank).items()}
         except (MemoryError, OSError, OverflowError, ValueError):
-            raise reject(
-                "num_envs", tracks, f"a number of tracks with {trace_rows} trace_rows that fits into memory"
-            ) from None
+            allowed = f"a number of tracks with {trace_rows} trace_rows that fits into memory"
+            raise reject("num_envs", tracks, allowed) from None
         for name, array in state.items():
             setattr(self, name, array)
         self.bank = bank(**filters)
@@ -91,8 +75,7 @@ class World(ReadOnlyAttributes):
 
     def largest(self) -> dict[str, int]:
         """Return the largest value of every field of the blocks that the kernel uses as index or length."""
-        largest: dict[str, int] = self.options.largest(self.trace.shape[1])
-        return largest
+        return dict(self.options.largest(self.trace.shape[1]))
 
     def action_space(self) -> spaces.Discrete:
         """Return the action space of one track."""
@@ -122,18 +105,15 @@ class World(ReadOnlyAttributes):
         self._ticks = np.ndarray(self.blocks.shape, front, self.blocks, 0, self.blocks.strides)
         self._hypothesis_values = self.bank.hypotheses[self.options.hypothesis_field]
         addresses = [parameters.ctypes.data for parameters in self._parameters]
-        ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
         self._pool: ThreadPoolExecutor | None = None
         self._pool_process = 0
-        self._run: Callable[[int], int]
-        self.take_rows: Callable[[], NDArray[np.float32]]  # once after a step or reset: a new array (N, width)
-        if self.threads == 1:
-            self._run = functools.partial(self._advance, addresses[0])
-            self.take_rows = self.observations.copy
-        else:
-            shares = list(zip(addresses, ranges, strict=True))
-            self._run = functools.partial(self._run_threads, shares)
-            self.take_rows = self._rows_of_threads
+        self._run: Callable[[int], int] = functools.partial(self._advance, addresses[0])
+        # once after a step or reset: a new array (N, width)
+        self.take_rows: Callable[[], NDArray[np.float32]] = self.observations.copy
+        if self.threads > 1:
+            ranges = [slice(*(LANES * cuts[k : k + 2]).tolist()) for k in range(self.threads)]
+            self._run = functools.partial(self._run_threads, list(zip(addresses, ranges, strict=True)))
+            self.take_rows = lambda: self._rows
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Copy the state of a world with the same options and number of tracks from its `arrays()`.
@@ -145,16 +125,15 @@ class World(ReadOnlyAttributes):
             other = arrays.get(name)
             if not isinstance(other, np.ndarray) or (other.dtype, other.shape) != (array.dtype, array.shape):
                 raise ArgumentError(
-                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes an element "
-                    f"and shape {array.shape}: it was saved by another version of hybrid_env or with other "
-                    "options"
+                    f"the state of the tracks has no array {name} of {array.dtype.itemsize} bytes an element and shape "
+                    f"{array.shape}: it was saved by another version of hybrid_env or with other options"
                 )
         self.check_blocks(arrays["blocks"], arrays["seeded"])
         for name, array in own.items():
             array[...] = arrays[name]
 
     def check_blocks(self, blocks: NDArray[Any], seeded: NDArray[np.bool_]) -> None:
-        """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, (N,), as seeds."""
+        """Check the fields of blocks that the kernel uses as indices, lengths of loops and, where seeded, seeds."""
         for name, last in self.largest().items():
             values = blocks[name]
             if (values < 0).any() or (values > last).any():
@@ -165,8 +144,10 @@ class World(ReadOnlyAttributes):
             raise reject("blocks.random_state", 0, "a state that is not zero")
 
     def __getstate__(self) -> dict[str, Any]:
-        size = {"tracks": self.actions.size, "trace_rows": self.trace.shape[1], "threads": self.threads}
-        return size | {"options": self.options, "arrays": self.arrays()}
+        return {
+            "options": self.options, "tracks": self.actions.size, "trace_rows": self.trace.shape[1],
+            "threads": self.threads, "arrays": self.arrays(),
+        }  # fmt: skip
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # new arrays: those of a copy are neither aligned nor in huge pages, and may be read-only
@@ -196,9 +177,6 @@ class World(ReadOnlyAttributes):
             self._pool.shutdown()
             self._pool = None
 
-    def _rows_of_threads(self) -> NDArray[np.float32]:
-        return self._rows
-
     def field(self, name: str) -> NDArray[Any]:
         """Return a copy of a field of the blocks, (N, ...)."""
         return self._flatten_blocks(self.blocks[name].copy())
@@ -210,8 +188,15 @@ class World(ReadOnlyAttributes):
 
     def copy_tick(self) -> Callable[[], dict[str, NDArray[Any]]]:
         """Copy the current tick of every track. The returned function creates the info arrays, (N, ...)."""
+        ticks, values = self._ticks.copy(), self._hypothesis_values.copy()
         drawn = {name: array.copy() for name, array in self.drawn.items()}
-        return functools.partial(self._tick_arrays, self._ticks.copy(), self._hypothesis_values.copy(), drawn)
+
+        def arrays() -> dict[str, NDArray[Any]]:
+            fields = ticks.view(TICK)
+            found = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
+            return found | {self.options.hypothesis_field: self._flatten_blocks(values)} | drawn
+
+        return arrays
 
     @property
     def drawn(self) -> dict[str, NDArray[np.float64]]:
@@ -219,31 +204,16 @@ class World(ReadOnlyAttributes):
         habits = {"law": self.drawn_law, "order": self.drawn_order}
         return {name: array for name, array in habits.items() if array.size}
 
-    def _tick_arrays(
-        self, ticks: NDArray[Any], values: NDArray[np.float64], drawn: dict[str, NDArray[np.float64]]
-    ) -> dict[str, NDArray[Any]]:
-        fields = ticks.view(TICK)
-        arrays = {name: self._flatten_blocks(fields[name]) for name in self.options.tick_names}
-        return arrays | {self.options.hypothesis_field: self._flatten_blocks(values)} | drawn
-
     def read_decisions(self) -> dict[str, NDArray[Any]]:
         """Return copies of `DECISION` and `DECISION_FLAGS` of the last step, (N,), zero if undecided."""
-        rows, flags = self.decisions.copy(), self.decision_flags.copy()
-        values: dict[str, NDArray[Any]] = {key: rows[k] for k, key in enumerate(DECISION)}
+        values: dict[str, NDArray[Any]] = dict(zip(DECISION, self.decisions.copy(), strict=True))
         values["decided_squared_error"] = values["decided_squared_error"].view(np.float64)
-        for k, key in enumerate(DECISION_FLAGS):
-            values[key] = flags[k]
-        return values
+        return values | dict(zip(DECISION_FLAGS, self.decision_flags.copy(), strict=True))
 
     def read_trace(self, track: int) -> NDArray[np.float64]:
         """Return the ticks of the last step of a track, (ticks, len(TRACE_COLUMNS))."""
         block, lane = divmod(track, LANES)
         return self.trace[track, : self.blocks["trace_length"][block, lane]].copy()
-
-    @property
-    def nbytes(self) -> int:
-        """Memory size of all tracks [bytes]."""
-        return sum(array.nbytes for array in self.arrays().values())
 
     def seed(self, tracks: int | NDArray[np.int64], states: NDArray[np.uint64]) -> None:
         """Set the random streams of one or n tracks. states: (4,) or (n, 4), see `hybrid_env.seeding`."""

@@ -62,7 +62,7 @@ def test_only_the_public_interface_of_numba_is_used():
                 assert name.partition(".")[0] != "llvmlite", f"{path} imports {name}"
 
 
-@pytest.mark.parametrize(("name", "file"), [("instance_class", "banks/operations.py"), ("nb[ic]", "cached_files.py")])
+@pytest.mark.parametrize(("name", "file"), [("instance_class", "banks/operations.py"), ("nb[ic]", "compilation.py")])
 def test_what_leans_on_names_inside_numba_stands_in_one_file(name, file):
     using = [path for path in SOURCES if name in path.read_text(encoding="utf-8")]
     assert using == [ROOT / "hybrid_env/core" / file]

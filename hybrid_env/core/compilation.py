@@ -1,12 +1,17 @@
-"""Compilation: numba's `njit` with common options, and a cache that may be missing or damaged.
+"""Compilation: numba's `njit` with common options, and a cache that may be missing, outdated or damaged.
 
 With NumPy's error model a division has no branch that raises, so that loops over lanes compile to SIMD code.
-The GIL is released, so that threads can step different tracks in parallel.
+The GIL is released, so that threads can step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every index
+is checked; the code is then only cached in the folder NUMBA_CACHE_DIR, because numba does not tell it from code
+without checks.
 
-With the environment variable NUMBA_BOUNDSCHECK=1 every index is checked, which is slow. The code is then only
-cached in the folder NUMBA_CACHE_DIR, because numba does not distinguish it from code without checks.
+numba compares a cached function with the file that defines it, but not with the files of its callees, and it has
+no checksums: outdated or damaged machine code would be executed. Its public interface has no hook for either,
+therefore this file knows the names of its cache files, `<file>.<function>-*.nbi` and `.nbc` in the folder
+`stats.cache_path` of a function. If these names change, nothing is found, and nothing is removed.
 """
 
+import functools
 import gc
 import itertools
 import os
@@ -21,10 +26,9 @@ import numba
 from numba import njit, typeof
 from numba.extending import register_jitable
 
-from hybrid_env.core.cached_files import cache_name, cached_files, drop_stale_files
-
 config: Any = numba.config  # filled at run time
 
+PATTERN = "*.nb[ic]"
 _number = itertools.count(1)  # of the functions that this process has compiled
 
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -50,12 +54,23 @@ def compiled(function: Callable[..., Any]) -> Any:
     return dispatcher
 
 
+@functools.cache
+def drop_stale_files(cache: str | None, package: str) -> None:
+    """Remove the functions in a cache folder if a source of the package or the core is newer than the oldest."""
+    cached = [] if cache is None else list(Path(cache).glob(PATTERN))
+    folders = [*getattr(sys.modules.get(package), "__path__", []), Path(__file__).parent]
+    with suppress(OSError, ValueError):  # another process removes the same files, or the folder is read-only
+        newest = max(path.stat().st_mtime for folder in folders for path in Path(folder).rglob("*.py"))
+        if newest > min(path.stat().st_mtime for path in cached):
+            for path in cached:
+                path.unlink(missing_ok=True)
+
+
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments, or load it from the cache.
 
-    One line on stderr announces each compilation. Of several processes one compiles, and
-    the others load its files; without a writable cache every process compiles. Cached files that are damaged
-    or cannot be loaded are removed.
+    One line on stderr announces each compilation. Of several processes one compiles, and the others load its
+    files. Cached files that are damaged or cannot be loaded are removed.
 
     Raises:
         RuntimeError: NUMBA_DISABLE_JIT is set, or a damaged cache cannot be removed.
@@ -65,10 +80,12 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     types = tuple(map(typeof, arguments))
     if types in dispatcher.signatures:
         return
-    name = cache_name(dispatcher)
+    folder, code = dispatcher.stats.cache_path, dispatcher.py_func.__code__
+    # what the names of the files of the function begin with
+    name = folder and Path(folder) / f"{Path(code.co_filename).stem}.{dispatcher.py_func.__qualname__}"
     with _alone(name):
         _remove_damaged(name)
-        for found in (cached_files(name) != [], False):
+        for found in (_files(name) != [], False):
             if not found:
                 _announce(dispatcher, name)
             try:
@@ -97,9 +114,8 @@ def _alone(name: Path | None) -> Iterator[None]:
         yield
 
 
-def _checksums(name: Path) -> Path:
-    """Return the file of checksums of a function."""
-    return name.with_name(f"{name.name}.checksums")
+def _files(name: Path | None) -> list[Path]:
+    return [] if name is None else sorted(name.parent.glob(f"{name.name}-{PATTERN}"))
 
 
 def _checksum(path: Path) -> str:
@@ -109,27 +125,27 @@ def _checksum(path: Path) -> str:
 
 def _remove_damaged(name: Path | None) -> None:
     """Remove all files of a function if one of them differs from its checksum."""
-    if name is not None and _checksums(name).exists():
-        known = set(_checksums(name).read_text(errors="replace").splitlines())
+    if name is not None and (checksums := name.with_name(f"{name.name}.checksums")).exists():
+        known = set(checksums.read_text(errors="replace").splitlines())
         names = {line.partition(" ")[2] for line in known}
-        if any(path.name in names and _checksum(path) not in known for path in cached_files(name)):
+        if any(path.name in names and _checksum(path) not in known for path in _files(name)):
             _remove(name)
 
 
 def _save_checksums(name: Path | None) -> None:
     """Write the checksums of the files of a function, unless the folder is not writable."""
-    text = "".join(f"{_checksum(path)}\n" for path in cached_files(name))
+    text = "".join(f"{_checksum(path)}\n" for path in _files(name))
     with suppress(OSError):
-        if name is not None and text and not (_checksums(name).exists() and _checksums(name).read_text() == text):
-            part = _checksums(name).with_suffix(f".{os.getpid()}")
+        if name is not None and text:
+            part = name.with_name(f"{name.name}.{os.getpid()}")
             part.write_text(text)
-            part.replace(_checksums(name))
+            part.replace(name.with_name(f"{name.name}.checksums"))
 
 
 def _remove(name: Path | None) -> None:
     """Remove the files of a function. Raises `RuntimeError` if that is not allowed."""
     try:
-        for path in cached_files(name):
+        for path in _files(name):
             path.unlink(missing_ok=True)
     except OSError:
         raise RuntimeError(f"the compilation cache {name} is damaged: remove it, or set NUMBA_CACHE_DIR") from None

@@ -19,6 +19,9 @@ from hybrid_env.core.banks.bank import (
     likeliest,
     likeliest_of_type,
     mode_type,
+    state_of,
+    triangle_of,
+    write_lane,
 )
 from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
@@ -38,9 +41,8 @@ DECIDED, TERMINATED = 1, 2  # events of a step, combined as bits
 @inlined
 def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) -> None:
     """Record an estimate, its squared error, and a row of the trace if stored."""
-    x, vx, y, vy = estimate
-    block.estimate[0, lane], block.estimate[1, lane] = x, vx
-    block.estimate[2, lane], block.estimate[3, lane] = y, vy
+    write_lane(block.estimate, lane, estimate)
+    x, _, y, _ = estimate
     error_x, error_y = x - block.truth[0, lane], y - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
     if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
@@ -57,26 +59,16 @@ def _record(block: Any, lane: int, estimate: State, trace: NDArray[np.float64]) 
 @inlined
 def _record_estimate(block: Any, lane: int, hypotheses: NDArray[Any], trace: NDArray[np.float64], merged: bool) -> None:
     """Record the estimate of the active filter, or the merged one."""
-    if merged:
-        estimate = merged_estimate(hypotheses, lane)
-    else:
-        estimate = estimate_of(hypotheses, block.active_mode[lane], lane)
+    estimate = merged_estimate(hypotheses, lane) if merged else estimate_of(hypotheses, block.active_mode[lane], lane)
     _record(block, lane, estimate, trace)
 
 
 @inlined
 def begin_bank(block: Any, lane: int, bank: Any, radii: NDArray[np.float64], setting: Any) -> None:
     """Begin a segment of the bank: every filter starts from the anchor and the kept covariance of the block."""
-    anchor = (
-        block.anchor[0, lane], block.anchor[1, lane], block.anchor[2, lane], block.anchor[3, lane],
-    )  # fmt: skip
+    anchor, covariance = state_of(block.anchor, lane), triangle_of(block.covariance, lane)
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     block.speed[lane], block.heading[0, lane], block.heading[1, lane] = speed, heading_x, heading_y
-    kept = block.covariance
-    covariance = (
-        kept[0, lane], kept[1, lane], kept[2, lane], kept[3, lane], kept[4, lane],
-        kept[5, lane], kept[6, lane], kept[7, lane], kept[8, lane], kept[9, lane],
-    )  # fmt: skip
     if setting.reset_covariance:
         covariance = IDENTITY
     if setting.oracle:
@@ -102,14 +94,6 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
     begin_bank(block, lane, bank, arrays.radii, setting)
     block.squared_error[lane] = 0.0
-
-
-@inlined
-def _begin_episode(block: Any, scratch: Any, lane: int, setting: Any) -> None:
-    """Set the initial state of the object and draw the first estimate."""
-    draw_first_estimate(block, scratch.noise, lane, setting)
-    block.segment[lane] = 0
-    block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
 
 
 @inlined
@@ -166,22 +150,17 @@ def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> N
     """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the bank."""
     if merged:
         mean = merged_estimate(bank.hypotheses, lane)
-        for k, value in enumerate(mean):
-            block.estimate[k, lane] = value
+        write_lane(block.estimate, lane, mean)
         write_merged_covariance(bank, lane, mean, block.covariance)
     else:
-        for k, value in enumerate(estimate_of(bank.hypotheses, chosen, lane)):
-            block.estimate[k, lane] = value
-        for k, value in enumerate(operations.covariance(bank, chosen, lane)):
-            block.covariance[k, lane] = value
+        write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
+        write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
 
 
 @internal
 def _decide(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
-    action, trace, decisions, flags = (
-        arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.decision_flags,
-    )  # fmt: skip
+    action, trace, decisions, flags = arrays.actions[i], arrays.trace[i], arrays.decisions, arrays.decision_flags
     n = bank.hypotheses.size // 2
     true_mode = block.true_mode[lane]
     chosen = chosen_mode(block, lane, bank, action, setting)
@@ -276,7 +255,9 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         _clear_step(block, lane, i, arrays, setting)
         event = 0
         if reset or arrays.terminated[i]:
-            _begin_episode(block, scratch, lane, setting)
+            draw_first_estimate(block, scratch.noise, lane, setting)
+            block.segment[lane] = 0
+            block.active_mode[lane] = 0  # Golubkov 2018, algorithm 1, line 2
             arrays.rewards[i] = 0.0
             arrays.terminated[i] = False
             event = DECIDED  # a segment begins

@@ -25,41 +25,24 @@ TICK_SCALE = 0.01
 LENGTH_SCALE = 0.1
 
 HYPOTHESIS_FEATURES = {
-    "log_ratio": LOG_SCALE,
-    "innovation_along": 1.0,
-    "innovation_across": 1.0,
-    "log_variance": 1.0,
-    "previous": 1.0,
-    "curvature": 1.0,
-}
+    "log_ratio": LOG_SCALE, "innovation_along": 1.0, "innovation_across": 1.0, "log_variance": 1.0,
+    "previous": 1.0, "curvature": 1.0,
+}  # fmt: skip
 """Names of the blocks of M values, in order, and the scale that multiplies each of them."""
 
 TRACK_FEATURES = {
-    "ticks": TICK_SCALE,
-    "ticks_left": TICK_SCALE,
-    "log_error_probability": LOG_SCALE,
-    "speed": 1.0,
-    "displacement_along": LENGTH_SCALE,
-    "displacement_across": LENGTH_SCALE,
-    "anchor_xx": 1.0,
-    "anchor_xv": 1.0,
-    "anchor_vv": 1.0,
-    "log_noise": 1.0,
-}
+    "ticks": TICK_SCALE, "ticks_left": TICK_SCALE, "log_error_probability": LOG_SCALE, "speed": 1.0,
+    "displacement_along": LENGTH_SCALE, "displacement_across": LENGTH_SCALE,
+    "anchor_xx": 1.0, "anchor_xv": 1.0, "anchor_vv": 1.0, "log_noise": 1.0,
+}  # fmt: skip
 """Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
 
 QUICKEST_HYPOTHESIS_FEATURES = {
-    "log_probability": LOG_SCALE,
-    "log_ratio": 1.0,
-    "innovation_along": 1.0,
-    "innovation_across": 1.0,
-    "log_variance": 1.0,
-    "stated": 1.0,
-}
-"""Names of the blocks of M values, in order, and the scale that multiplies each of them."""
-
+    "log_probability": LOG_SCALE, "log_ratio": 1.0, "innovation_along": 1.0, "innovation_across": 1.0,
+    "log_variance": 1.0, "stated": 1.0,
+}  # fmt: skip
 QUICKEST_TRACK_FEATURES = {"speed": 1.0, "stated_ticks": TICK_SCALE}
-"""Names of the scalars after the blocks, in order, and the scale that multiplies each of them."""
+"""The same with unknown switches."""
 
 BLOCKS, SINGLES = len(HYPOTHESIS_FEATURES), len(TRACK_FEATURES)
 TICKS, TICKS_LEFT, LOG_ERROR, SPEED, ALONG, ACROSS, ANCHOR_XX, ANCHOR_XV, ANCHOR_VV, LOG_NOISE = range(SINGLES)
@@ -142,6 +125,17 @@ def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last:
         scratch.log_error[lane] = log_error_probability(scratch.log_error[lane] + scratch.ties[lane])
 
 
+@inlined
+def _write_displacement(singles: NDArray[np.float32], block: Any, lane: int, x: float, y: float, setting: Any) -> None:
+    """Write the displacement of a position from the anchor."""
+    along, across = heading_frame(
+        (x - block.anchor[0, lane]) * setting.noise_whitener, (y - block.anchor[2, lane]) * setting.noise_whitener,
+        block.heading[0, lane], block.heading[1, lane],
+    )  # fmt: skip
+    singles[ALONG] = LENGTH_SCALE * along
+    singles[ACROSS] = LENGTH_SCALE * across
+
+
 @internal
 def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any) -> None:
     """Write the values of a row, (6 M + 10,), that change with every tick, after `compare_hypotheses`."""
@@ -149,39 +143,24 @@ def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, ba
     heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
     for h in range(M):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
-        along, across = innovation_in_frame(innovation, lane, heading_x, heading_y)
         row[h] = LOG_SCALE * max(kalman.log_likelihood[lane] - scratch.largest[lane], LOG_FLOOR)
-        row[M + h] = along
-        row[2 * M + h] = across
+        row[M + h], row[2 * M + h] = innovation_in_frame(innovation, lane, heading_x, heading_y)
         # negative only by rounding
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
-    along, across = heading_frame(
-        (block.measurement[0, lane] - block.anchor[0, lane]) * setting.noise_whitener,
-        (block.measurement[1, lane] - block.anchor[2, lane]) * setting.noise_whitener,
-        heading_x, heading_y,
-    )  # fmt: skip
     singles = row[BLOCKS * M :]
     singles[TICKS] = TICK_SCALE * block.tick[lane]
     singles[TICKS_LEFT] = TICK_SCALE * (block.length[lane] - block.tick[lane])
     singles[LOG_ERROR] = LOG_SCALE * scratch.log_error[lane]
-    singles[ALONG] = LENGTH_SCALE * along
-    singles[ACROSS] = LENGTH_SCALE * across
+    _write_displacement(singles, block, lane, block.measurement[0, lane], block.measurement[1, lane], setting)
 
 
 @internal
 def write_expected_displacement(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the displacement that the likeliest filter expects, if the tick has no measurement."""
-    if not math.isnan(block.measurement[0, lane]):
-        return
-    expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
-    along, across = heading_frame(
-        (expected.x[lane] - block.anchor[0, lane]) * setting.noise_whitener,
-        (expected.y[lane] - block.anchor[2, lane]) * setting.noise_whitener,
-        block.heading[0, lane], block.heading[1, lane],
-    )  # fmt: skip
-    singles = row[BLOCKS * bank.hypotheses.size :]
-    singles[ALONG] = LENGTH_SCALE * along
-    singles[ACROSS] = LENGTH_SCALE * across
+    if math.isnan(block.measurement[0, lane]):
+        expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
+        singles = row[BLOCKS * bank.hypotheses.size :]
+        _write_displacement(singles, block, lane, expected.x[lane], expected.y[lane], setting)
 
 
 @internal
@@ -194,12 +173,10 @@ def write_quickest_row(row: NDArray[np.float32], block: Any, lane: int, bank: An
         largest = max(largest, bank.hypotheses[h].log_likelihood[lane])
     for h in range(M):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
-        along, across = innovation_in_frame(innovation, lane, heading_x, heading_y)
         # positive only by rounding
         row[h] = LOG_SCALE * min(max(kalman.log_probability[lane], LOG_FLOOR), 0.0)
         row[M + h] = max(kalman.log_likelihood[lane] - largest, LOG_FLOOR)
-        row[2 * M + h] = along
-        row[3 * M + h] = across
+        row[2 * M + h], row[3 * M + h] = innovation_in_frame(innovation, lane, heading_x, heading_y)
         row[4 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)
         row[5 * M + h] = 1.0 if block.stated_ticks[lane] > 0 and block.stated_mode[lane] == h else 0.0
     row[6 * M] = min(speed, LARGEST_ANCHOR)

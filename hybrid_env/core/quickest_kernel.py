@@ -126,15 +126,6 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
 
 
 @inlined
-def step_lanes(bank: Any, block: Any, first: int, last: int, arrays: Any, setting: Any) -> None:
-    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there is one."""
-    if setting.irregular:
-        step_imm_irregular(bank, block, first, last, arrays, setting)
-    else:
-        step_imm(bank, block, first, last, arrays.radii, filter_model(setting, 1.0))
-
-
-@inlined
 def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) -> int:
     """Step the tracks of a block; see `kernels.advance_quickest`. Returns their events, combined as bits."""
     block, scratch = arrays.blocks[b], arrays.scratch[0]
@@ -155,7 +146,10 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
         # unsigned indices need no check for negative values, so that loops over lanes compile to SIMD code
         start, stop = np.uint64(first), np.uint64(last)
         move(block, scratch.noise, start, stop, arrays.sensors, setting)
-        step_lanes(bank, block, start, stop, arrays, setting)
+        if setting.irregular:
+            step_imm_irregular(bank, block, start, stop, arrays, setting)
+        else:
+            step_imm(bank, block, start, stop, arrays.radii, filter_model(setting, 1.0))
         for lane in range(first, last):
             block.time[lane] += 1
             write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)

@@ -37,18 +37,17 @@ SENSOR = np.dtype(
 MOST_RATES = 4
 """Radars of a list that measure the range rate."""
 
-_MEASURED = (
+MEASURED_FIELDS = (
+    ("measurement", np.float64, (2,)),  # [m], NaN without one
     ("noise", np.float64, (3,)),  # covariance xx, xy, yy of the fused measurement over R
     ("rates", np.float64, (MOST_RATES,)),  # range rates of the sensors with one [m/s], NaN if not measured
 )
-
-MEASURED_FIELDS = ("measurement", np.float64, (2,)), *_MEASURED
 MEASURED = lanes_of(*MEASURED_FIELDS)
 """What the sensors measure in a tick; the first field is that of `TICK`."""
 
 _TICK = (
     ("truth", np.float64, (4,)),  # [x, vx, y, vy] [m, m/s]
-    ("measurement", np.float64, (2,)),  # [m], NaN without one
+    MEASURED_FIELDS[0],
     ("estimate", np.float64, (4,)),  # of the active filter, or merged over the bank
     ("segment", np.int64, ()),
     ("true_mode", np.int64, ()),
@@ -70,7 +69,7 @@ BLOCK = lanes_of(
     ("true_motion", np.float64, (3,)),  # from `motion.motion_coefficients`
     ("length", np.int64, ()),  # of the segment [ticks]
     ("clock", np.int64, ()),  # ticks of the episode, only counted for the periods of sensors
-    *_MEASURED,
+    *MEASURED_FIELDS[1:],
     # of the estimate, at the switch or, if switches are unknown, in the tick: upper triangle row by row
     ("covariance", np.float64, (10,)),
     # announced switches
@@ -95,14 +94,8 @@ SCRATCH = lanes_of(
 )
 """Temporary values of one tick of one block. The blocks of a thread share this memory in the L1 cache."""
 
-DECISION = (
-    "decided_mode",
-    "decided_true_mode",
-    "ticks",
-    "decided_length",
-    "decided_squared_error",  # the bits of a float64
-)
-"""Rows of the array of decisions made in a step. One column per track, zero without a decision."""
+DECISION = ("decided_mode", "decided_true_mode", "ticks", "decided_length", "decided_squared_error")
+"""Rows of the array of decisions made in a step; the last has the bits of a float64. Zero without a decision."""
 
 DECISION_FLAGS = ("has_decision", "correct", "type_correct", "forced")
 """Rows of the Boolean array of decisions; "correct" is by hypothesis or by type, as in the reward."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import estimate_of
+from hybrid_env.core.banks.bank import estimate_of, state_of, write_lane
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector, motion_coefficients, propagate, turn_centre
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
@@ -32,46 +32,35 @@ def draw_first_estimate(block: Any, noise: NDArray[np.float64], lane: int, setti
     block.truth[3, lane] = setting.speed * math.sin(heading)
     draw_normals(block.random_state, noise, np.uint64(lane), np.uint64(lane + 1))
     block.clock[lane] = 0
-    block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = 1.0, 0.0, 1.0
-    covariance = block.covariance
-    for k in range(covariance.shape[0]):
-        covariance[k, lane] = 0.0
-    for axis in range(2):
-        variance = setting.variance_x if axis == 0 else setting.variance_y
-        position_variance = setting.initial_position * variance
-        velocity_variance = setting.initial_velocity
-        position, velocity = noise[2 * axis, lane], noise[2 * axis + 1, lane]
-        block.estimate[2 * axis, lane] = block.truth[2 * axis, lane] + math.sqrt(position_variance) * position
-        block.estimate[2 * axis + 1, lane] = block.truth[2 * axis + 1, lane] + math.sqrt(velocity_variance) * velocity
-        # the variances of the axis in the upper triangle
-        covariance[0 if axis == 0 else 7, lane] = position_variance
-        covariance[4 if axis == 0 else 9, lane] = velocity_variance
+    write_lane(block.noise, lane, (1.0, 0.0, 1.0))
+    xx, yy, vv = (
+        setting.initial_position * setting.variance_x, setting.initial_position * setting.variance_y,
+        setting.initial_velocity,
+    )  # fmt: skip
+    for k, variance in enumerate((xx, vv, yy, vv)):
+        block.estimate[k, lane] = block.truth[k, lane] + math.sqrt(variance) * noise[k, lane]
+    write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
 
 
 @internal
 def begin_motion(block: Any, lane: int, segment: NDArray[np.float64], tau: float) -> None:
     """Begin a segment, a row of the segment table: centre and turn rate follow from the true state of the lane."""
-    x, vx, y, vy = block.truth[0, lane], block.truth[1, lane], block.truth[2, lane], block.truth[3, lane]
+    x, vx, y, vy = state_of(block.truth, lane)
     signed_radius = segment[SIGNED_RADIUS]  # 0 is straight
     speed, heading_x, heading_y = heading_vector(vx, vy)
     turn_rate = 0.0 if signed_radius == 0.0 else speed / abs(signed_radius)
-    cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, tau)
-    block.true_motion[0, lane] = cosine
-    block.true_motion[1, lane] = sine_velocity
-    block.true_motion[2, lane] = sine_position
-    centre_x, centre_y = turn_centre(x, y, heading_x, heading_y, signed_radius)
-    block.true_centre[0, lane], block.true_centre[1, lane] = centre_x, centre_y
+    write_lane(block.true_motion, lane, motion_coefficients(turn_rate, tau))
+    write_lane(block.true_centre, lane, turn_centre(x, y, heading_x, heading_y, signed_radius))
 
 
 @inlined
 def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, setting: Any) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the noise for this tick."""
     truth = block.truth
-    cosine, sine_velocity, sine_position = (
-        block.true_motion[0, lane], block.true_motion[1, lane], block.true_motion[2, lane],
-    )  # fmt: skip
-    x, vx = propagate(truth[0, lane], truth[1, lane], block.true_centre[0, lane], cosine, sine_velocity, sine_position)
-    y, vy = propagate(truth[2, lane], truth[3, lane], block.true_centre[1, lane], cosine, sine_velocity, sine_position)
+    motion, centre = block.true_motion, block.true_centre
+    C, S, W = motion[0, lane], motion[1, lane], motion[2, lane]
+    x, vx = propagate(truth[0, lane], truth[1, lane], centre[0, lane], C, S, W)
+    y, vy = propagate(truth[2, lane], truth[3, lane], centre[1, lane], C, S, W)
     truth[0, lane] = x
     truth[1, lane] = vx + setting.process_deviation * noise[0, column]
     truth[2, lane] = y
@@ -79,13 +68,6 @@ def move_lane(block: Any, lane: int, noise: NDArray[np.float64], column: int, se
     block.measurement[0, lane] = x + setting.deviation_x * noise[2, column]
     block.measurement[1, lane] = y + setting.deviation_y * noise[3, column]
     block.tick[lane] += 1
-
-
-@inlined
-def _lose_measurement(block: Any, lane: int, noise: NDArray[np.float64], column: int, missed: float) -> None:
-    """Replace the measurement of a lane by NaN if the tick has none."""
-    if noise[LOST, column] < missed:
-        block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
 
 @inlined
@@ -123,8 +105,9 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
                 sine * along_x + cosine * along_y, sensor.deviation, sensor.bearing_deviation,
             )  # fmt: skip
             inverse = 1.0 / (sensor.precision * sensor.deviation * sensor.deviation)  # 1 / R
-            covariance = inverse * found[2], inverse * found[3], inverse * found[4]
-            information = add_information(information, found[0] - x, found[1] - y, covariance)
+            information = add_information(
+                information, found[0] - x, found[1] - y, (inverse * found[2], inverse * found[3], inverse * found[4])
+            )
         else:
             weight = sensor.precision * sensor.deviation
             information = (
@@ -136,7 +119,7 @@ def _sense(block: Any, lane: int, noise: NDArray[np.float64], sensors: NDArray[A
         error_x, error_y, xx, xy, yy = fused_position(information)
         block.measurement[0, lane] = truth[0, lane] + error_x
         block.measurement[1, lane] = truth[2, lane] + error_y
-        block.noise[0, lane], block.noise[1, lane], block.noise[2, lane] = xx, xy, yy
+        write_lane(block.noise, lane, (xx, xy, yy))
     else:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
@@ -165,4 +148,5 @@ def move(block: Any, noise: NDArray[np.float64], first: int, last: int, sensors:
         move_lane(block, lane, noise, lane, setting)
     if setting.missed > 0.0:
         for lane in range(first, last):
-            _lose_measurement(block, lane, noise, lane, setting.missed)
+            if noise[LOST, lane] < setting.missed:
+                block.measurement[0, lane] = block.measurement[1, lane] = np.nan

@@ -52,7 +52,7 @@ def _type_of(mode: int, radii: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class Threshold:
-    """A level of the evidence at which a decision is made, (T,) by the ticks since the switch; the last one holds on."""
+    """A level of the evidence at which a decision is made, (T,) by ticks since the switch; the last one holds on."""
 
     levels: NDArray[np.float64]
     name: str = ""

@@ -36,7 +36,9 @@ def growth() -> Iterator[Measurement]:
     yield _growing("long segments against 100 ticks", costs[:, -1] / costs[:, 1], costs, lengths, " ticks")
     for name, radii in BANKS.items():
         env = make_vector_env(ENV_ID, 1024, radii=radii)
-        yield figure("memory", f"per track, {name}", env.world.nbytes / 1024, "bytes")
+        yield figure(
+            "memory", f"per track, {name}", sum(array.nbytes for array in env.world.arrays().values()) / 1024, "bytes"
+        )
 
 
 def _nanoseconds(cases: list[tuple[int, int, str]]) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius, write_lane
 from hybrid_env.core.banks.extended_kalman import (
     Triangle7,
     anchor_covariance,
@@ -82,8 +82,8 @@ def begin_hypothesis(
     centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
     kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
     kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
-    for k, value in enumerate(anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)):
-        kalman.covariance[k, lane] = value
+    spread = anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
+    write_lane(kalman.covariance, lane, spread)
     if exact:
         for k in ANCHOR_ENTRIES:
             kalman.covariance[k, lane] = 0.0
@@ -108,9 +108,7 @@ def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float
     turn = turn_coefficients(kalman.turn_rate[lane], model.tau)
     C, S, W, _, dC, dS, dW = turn
     from_x, from_y = x - centre_x, y - centre_y
-    by_rate = (
-        dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y,
-    )  # fmt: skip
+    by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
     predicted = predict_covariance(_covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance)
     new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
     new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
@@ -131,16 +129,12 @@ def step_hypothesis(
         new_x, new_u, new_y, new_v, predicted = predict_hypothesis(kalman, lane, model)
 
         # sequential corrections by x and y; the product of both densities is the joint density
-        k = (
-            predicted[0], predicted[1], predicted[2], predicted[3], predicted[4], predicted[5], predicted[6],
-        )  # fmt: skip
+        k = predicted[0], predicted[1], predicted[2], predicted[3], predicted[4], predicted[5], predicted[6]
         innovation_x = measurement[0, lane] - new_x
         sigma_x = k[0] + variance_x
         inverse_x = 1.0 / sigma_x
         after_x = condition(predicted, k, inverse_x)
-        m = (
-            after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17],
-        )  # fmt: skip
+        m = after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17]
         gain_x = innovation_x * inverse_x
         innovation_y = measurement[1, lane] - (new_y + k[2] * gain_x)
         sigma_y = m[2] + variance_y
@@ -234,8 +228,7 @@ def _predict_only(kalman: Any, innovation: Any, lane: int, model: Any) -> None:
     valid = (predicted[0] + predicted[13] < LARGEST * LARGEST) & (predicted[7] + predicted[18] < LARGEST * LARGEST)
     if valid & (abs(u) + abs(v) < LARGEST):
         set_estimate(kalman, lane, (x, u, y, v))
-        for k, value in enumerate(predicted):
-            kalman.covariance[k, lane] = value
+        write_lane(kalman.covariance, lane, predicted)
     sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
     sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
@@ -247,11 +240,11 @@ def correct_aware(
     bank: AnchorAwareBank, lane: int, hypothesis: int, block: Any, sensors: NDArray[Any], model: Any
 ) -> None:
     """Correct one filter of a lane after `predict_aware`; see `sensing.correct_by_sensors`."""
-    correct_hypothesis(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
+    _correct(bank.hypotheses[hypothesis], bank.innovations[hypothesis], lane, block, sensors, model)
 
 
 @internal
-def correct_hypothesis(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any) -> None:
+def _correct(kalman: Any, innovation: Any, lane: int, block: Any, sensors: NDArray[Any], model: Any) -> None:
     """Correct one predicted filter of a lane by all that is measured, and update its log-likelihood."""
     state = (
         kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane],
@@ -261,8 +254,7 @@ def correct_hypothesis(kalman: Any, innovation: Any, lane: int, block: Any, sens
     found, p, measured, valid = correct_by_sensors(state, predicted, block, lane, sensors, model)
     set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
     kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = found[4], found[5], found[6]
-    for k, value in enumerate(p):
-        kalman.covariance[k, lane] = value
+    write_lane(kalman.covariance, lane, p)
     innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
     innovation.log_variance[lane] = measured[2] if valid else 2.0 * math.log(LARGEST)
     kalman.log_likelihood[lane] += measured[3] if valid else -DIVERGED
@@ -282,7 +274,7 @@ def sense_hypothesis(
     for lane in range(first, last):
         _predict_only(kalman, innovation, lane, model)
         if not math.isnan(block.measurement[0, lane]):
-            correct_hypothesis(kalman, innovation, lane, block, sensors, model)
+            _correct(kalman, innovation, lane, block, sensors, model)
 
 
 @internal

@@ -65,6 +65,28 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, blocks: int | None =
     return bank(**arrays)
 
 
+@inlined
+def state_of(array: FloatArray, lane: int) -> State:
+    """Return the values of a lane of an array, (4, LANES)."""
+    return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
+
+
+@inlined
+def triangle_of(p: FloatArray, lane: int) -> Triangle4:
+    """Return the values of a lane of an array, (10, LANES)."""
+    return (
+        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
+        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
+    )  # fmt: skip
+
+
+@inlined
+def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
+    """Write k values to a lane of an array, (k, LANES)."""
+    for k, value in enumerate(values):
+        array[k, lane] = value
+
+
 @internal
 def mode_type(mode: int, radii_count: int) -> int:
     """Return the type of a mode: 0 straight, 1 left, 2 right."""

@@ -27,7 +27,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, filter_model, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import (
+    INNOVATION,
+    Records,
+    State,
+    Triangle4,
+    filter_model,
+    set_estimate,
+    signed_radius,
+    state_of,
+    triangle_of,
+    write_lane,
+)
 from hybrid_env.core.banks.coordinated_turn import (
     condition_x,
     exchange_axes,
@@ -73,9 +84,8 @@ def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
-        set_estimate(kalman, lane, _merged_mean(block, lane))
-        for k in range(10):
-            kalman.covariance[k, lane] = block.covariance[k, lane]
+        set_estimate(kalman, lane, state_of(block.estimate, lane))
+        write_lane(kalman.covariance, lane, triangle_of(block.covariance, lane))
         if known < 0:
             kalman.log_probability[lane] = -math.log(bank.hypotheses.size)
         else:
@@ -84,23 +94,9 @@ def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
 
 
 @inlined
-def _merged_mean(block: Any, lane: int) -> State:
-    estimate = block.estimate
-    return estimate[0, lane], estimate[1, lane], estimate[2, lane], estimate[3, lane]
-
-
-@inlined
-def _triangle(p: NDArray[np.float64], lane: int) -> Triangle4:
-    return (
-        p[0, lane], p[1, lane], p[2, lane], p[3, lane], p[4, lane],
-        p[5, lane], p[6, lane], p[7, lane], p[8, lane], p[9, lane],
-    )  # fmt: skip
-
-
-@inlined
 def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
     """Return the prior probability of a mode in the tick, and its mixed initial condition."""
-    merged_x, merged_u, merged_y, merged_v = _merged_mean(block, lane)
+    merged_x, merged_u, merged_y, merged_v = state_of(block.estimate, lane)
     probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
     from_itself = (model.stay_probability - model.switch_probability) * probability
     prior = from_itself + model.switch_probability
@@ -113,7 +109,7 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
         merged_x + own * difference[0], merged_u + own * difference[1],
         merged_y + own * difference[2], merged_v + own * difference[3],
     )  # fmt: skip
-    mine, merged = _triangle(kalman.covariance, lane), _triangle(block.covariance, lane)
+    mine, merged = triangle_of(kalman.covariance, lane), triangle_of(block.covariance, lane)
     return prior, mean, mixture_of_two(own, mine, merged, difference)
 
 
@@ -224,8 +220,7 @@ def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int,
     moved, predicted = predict(mean, mixed, curvature, model)
     finite = _finite(predicted, moved[1], moved[3])
     set_estimate(kalman, lane, moved if finite else mean)
-    for k, value in enumerate(predicted if finite else mixed):
-        kalman.covariance[k, lane] = value
+    write_lane(kalman.covariance, lane, predicted if finite else mixed)
     sigma_x, sigma_y = (kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y)
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
     innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
@@ -252,16 +247,14 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
     for h in range(bank.hypotheses.size):
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
         state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane], 0.0, 0.0, 0.0
-        xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = _triangle(kalman.covariance, lane)
+        xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = triangle_of(kalman.covariance, lane)
         p = (
             xx, xu, xy, xv, 0.0, 0.0, 0.0, uu, uy, uv, 0.0, 0.0, 0.0, yy, yv, 0.0, 0.0, 0.0, vv, 0.0,
             0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
         found, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
         set_estimate(kalman, lane, (found[0], found[1], found[2], found[3]))
-        corrected = q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]
-        for k, value in enumerate(corrected):
-            kalman.covariance[k, lane] = value
+        write_lane(kalman.covariance, lane, (q[0], q[1], q[2], q[3], q[7], q[8], q[9], q[13], q[14], q[18]))
         innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
         innovation.log_variance[lane] = measured[2]
         likelihood = measured[3] if valid else DIVERGED

@@ -21,7 +21,14 @@ from hybrid_env.core.banks.bank import (
     set_estimate,
     signed_radius,
 )
-from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, student_weight, weigh
+from hybrid_env.core.banks.kalman import (
+    Covariance,
+    correct_covariance,
+    kalman_gain,
+    predict_covariance,
+    student_weight,
+    weigh,
+)
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, motion_coefficients, propagate, turn_centre
@@ -78,12 +85,10 @@ def begin_published(
     speed, heading_x, heading_y = heading_vector(vx, vy)
     for column in range(radii.size + 1):
         turn_rate = 0.0 if column == 0 else bank_turn_rate(speed, radii[column - 1], model.tau)
-        cosine, sine_velocity, sine_position = motion_coefficients(turn_rate, model.tau)
+        motion = motion_coefficients(turn_rate, model.tau)
         for axis in range(bank.covariances.shape[0]):
             shared = bank.covariances[axis, column]
-            shared.cosine[lane] = cosine
-            shared.sine_velocity[lane] = sine_velocity
-            shared.sine_position[lane] = sine_position
+            shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane] = motion
             shared.xx[lane] = covariance[0] if axis == 0 else covariance[7]
             shared.xv[lane] = covariance[1] if axis == 0 else covariance[8]
             shared.vv[lane] = covariance[4] if axis == 0 else covariance[9]
@@ -96,12 +101,18 @@ def begin_published(
 
 
 @inlined
-def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
-    """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
-    covariance = predict_covariance(
+def _predicted(shared: Any, lane: int, process_variance: float) -> Covariance:
+    """Return the predicted covariance of one radius and axis."""
+    return predict_covariance(
         (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
         shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane], process_variance,
     )  # fmt: skip
+
+
+@inlined
+def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float, variance: float) -> float:
+    """Update the covariance and gain of one radius and axis. Returns the innovation variance [m^2]."""
+    covariance = _predicted(shared, lane, process_variance)
     innovation_variance = covariance[0] + variance  # Sigma = H P H' + R
     gain_x, gain_v = kalman_gain(covariance, innovation_variance)
     xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
@@ -113,11 +124,9 @@ def _step_covariance(shared: Any, gain: Any, lane: int, process_variance: float,
 @inlined
 def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
-    cosine, sine_velocity, sine_position = (
-        shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
-    )  # fmt: skip
-    x, vx = propagate(kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], cosine, sine_velocity, sine_position)
-    y, vy = propagate(kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], cosine, sine_velocity, sine_position)
+    C, S, W = shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane]
+    x, vx = propagate(kalman.x[lane], kalman.vx[lane], kalman.centre_x[lane], C, S, W)
+    y, vy = propagate(kalman.y[lane], kalman.vy[lane], kalman.centre_y[lane], C, S, W)
     return x, vx, y, vy
 
 
@@ -205,11 +214,7 @@ def predict_published(bank: PublishedBank, lane: int, model: Any) -> None:
         variance = model.variance_x if axis == 0 else model.variance_y
         for column in range(columns):
             shared = bank.covariances[axis, column]
-            xx, xv, vv = predict_covariance(
-                (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
-                shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane],
-                model.process_variance,
-            )  # fmt: skip
+            xx, xv, vv = _predicted(shared, lane, model.process_variance)
             shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
             bank.gains[axis, column].log_variance[lane] = log(xx + variance)
     for h in range(bank.hypotheses.size):
@@ -235,7 +240,4 @@ def covariance_published(bank: PublishedBank, hypothesis: int, lane: int) -> Tri
     axes, columns = bank.covariances.shape
     column = radius_column(hypothesis, columns - 1)
     x, y = bank.covariances[0, column], bank.covariances[axes - 1, column]
-    return (
-        x.xx[lane], x.xv[lane], 0.0, 0.0, x.vv[lane], 0.0, 0.0,
-        y.xx[lane], y.xv[lane], y.vv[lane],
-    )  # fmt: skip
+    return x.xx[lane], x.xv[lane], 0.0, 0.0, x.vv[lane], 0.0, 0.0, y.xx[lane], y.xv[lane], y.vv[lane]

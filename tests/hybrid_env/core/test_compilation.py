@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import hybrid_env
-from hybrid_env.core.cached_files import drop_stale_files
-from hybrid_env.core.compilation import compiled, prepare
+from hybrid_env.core.compilation import compiled, drop_stale_files, prepare
 
 
 @compiled
