@@ -8,7 +8,7 @@ turns geometric 30" differs between straight motion and turns. "drawn" draws a l
 
 import re
 from dataclasses import dataclass
-from typing import Any, TypeAlias, get_args
+from typing import Any, ClassVar, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,19 +104,29 @@ class UniformDurations:
 
 
 @dataclass(frozen=True)
-class TwoDurations:
-    """One of two laws, each geometric or uniform, with equal probability, drawn anew for every segment."""
+class _Pair:
+    """Two laws of some kinds, of which each holds for half of the segments."""
 
-    one: GeometricDurations | UniformDurations
-    other: GeometricDurations | UniformDurations
+    kinds: ClassVar[tuple[type, ...]] = (GeometricDurations, UniformDurations)
 
     def __post_init__(self) -> None:
-        _check_simple(self, "one", "other", kinds=(GeometricDurations, UniformDurations))
+        for name, law in vars(self).items():
+            if type(law) not in self.kinds:
+                raise reject(name, law, " or ".join(kind.__name__ for kind in self.kinds))
 
     @property
     def mean_duration(self) -> float:
         """Expected duration [ticks]."""
-        return 0.5 * (self.one.mean_duration + self.other.mean_duration)
+        one, other = vars(self).values()
+        return 0.5 * float(one.mean_duration + other.mean_duration)
+
+
+@dataclass(frozen=True)
+class TwoDurations(_Pair):
+    """One of two laws, each geometric or uniform, with equal probability, drawn anew for every segment."""
+
+    one: GeometricDurations | UniformDurations
+    other: GeometricDurations | UniformDurations
 
     def survival(self, ticks: int) -> NDArray[np.float64]:
         """Return the probabilities that a duration is longer than 0, 1, ..., `ticks`, (ticks + 1,)."""
@@ -130,31 +140,19 @@ SimpleDurations: TypeAlias = GeometricDurations | UniformDurations | TwoDuration
 
 
 @dataclass(frozen=True)
-class ModeDurations:
+class ModeDurations(_Pair):
     """A law of straight segments and another one of turns."""
+
+    kinds = get_args(SimpleDurations)
 
     straight: SimpleDurations
     turns: SimpleDurations
-
-    def __post_init__(self) -> None:
-        _check_simple(self, "straight", "turns", kinds=get_args(SimpleDurations))
-
-    @property
-    def mean_duration(self) -> float:
-        """Expected duration [ticks], with every second segment straight."""
-        return 0.5 * (self.straight.mean_duration + self.turns.mean_duration)
 
     def __str__(self) -> str:
         return f"straight {self.straight}, turns {self.turns}"
 
 
 Durations: TypeAlias = SimpleDurations | ModeDurations
-
-
-def _check_simple(law: Any, *names: str, kinds: tuple[type, ...]) -> None:
-    for name in names:
-        if type(getattr(law, name)) not in kinds:
-            raise reject(name, getattr(law, name), " or ".join(kind.__name__ for kind in kinds))
 
 
 def laws_by_mode(law: Durations) -> tuple[SimpleDurations, SimpleDurations]:

@@ -67,23 +67,16 @@ def environment_options(env_id: str) -> "type[ModelOptions]":
     _check_env_id(env_id, TrackVectorEnv)
     entry_point = gym.spec(env_id.removeprefix("hybrid_env:")).vector_entry_point
     assert isinstance(entry_point, str)
-    found: type[ModelOptions] = _vector_class(entry_point).options_class
+    vector_class: Any = load_env_creator(entry_point)
+    found: type[ModelOptions] = vector_class.options_class
     return found
-
-
-def _vector_class(entry_point: str) -> Any:
-    return load_env_creator(entry_point)
 
 
 def _check_env_id(env_id: str, kind: type) -> None:
     """Raise `ArgumentError` for an id of another package, or whose vector environment is of another kind."""
-    entry_points = {name: spec.vector_entry_point for name, spec in gym.registry.items()}
-    known = [
-        name
-        for name, entry_point in entry_points.items()
-        if isinstance(entry_point, str)
-        and entry_point.startswith("hybrid_env.")
-        and issubclass(_vector_class(entry_point), kind)
-    ]
+    entries = {name: spec.vector_entry_point for name, spec in gym.registry.items()}
+    own = {name: entry for name, entry in entries.items() if isinstance(entry, str) and entry.startswith("hybrid_env.")}
+    classes: dict[str, Any] = {name: load_env_creator(entry) for name, entry in own.items()}
+    known = [name for name, vector_class in classes.items() if issubclass(vector_class, kind)]
     if env_id.removeprefix("hybrid_env:") not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))

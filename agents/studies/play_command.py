@@ -20,8 +20,8 @@ from agents.interface.world_arguments import WorldArguments
 from hybrid_env.checks import ArgumentError, check_integer, reject
 from hybrid_env.options import ModelOptions
 from hybrid_env.rendering.evidence import mode_colour, shade
+from hybrid_env.rendering.figure import CURRENT_COLOUR
 from hybrid_env.rendering.history import TRACE_INDEX, History
-from hybrid_env.rendering.panels import CURRENT_COLOUR
 from hybrid_env.rendering.window import RENDER_FPS, Renderer, display_available
 
 if TYPE_CHECKING:

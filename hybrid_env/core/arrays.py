@@ -129,14 +129,14 @@ def reader(arrays: type) -> Callable[[Any], Any]:
     return read
 
 
-def _block_reader(k: int, one: Array) -> Any:
-    if one.of == "tracks":
-        return inlined(lambda source: source[0][k][source[1]])
-    return inlined(lambda source: source[0][k])
-
-
 def block_reader(bank: type) -> Callable[[Any, int], Any]:
     """Return the compiled function of the bank of one block, from the banks of all blocks."""
-    values = _tuple_reader([_block_reader(k, one) for k, one in enumerate(declared(bank).values())])
+
+    def of_block(k: int, one: Array) -> Any:
+        if one.of == "tracks":
+            return inlined(lambda source: source[0][k][source[1]])
+        return inlined(lambda source: source[0][k])
+
+    values = _tuple_reader([of_block(k, one) for k, one in enumerate(declared(bank).values())])
     read: Callable[[Any, int], Any] = internal(lambda banks, block: bank(*values((banks, block))))
     return read

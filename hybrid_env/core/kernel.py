@@ -27,7 +27,7 @@ from hybrid_env.core.banks.mixture import merged_estimate, write_merged_covarian
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import draw_noise_ahead, integer_below
-from hybrid_env.core.observation_row import compare_hypotheses, write_expected_displacement, write_segment, write_tick
+from hybrid_env.core.observation_row import compare_hypotheses, write_segment, write_tick
 from hybrid_env.core.records import DECISION, DECISION_FLAGS, LANES, SEGMENT_COLUMNS
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move, move_lane, sum_errors
 
@@ -284,8 +284,6 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             if new_segments & (1 << lane):
                 write_segment(arrays.observations[i], block, lane, arrays.radii, setting)
             write_tick(arrays.observations[i], block, lane, scratch, bank, setting)
-            if setting.irregular:
-                write_expected_displacement(arrays.observations[i], block, lane, bank, setting)
     return events
 
 

@@ -18,13 +18,7 @@ from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_bloc
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
 from hybrid_env.core.kernel import HAS_DECISION, begin_bank, chosen_mode, follow_irregular, set_anchor, step_irregular
-from hybrid_env.core.observation_row import (
-    compare_hypotheses,
-    write_expected_displacement,
-    write_quickest_row,
-    write_segment,
-    write_tick,
-)
+from hybrid_env.core.observation_row import compare_hypotheses, write_quickest_row, write_segment, write_tick
 from hybrid_env.core.quickest_kernel import record_statement
 from hybrid_env.core.records import LANES
 from hybrid_env.core.state import PARAMETERS, arrays_of
@@ -67,7 +61,6 @@ def _measure(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
         if block.tick[0] == 1:
             write_segment(row, block, 0, arrays.radii, setting)
         write_tick(row, block, 0, scratch, bank, setting)
-        write_expected_displacement(row, block, 0, bank, setting)
 
 
 @internal

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.banks.bank import likeliest
+from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.motion import heading_vector
@@ -125,17 +125,6 @@ def compare_hypotheses(scratch: Any, hypotheses: NDArray[Any], first: int, last:
         scratch.log_error[lane] = log_error_probability(scratch.log_error[lane] + scratch.ties[lane])
 
 
-@inlined
-def _write_displacement(singles: NDArray[np.float32], block: Any, lane: int, x: float, y: float, setting: Any) -> None:
-    """Write the displacement of a position from the anchor."""
-    along, across = heading_frame(
-        (x - block.anchor[0, lane]) * setting.noise_whitener, (y - block.anchor[2, lane]) * setting.noise_whitener,
-        block.heading[0, lane], block.heading[1, lane],
-    )  # fmt: skip
-    singles[ALONG] = LENGTH_SCALE * along
-    singles[ACROSS] = LENGTH_SCALE * across
-
-
 @internal
 def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any) -> None:
     """Write the values of a row, (6 M + 10,), that change with every tick, after `compare_hypotheses`."""
@@ -151,16 +140,15 @@ def write_tick(row: NDArray[np.float32], block: Any, lane: int, scratch: Any, ba
     singles[TICKS] = TICK_SCALE * block.tick[lane]
     singles[TICKS_LEFT] = TICK_SCALE * (block.length[lane] - block.tick[lane])
     singles[LOG_ERROR] = LOG_SCALE * scratch.log_error[lane]
-    _write_displacement(singles, block, lane, block.measurement[0, lane], block.measurement[1, lane], setting)
-
-
-@internal
-def write_expected_displacement(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
-    """Write the displacement that the likeliest filter expects, if the tick has no measurement."""
-    if math.isnan(block.measurement[0, lane]):
-        expected = bank.hypotheses[likeliest(bank.hypotheses, lane)]
-        singles = row[BLOCKS * bank.hypotheses.size :]
-        _write_displacement(singles, block, lane, expected.x[lane], expected.y[lane], setting)
+    x, y = block.measurement[0, lane], block.measurement[1, lane]
+    if setting.irregular and math.isnan(x):  # the position that the likeliest filter expects
+        x, _, y, _ = estimate_of(bank.hypotheses, likeliest(bank.hypotheses, lane), lane)
+    along, across = heading_frame(
+        (x - block.anchor[0, lane]) * setting.noise_whitener, (y - block.anchor[2, lane]) * setting.noise_whitener,
+        heading_x, heading_y,
+    )  # fmt: skip
+    singles[ALONG] = LENGTH_SCALE * along
+    singles[ACROSS] = LENGTH_SCALE * across
 
 
 @internal

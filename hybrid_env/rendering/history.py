@@ -57,20 +57,10 @@ class History:
         segment; empty if the step ends the episode without one. evidence: (M,) at the current tick.
         """
         if "decided_mode" in info:
-            self.decisions.append(
-                Decision(
-                    time=len(self.trace),
-                    evidence=float(self.evidence[-1, info["decided_mode"]]),
-                    mode=info["decided_mode"],
-                    true_mode=info["decided_true_mode"],
-                    correct=info["correct"],
-                    forced=info["forced"],
-                    ticks=info["ticks"],
-                    length=info["decided_length"],
-                )
-            )
-        self.finished = finished
-        self.segment, self.tick, self.true_mode = info["segment"], info["tick"], info["true_mode"]
+            value = float(self.evidence[-1, info["decided_mode"]])
+            names = ("decided_mode", "decided_true_mode", "correct", "forced", "ticks", "decided_length")
+            self.decisions.append(Decision(len(self.trace), value, *(info[name] for name in names)))
+        self.finished, self.segment, self.tick = finished, info["segment"], info["tick"]
         rows = np.reshape(np.asarray(trace, np.float64), (-1, len(TRACE_COLUMNS)))
         values = np.full((len(rows), len(evidence)), np.nan)
         if not finished:  # only the last tick was processed by every filter of the bank

@@ -17,8 +17,7 @@ from hybrid_env.rendering.evidence import (
     mode_name,
     sprt_panel,
 )
-from hybrid_env.rendering.figure import EpisodeFigure
-from hybrid_env.rendering.panels import probability_ticks
+from hybrid_env.rendering.figure import EpisodeFigure, probability_ticks
 from hybrid_env.rendering.window import Renderer
 
 RADII = tuple(float(radius) for radius in range(1, 11))
