@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.env import HybridTrackEnv
-from hybrid_env.vector_env import HybridTrackVectorEnv
+from hybrid_env.vector_env import HybridTrackVectorEnv, Step
 from hybrid_env.world import World
 
 EVIDENCE = 0.95
@@ -43,9 +43,7 @@ class HybridTrackEasyEnv(HybridTrackEnv):
 class HybridTrackEasyVectorEnv(HybridTrackVectorEnv):
     """A vector environment of N `HybridTrackEasyEnv` tracks, see `HybridTrackVectorEnv`."""
 
-    def step(
-        self, actions: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: NDArray[np.int64]) -> Step:
         """See `HybridTrackVectorEnv.step`; a track waits if it is too early for a declaration."""
         actions = self.action_array(actions)
         if self._started:
@@ -60,8 +58,6 @@ def too_early(world: World) -> NDArray[np.bool_]:
     posterior /= posterior.sum(1, keepdims=True)
     if world.options.correctness == "type":
         one_side = posterior.shape[1] // 2
-        posterior = np.stack(
-            [posterior[:, 0], posterior[:, 1 : one_side + 1].sum(1), posterior[:, one_side + 1 :].sum(1)], 1
-        )
-    early: NDArray[np.bool_] = posterior.max(1) <= EVIDENCE
-    return early
+        left, right = posterior[:, 1 : one_side + 1].sum(1), posterior[:, one_side + 1 :].sum(1)
+        posterior = np.stack([posterior[:, 0], left, right], 1)
+    return np.asarray(posterior.max(1) <= EVIDENCE)

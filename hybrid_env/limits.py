@@ -4,7 +4,6 @@ Inside them every observation is finite and inside the observation space; `make 
 of random options. They are so wide that neither the object nor the units matter.
 """
 
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
@@ -100,28 +99,3 @@ def check_initial_error(value: Any) -> tuple[float, float]:
         return 0.0, 0.0
     position, velocity = two_values(name, value, allowed)
     return check_within(name, position, "initial_position"), check_within(name, velocity, "initial_velocity")
-
-
-def check_ratios(
-    radii: Sequence[float],
-    speed: float,
-    tau: float,
-    process_variance: float,
-    measurement_variances: Sequence[float],
-    initial_velocity: float,
-) -> None:
-    """Check the turn per tick, and motion and radius in standard deviations of a measurement; these have no units."""
-    if speed * tau > LARGEST_TURN * min(radii):
-        allowed = (
-            f"at least {speed * tau / LARGEST_TURN:g}, so that the object turns by at most "
-            f"{LARGEST_TURN:g} rad per tick (speed * tau / radius)"
-        )
-        raise reject("radii", min(radii), allowed)
-    motion = tau * max(speed, math.sqrt(process_variance), math.sqrt(initial_velocity))
-    smallest = max(motion / LARGEST_MOTION, max(radii) / LARGEST_CIRCLE) ** 2
-    if min(measurement_variances) < smallest:
-        allowed = (
-            f"at least {smallest:g}: {LARGEST_MOTION:g} standard deviations must exceed the motion per tick, "
-            f"and {LARGEST_CIRCLE:g} the radius"
-        )
-        raise reject("measurement_variance", min(measurement_variances), allowed)

@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env import limits
 from hybrid_env.checks import axis_variances, check_choice, check_flag, check_number, reject
 from hybrid_env.core.observation_row import LOG_FLOOR, LOG_SCALE, TICK_SCALE
 from hybrid_env.core.records import SEGMENT_COLUMNS, TICK_NAMES
 from hybrid_env.core.state import BANKS, PARAMETERS
-from hybrid_env.limits import check_initial_error, check_ratios, check_variances, check_within, distinct_radii
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.observation import Layout
 from hybrid_env.scheme import FixedScheme, Scheme, parse_scheme, segment_table
@@ -92,13 +92,13 @@ class ModelOptions:
 
     def __post_init__(self) -> None:
         fix = functools.partial(object.__setattr__, self)
-        fix("radii", distinct_radii("radii", self.radii))
+        fix("radii", limits.distinct_radii("radii", self.radii))
         for name in ("speed", "tau", "process_variance"):
-            fix(name, check_within(name, getattr(self, name)))
+            fix(name, limits.check_within(name, getattr(self, name)))
         for name in ("heading", "object_variance"):
             if getattr(self, name) is not None:
-                fix(name, check_within(name, getattr(self, name)))
-        fix("measurement_variance", check_variances(self.measurement_variance))
+                fix(name, limits.check_within(name, getattr(self, name)))
+        fix("measurement_variance", limits.check_variances(self.measurement_variance))
         fix("noise", parse_noise(self.noise))
         fix("missed", check_number("missed", self.missed, "a number >= 0 and < 1"))
         if not 0.0 <= self.missed < 1.0:
@@ -106,13 +106,25 @@ class ModelOptions:
         fix("sensors", parse_sensors(self.sensors))
         fix("likelihood", parse_likelihood(self.likelihood))
         check_sensors(self.sensors, self.variances.tolist())
-        fix("initial_error", check_initial_error(self.initial_error))
+        fix("initial_error", limits.check_initial_error(self.initial_error))
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
-        """Check the ratios of all options, with the radii of the bank and of the object."""
+        """Check the turn per tick, and motion and radii in standard deviations; radii: of bank and object."""
         assert isinstance(self.initial_error, tuple)
-        process = max(self.process_variance, self.object_variance or 0.0)
-        check_ratios(sorted(radii), self.speed, self.tau, process, self.variances.tolist(), self.initial_error[1])
+        smallest, largest, variance = min(radii), max(radii), float(self.variances.min())
+        turn = self.speed * self.tau
+        if turn > limits.LARGEST_TURN * smallest:
+            allowed = f"at most {limits.LARGEST_TURN:g} rad per tick (speed * tau / radius)"
+            allowed = f"at least {turn / limits.LARGEST_TURN:g}, so that the object turns by {allowed}"
+            raise reject("radii", smallest, allowed)
+        fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
+        motion = self.tau * max(self.speed, math.sqrt(fastest))
+        least = max(motion / limits.LARGEST_MOTION, largest / limits.LARGEST_CIRCLE) ** 2
+        if variance < least:
+            allowed = (
+                f"at least {least:g}: {limits.LARGEST_MOTION:g} standard deviations must exceed the motion per tick"
+            )
+            raise reject("measurement_variance", variance, f"{allowed}, and {limits.LARGEST_CIRCLE:g} the radius")
 
     @classmethod
     def of(cls, **options: Any) -> Self:
@@ -134,14 +146,6 @@ class ModelOptions:
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        raise NotImplementedError
-
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
-        raise NotImplementedError
-
-    def largest(self, trace_rows: int) -> dict[str, int]:
-        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
         raise NotImplementedError
 
     @property
@@ -239,7 +243,7 @@ class WorldOptions(ModelOptions):
         fix = functools.partial(object.__setattr__, self)
         fix("scheme", parse_scheme(self.scheme))
         super().__post_init__()
-        fix("delay_cost", check_within("delay_cost", self.delay_cost))
+        fix("delay_cost", limits.check_within("delay_cost", self.delay_cost))
         for name, choices in CHOICES.items():
             fix(name, str(check_choice(name, getattr(self, name), choices)))
         if self.reset_covariance is not None:
@@ -298,7 +302,7 @@ class WorldOptions(ModelOptions):
         return len(self.scheme.pieces) if isinstance(self.scheme, FixedScheme) else self.scheme.segments
 
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """See `ModelOptions.bounds`."""
+        """Return the smallest and largest value of bounded quantities of the observation, scaled."""
         longest = TICK_SCALE * self.longest_segment * (1 + 1e-6)
         return {
             "log_ratio": (LOG_SCALE * LOG_FLOOR, 0.0), "log_error_probability": (LOG_SCALE * LOG_FLOOR, 0.0),
@@ -306,7 +310,7 @@ class WorldOptions(ModelOptions):
         } | dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, np.inf))  # fmt: skip
 
     def largest(self, trace_rows: int) -> dict[str, int]:
-        """See `ModelOptions.largest`."""
+        """Return the largest value of every field of the blocks that the kernel uses as index or length."""
         modes, longest = self.hypotheses, self.longest_segment
         return {
             "segment": self.segments - 1, "true_mode": modes - 1, "active_mode": modes - 1,

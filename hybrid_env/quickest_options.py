@@ -150,14 +150,14 @@ class QuickestOptions(ModelOptions):
         return super().arrays() | laws | ({} if self.order in ("equal", DRAWN) else {"order": self.order_matrix})
 
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """See `ModelOptions.bounds`."""
+        """See `WorldOptions.bounds`."""
         return {
             "log_probability": (LOG_SCALE * LOG_FLOOR, 0.0), "log_ratio": (LOG_FLOOR, 0.0), "stated": (0.0, 1.0),
             "stated_ticks": (0.0, TICK_SCALE * self.ticks * (1 + 1e-6)),
         } | dict.fromkeys(("log_variance", "speed"), (0.0, np.inf))  # fmt: skip
 
     def largest(self, trace_rows: int) -> dict[str, int]:
-        """See `ModelOptions.largest`."""
+        """See `WorldOptions.largest`."""
         modes, ticks = self.hypotheses, self.ticks
         return {
             "segment": ticks - 1, "true_mode": modes - 1, "stated_mode": modes - 1, "tick": ticks,

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid_env.checks import axis_variances, check_array, check_integer, reject
+from hybrid_env.checks import FloatArray, IntArray, axis_variances, check_array, check_integer, reject
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.noise import NOISE_ROWS
@@ -30,37 +30,30 @@ class Simulation:
         signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if straight.
     """
 
-    truth: NDArray[np.float64]
-    measurements: NDArray[np.float64]
-    lengths: NDArray[np.int64]
-    signed_radii: NDArray[np.float64]
+    truth: FloatArray
+    measurements: FloatArray
+    lengths: IntArray
+    signed_radii: FloatArray
 
 
 @compiled
 def _simulate(
-    blocks: NDArray[Any],
-    lengths: NDArray[np.int64],
-    table: NDArray[np.float64],
-    tau: float,
-    parameters: NDArray[Any],
-    sensors: NDArray[Any],
-    truth: NDArray[np.float64],
-    measurements: NDArray[np.float64],
+    blocks: Any, lengths: IntArray, table: FloatArray, options: Any, sensors: Any, truth: FloatArray, points: FloatArray
 ) -> None:
-    draws, setting = np.empty((NOISE_ROWS, LANES)), parameters[0]
+    draws, setting = np.empty((NOISE_ROWS, LANES)), options[0]
     for b in range(blocks.size):
         block = blocks[b]
         k = 0
         for segment in range(lengths.size):
             for lane in range(LANES):
-                begin_motion(block, lane, table[segment], tau)
+                begin_motion(block, lane, table[segment], setting.tau)
             for _ in range(lengths[segment]):
                 move(block, draws, np.uint64(0), np.uint64(LANES), sensors, setting)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
                     for axis in range(2):
-                        measurements[b * LANES + lane, k, axis] = block.measurement[axis, lane]
+                        points[b * LANES + lane, k, axis] = block.measurement[axis, lane]
                 k += 1
 
 
@@ -104,11 +97,11 @@ def simulate(
     measurements = np.empty((number * LANES, lengths.sum(), 2))
     deviations = np.sqrt(axis_variances(check_variances(measurement_variance)))
     parameters = np.zeros(1, PARAMETERS)
+    parameters["tau"] = check_within("tau", tau)
     parameters["process_deviation"] = math.sqrt(check_within("process_variance", process_variance))
     parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
     parse_noise(noise).write_parameters(parameters)
-    no_sensors = np.zeros(0, SENSOR)
-    arguments = blocks, lengths, table, check_within("tau", tau), parameters, no_sensors, truth, measurements
+    arguments = blocks, lengths, table, parameters, np.zeros(0, SENSOR), truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
     signed_radii = np.array([segment.signed_radius for segment in fixed.pieces])

@@ -10,7 +10,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ReadOnlyAttributes, check_flag, check_integer, check_reset_options, reject
+from hybrid_env.checks import (
+    BoolArray,
+    FloatArray,
+    ReadOnlyAttributes,
+    check_flag,
+    check_integer,
+    check_reset_options,
+    reject,
+)
 from hybrid_env.core.kernel import TERMINATED
 from hybrid_env.core.records import DECISION, DECISION_FLAGS
 from hybrid_env.options import WorldOptions
@@ -19,6 +27,8 @@ from hybrid_env.seeding import random_states
 from hybrid_env.world import World
 
 LARGEST = 2**31 - 1  # tracks, and rows of a trace
+Step = tuple[NDArray[np.float32], FloatArray, BoolArray, BoolArray, dict[str, Any]]
+"""Observations (N, width), rewards, terminated and truncated (N,), and info."""
 _DECISION_MASKS = tuple(f"_{key}" for key in DECISION + DECISION_FLAGS if key != "has_decision")
 _DICT_METHODS = (
     "__getitem__", "__setitem__", "__delitem__", "__contains__", "__iter__", "__len__", "__reversed__",
@@ -170,9 +180,7 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
             raise gym.error.InvalidAction(f"{found}: expected integers of shape ({self.num_envs},)")
         return array
 
-    def step(
-        self, actions: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: NDArray[np.int64]) -> Step:
         """Step every track. Returns observations, rewards, terminated, truncated and info as fresh arrays.
 
         actions: (N,) integers of the action space; others raise `InvalidAction`, and no track is stepped.

@@ -218,18 +218,6 @@ def _act(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) ->
 
 
 @inlined
-def _clear_step(block: Any, lane: int, i: int, arrays: Any, setting: Any) -> None:
-    """Clear the trace and the decision of the last step of track i."""
-    if setting.trace_rows > 0:
-        block.trace_length[lane] = 0
-    if arrays.decision_flags[HAS_DECISION, i]:
-        for k in range(len(DECISION)):
-            arrays.decisions[k, i] = 0
-        for k in range(len(DECISION_FLAGS)):
-            arrays.decision_flags[k, i] = False
-
-
-@inlined
 def _tick(block: Any, bank: Any, scratch: Any, first: int, last: int, sensors: NDArray[Any], setting: Any) -> None:
     """Advance the object and every filter of lanes first .. last - 1 by one tick."""
     move(block, scratch.noise, first, last, sensors, setting)
@@ -252,8 +240,13 @@ def _advance_block(reset: bool, b: int, bank: Any, arrays: Any, setting: Any) ->
             scratch.running[lane] = 0
             all_running = False
             continue
-        _clear_step(block, lane, i, arrays, setting)
-        event = 0
+        if setting.trace_rows > 0:
+            block.trace_length[lane] = 0
+        if arrays.decision_flags[HAS_DECISION, i]:
+            for k in range(len(DECISION)):
+                arrays.decisions[k, i] = 0
+            for k in range(len(DECISION_FLAGS)):
+                arrays.decision_flags[k, i] = False
         if reset or arrays.terminated[i]:
             draw_first_estimate(block, scratch.noise, lane, setting)
             block.segment[lane] = 0

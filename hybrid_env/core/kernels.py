@@ -13,7 +13,7 @@ from hybrid_env.core import kernel, quickest_kernel
 from hybrid_env.core.arrays import array_at
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank, aware_banks
-from hybrid_env.core.banks.bank import likeliest_of_type
+from hybrid_env.core.banks.bank import likeliest_of_type, state_of, write_lane
 from hybrid_env.core.banks.imm import ImmBank, begin_imm, imm_banks, imm_of_block, step_imm_irregular
 from hybrid_env.core.banks.published import PublishedBank, published_banks
 from hybrid_env.core.compilation import compiled, inlined, internal
@@ -27,20 +27,6 @@ STEP, RESET, MEASURE, BEGIN = range(4)
 """Commands: of the environments the first two, on a live sensor the others."""
 
 FIRST, LAST = np.uint64(0), np.uint64(1)  # range of lanes; unsigned as in the other kernels
-
-
-@inlined
-def _begin(block: Any, bank: Any, arrays: Any, setting: Any) -> None:
-    """End the segment, which decides it if it is undecided, and begin the next one at its estimate."""
-    if block.segment[0] >= 0:
-        if not arrays.decision_flags[HAS_DECISION, 0]:
-            block.active_mode[0] = chosen_mode(block, 0, bank, 0, setting)
-        set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
-    block.segment[0] += 1
-    arrays.decision_flags[HAS_DECISION, 0] = False
-    for k in range(4):
-        block.anchor[k, 0] = block.estimate[k, 0]
-    begin_bank(block, 0, bank, arrays.radii, setting)
 
 
 @inlined
@@ -74,7 +60,14 @@ def advance_live(begins: bool, banks: Any, arrays: Any, setting: Any) -> int:
     """
     block, bank = arrays.blocks[0], operations.bank_of_block(banks, 0)
     if begins:
-        _begin(block, bank, arrays, setting)
+        if block.segment[0] >= 0:
+            if not arrays.decision_flags[HAS_DECISION, 0]:
+                block.active_mode[0] = chosen_mode(block, 0, bank, 0, setting)
+            set_anchor(block, 0, bank, block.active_mode[0], setting.merged)
+        block.segment[0] += 1
+        arrays.decision_flags[HAS_DECISION, 0] = False
+        write_lane(block.anchor, 0, state_of(block.estimate, 0))
+        begin_bank(block, 0, bank, arrays.radii, setting)
         return 0
     action = arrays.actions[0]
     if action > 0:

@@ -153,16 +153,13 @@ def _to_normals(noise: NDArray[np.float64], k: int, first: int, last: int) -> No
 
 @inlined
 def _stable(number: float, other: float, index: float) -> float:
-    """Return a draw with the characteristic function exp(-|t|^index) from two uniform numbers.
-
-    Chambers, Mallows & Stuck 1976, eq. (4.1), in logarithms, so that no factor overflows.
-    """
+    """Return a draw with the characteristic function exp(-|t|^index): Chambers, Mallows & Stuck 1976, eq. (4.1)."""
     angle = math.pi * (number - 0.5)
     sine, _ = sine_cosine(index * angle)
     _, cosine = sine_cosine(angle)
     _, other_cosine = sine_cosine((1.0 - index) * angle)
     waiting = -log(1.0 - other)
-    exponent = (
+    exponent = (  # in logarithms, so that no factor overflows
         log(abs(sine))
         - log(max(cosine, SMALLEST_COSINE)) / index
         + (1.0 - index) / index * (log(max(other_cosine, SMALLEST_COSINE)) - log(waiting))

@@ -98,15 +98,6 @@ def record_statement(block: Any, lane: int, stated: int) -> bool:
 
 
 @inlined
-def _state(block: Any, lane: int, stated: int, change_cost: float) -> float:
-    """Record the statement of a track. Returns its reward."""
-    changed = record_statement(block, lane, stated)
-    if stated == block.true_mode[lane]:
-        return 1.0
-    return -change_cost if changed else 0.0
-
-
-@inlined
 def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> bool:
     """Apply the action of track i, or begin its next episode. Returns whether the track advances."""
     if reset and arrays.actions[i] == 0:
@@ -116,7 +107,9 @@ def _prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, arrays:
         arrays.rewards[i] = 0.0
         arrays.terminated[i] = False
         return True
-    arrays.rewards[i] = _state(block, lane, arrays.actions[i], setting.change_cost)
+    changed = record_statement(block, lane, arrays.actions[i])
+    wrong = -setting.change_cost if changed else 0.0
+    arrays.rewards[i] = 1.0 if arrays.actions[i] == block.true_mode[lane] else wrong
     if block.time[lane] == setting.ticks:
         arrays.terminated[i] = True
         return False

@@ -8,20 +8,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core import records
 from hybrid_env.core.arrays import Array, declared, reader
 from hybrid_env.core.banks.anchor_aware import AnchorAwareBank
 from hybrid_env.core.banks.imm import ImmBank
 from hybrid_env.core.banks.published import PublishedBank
-from hybrid_env.core.records import (
-    BLOCK,
-    DECISION,
-    DECISION_FLAGS,
-    LANES,
-    SCRATCH,
-    SEGMENT_COLUMNS,
-    SENSOR,
-    TRACE_COLUMNS,
-)
+from hybrid_env.core.records import BLOCK, LANES, SCRATCH, SENSOR
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -39,17 +31,17 @@ class Arrays(NamedTuple):
     rewards: Annotated[Floats, Array(np.float64, ("tracks",))]
     terminated: Annotated[Flags, Array(np.bool_, ("tracks",))]
     seeded: Annotated[Flags, Array(np.bool_, ("tracks",))]  # whether the random stream has been seeded
-    trace: Annotated[Floats, Array(np.float64, ("tracks", "trace_rows", len(TRACE_COLUMNS)))]
-    decisions: Annotated[NDArray[np.int64], Array(np.int64, (len(DECISION), "tracks"))]
-    decision_flags: Annotated[Flags, Array(np.bool_, (len(DECISION_FLAGS), "tracks"))]
+    trace: Annotated[Floats, Array(np.float64, ("tracks", "trace_rows", len(records.TRACE_COLUMNS)))]
+    decisions: Annotated[NDArray[np.int64], Array(np.int64, (len(records.DECISION), "tracks"))]
+    decision_flags: Annotated[Flags, Array(np.bool_, (len(records.DECISION_FLAGS), "tracks"))]
     # the decisions again: one row has the bits of a float64
-    decided_numbers: Annotated[Floats, Array(np.float64, (len(DECISION), "tracks"), at="decisions")]
+    decided_numbers: Annotated[Floats, Array(np.float64, (len(records.DECISION), "tracks"), at="decisions")]
     # squared position error of every filter, summed over the segment, if it may be recalculated [m^2]
     errors: Annotated[Floats, Array(np.float64, ("blocks_count", "recalculated", LANES))]
     scratch: Annotated[NDArray[Any], Array(SCRATCH, (1,), "thread")]
     radii: Annotated[Floats, Array(np.float64, ("radii_count",), "options")]  # [m]
     # see `scheme.segment_table`
-    table: Annotated[Floats, Array(np.float64, ("table_rows", len(SEGMENT_COLUMNS)), "options")]
+    table: Annotated[Floats, Array(np.float64, ("table_rows", len(records.SEGMENT_COLUMNS)), "options")]
     # cumulative probabilities of the durations of the first and of other segments, for unknown switches, each
     # of straight segments and of turns
     durations: Annotated[Floats, Array(np.float64, (4, "ticks"), "options")]

@@ -15,14 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks import extended_kalman as ekf
 from hybrid_env.core.banks.bank import INNOVATION, Records, State, Triangle4, set_estimate, signed_radius, write_lane
-from hybrid_env.core.banks.extended_kalman import (
-    Triangle7,
-    anchor_covariance,
-    condition,
-    predict_covariance,
-    turn_coefficients,
-)
 from hybrid_env.core.banks.kalman import log_likelihood
 from hybrid_env.core.banks.sensing import LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
@@ -82,7 +76,7 @@ def begin_hypothesis(
     centre_x, centre_y = turn_centre(anchor[0], anchor[2], heading_x, heading_y, radius)
     kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
     kalman.turn_rate[lane] = 0.0 if radius == 0.0 else bank_turn_rate(speed, abs(radius), tau)
-    spread = anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
+    spread = ekf.anchor_covariance(covariance, heading_x, heading_y, inverse_speed, radius)
     write_lane(kalman.covariance, lane, spread)
     if exact:
         for k in ANCHOR_ENTRIES:
@@ -90,7 +84,7 @@ def begin_hypothesis(
 
 
 @inlined
-def _covariance7(P: NDArray[np.float64], lane: int) -> Triangle7:
+def _covariance7(P: NDArray[np.float64], lane: int) -> ekf.Triangle7:
     return (
         P[0, lane], P[1, lane], P[2, lane], P[3, lane], P[4, lane], P[5, lane], P[6, lane],
         P[7, lane], P[8, lane], P[9, lane], P[10, lane], P[11, lane], P[12, lane],
@@ -101,15 +95,15 @@ def _covariance7(P: NDArray[np.float64], lane: int) -> Triangle7:
 
 
 @inlined
-def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float, float, float, Triangle7]:
+def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[float, float, float, float, ekf.Triangle7]:
     """Return the predicted estimate (x, vx, y, vy) of a filter and its predicted covariance."""
     x, u, y, v = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
     centre_x, centre_y = kalman.centre_x[lane], kalman.centre_y[lane]
-    turn = turn_coefficients(kalman.turn_rate[lane], model.tau)
+    turn = ekf.turn_coefficients(kalman.turn_rate[lane], model.tau)
     C, S, W, _, dC, dS, dW = turn
     from_x, from_y = x - centre_x, y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
-    predicted = predict_covariance(_covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance)
+    predicted = ekf.predict_covariance(_covariance7(kalman.covariance, lane), turn, by_rate, model.process_variance)
     new_x, new_u = centre_x + C * from_x + S * u, C * u - W * from_x
     new_y, new_v = centre_y + C * from_y + S * v, C * v - W * from_y
     return new_x, new_u, new_y, new_v, predicted
@@ -133,13 +127,13 @@ def step_hypothesis(
         innovation_x = measurement[0, lane] - new_x
         sigma_x = k[0] + variance_x
         inverse_x = 1.0 / sigma_x
-        after_x = condition(predicted, k, inverse_x)
+        after_x = ekf.condition(predicted, k, inverse_x)
         m = after_x[2], after_x[8], after_x[13], after_x[14], after_x[15], after_x[16], after_x[17]
         gain_x = innovation_x * inverse_x
         innovation_y = measurement[1, lane] - (new_y + k[2] * gain_x)
         sigma_y = m[2] + variance_y
         inverse_y = 1.0 / sigma_y
-        corrected = condition(after_x, m, inverse_y)
+        corrected = ekf.condition(after_x, m, inverse_y)
         gain_y = innovation_y * inverse_y
         white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))

@@ -54,27 +54,19 @@ def anchor_covariance(
 
 
 @inlined
-def turn_derivatives(angle: float) -> tuple[float, float, float, float]:
-    """Return cos(a), sin(a) / a, a sin(a), and the derivative of sin(a) / a, for a = turn rate * tau."""
-    sine, cosine = sine_cosine(angle)
-    square = angle * angle
-    small = abs(angle) < SERIES
-    safe = 1.0 if small else angle
-    quotient = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)) if small else sine / safe
-    derivative = (
-        -angle / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0)) if small else (cosine - sine / safe) / safe
-    )
-    return cosine, quotient, angle * sine, derivative
-
-
-@inlined
 def turn_coefficients(rate: float, tau: float) -> Vector7:
     """Return (C, S, W, D, dC, dS, dW) of a tick at a turn rate [rad/s].
 
     C = cos a, S = sin a / rate, W = rate sin a and D = 1 - cos a for a = rate * tau; dC, dS and dW are the
     derivatives of C, S and W by the rate.
     """
-    C, quotient, product, derivative = turn_derivatives(rate * tau)
+    angle = rate * tau
+    sine, C = sine_cosine(angle)
+    square, product, small = angle * angle, angle * sine, abs(angle) < SERIES
+    safe = 1.0 if small else angle
+    # sin(a) / a and its derivative
+    quotient = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)) if small else sine / safe
+    derivative = -angle / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0)) if small else (C - sine / safe) / safe
     S, W = tau * quotient, product / tau
     D = product * quotient / (1.0 + C) if C > 0.0 else 1.0 - C  # avoids the cancellation of 1 - cos
     return C, S, W, D, -tau * rate * S, tau * tau * derivative, rate * S + rate * tau * C

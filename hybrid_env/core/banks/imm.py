@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
+from hybrid_env.core.banks import coordinated_turn as turns
 from hybrid_env.core.banks.bank import (
     INNOVATION,
     Records,
@@ -38,13 +39,6 @@ from hybrid_env.core.banks.bank import (
     state_of,
     triangle_of,
     write_lane,
-)
-from hybrid_env.core.banks.coordinated_turn import (
-    condition_x,
-    exchange_axes,
-    predict_covariance,
-    turn_angle,
-    turn_coefficients,
 )
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
@@ -117,9 +111,9 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
     """Return the predicted estimate of a filter and its covariance."""
     x, u, y, v = mean
-    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
+    turn = turns.turn_coefficients(turns.turn_angle(u, v, curvature, model.tau), model.tau)
     C, S, along, across = turn
-    predicted = predict_covariance(mixed, turn, model.process_variance)
+    predicted = turns.predict_covariance(mixed, turn, model.process_variance)
     new_x, new_y = x + along * u - across * v, y + across * u + along * v
     return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
 
@@ -141,12 +135,12 @@ def _step_hypothesis(
         inverse_x = 1.0 / sigma_x
         innovation_x = block.measurement[0, lane] - new_x
         gain_x = innovation_x * inverse_x
-        after_x = exchange_axes(condition_x(predicted, inverse_x, variance_x))
+        after_x = turns.exchange_axes(turns.condition_x(predicted, inverse_x, variance_x))
         sigma_y = after_x[0] + variance_y
         inverse_y = 1.0 / sigma_y
         innovation_y = block.measurement[1, lane] - (new_y + predicted[2] * gain_x)
         gain_y = innovation_y * inverse_y
-        corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
+        corrected = turns.exchange_axes(turns.condition_x(after_x, inverse_y, variance_y))
         white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
@@ -203,25 +197,16 @@ def step_imm(bank: ImmBank, block: Any, first: int, last: int, radii: NDArray[np
     merge(bank, block, first, last)
 
 
-@inlined
-def _finite(covariance: Triangle4, u: float, v: float) -> bool:
-    """Whether a predicted filter has not diverged; False for NaN."""
-    return (
-        (covariance[0] + covariance[7] < LARGEST * LARGEST)
-        & (covariance[4] + covariance[9] < LARGEST * LARGEST)
-        & (abs(u) + abs(v) < LARGEST)
-    )
-
-
 @internal
 def _predict_imm_hypothesis(kalman: Any, innovation: Any, block: Any, lane: int, curvature: float, model: Any) -> None:
     """Mix and predict one filter of a lane in a tick without a measurement."""
     prior, mean, mixed = mix(kalman, block, lane, model)
     moved, predicted = predict(mean, mixed, curvature, model)
-    finite = _finite(predicted, moved[1], moved[3])
+    finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (predicted[4] + predicted[9] < LARGEST * LARGEST)
+    finite &= abs(moved[1]) + abs(moved[3]) < LARGEST  # also False for NaN
     set_estimate(kalman, lane, moved if finite else mean)
     write_lane(kalman.covariance, lane, predicted if finite else mixed)
-    sigma_x, sigma_y = (kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y)
+    sigma_x, sigma_y = kalman.covariance[0, lane] + model.variance_x, kalman.covariance[7, lane] + model.variance_y
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
     innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
     kalman.log_likelihood[lane] = 0.0
