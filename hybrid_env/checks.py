@@ -57,35 +57,31 @@ def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     return ArgumentError(f"{name}={_shorten(shown, LONGEST_VALUE)} is not allowed: expected {allowed}")
 
 
-def check_number(name: str, value: Any, allowed: str = "a finite number") -> float:
-    """Return a finite float. Raises `ArgumentError` for bools, strings, NaN, infinities and durations."""
+def check_number(
+    name: str, value: Any, allowed: str = "a finite number", low: float = -math.inf, high: float = math.inf
+) -> float:
+    """Return a finite float from `low` to `high`. Bools, strings, NaN, infinities and durations are none."""
     if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, Real):
         raise reject(name, value, allowed)
     try:
         number = float(value)
     except (OverflowError, ValueError):  # an integer may be too large
         raise reject(name, value, allowed) from None
-    if not math.isfinite(number):
+    if not math.isfinite(number) or not low <= number <= high:
         raise reject(name, value, allowed)
     return number
 
 
 def check_positive(name: str, value: Any, allow_zero: bool = False) -> float:
     """Return a finite float > 0, or >= 0 with `allow_zero`."""
-    allowed = "a finite number >= 0" if allow_zero else "a finite number > 0"
-    number = check_number(name, value, allowed)
-    if number < 0.0 or (number == 0.0 and not allow_zero):
-        raise reject(name, value, allowed)
-    return number
+    low, sign = (0.0, ">=") if allow_zero else (math.ulp(0.0), ">")
+    return check_number(name, value, f"a finite number {sign} 0", low)
 
 
 def check_between(name: str, value: Any, low: float, high: float) -> float:
     """Return a float strictly between two bounds."""
     allowed = f"a number strictly between {low:g} and {high:g}"
-    number = check_number(name, value, allowed)
-    if not low < number < high:
-        raise reject(name, value, allowed)
-    return number
+    return check_number(name, value, allowed, math.nextafter(low, high), math.nextafter(high, low))
 
 
 def check_integer(name: str, value: Any, minimum: int = 1, maximum: int | None = None) -> int:

@@ -42,10 +42,8 @@ class GeometricDurations:
     offset: int = 0
 
     def __post_init__(self) -> None:
-        mean = check_number("mean", self.mean)
-        if not 1.0 <= mean <= MAX_LENGTH:
-            raise reject("mean", self.mean, f"a number of ticks from 1 to {MAX_LENGTH}")
-        object.__setattr__(self, "mean", mean)
+        allowed = f"a number of ticks from 1 to {MAX_LENGTH}"
+        object.__setattr__(self, "mean", check_number("mean", self.mean, allowed, 1.0, MAX_LENGTH))
         object.__setattr__(self, "offset", check_integer("offset", self.offset, 0, MAX_LENGTH))
 
     @property

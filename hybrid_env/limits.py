@@ -41,11 +41,7 @@ LARGEST_CIRCLE = 1e12  # radius / standard deviation of a measurement; a float64
 def check_within(name: str, value: Any, limits: str = "") -> float:
     """Return a finite float inside a range; limits: key of `RANGES`, by default the name."""
     low, high = RANGES[limits or name]
-    allowed = f"a number from {low:g} to {high:g}"
-    number = check_number(name, value, allowed)
-    if not low <= number <= high:
-        raise reject(name, value, allowed)
-    return number
+    return check_number(name, value, f"a number from {low:g} to {high:g}", low, high)
 
 
 def check_ticks(name: str, value: Any) -> int:
@@ -94,8 +90,7 @@ def check_initial_error(value: Any) -> tuple[float, float]:
     name, allowed = "initial_error", "(position variance over R, velocity variance) or 0"
     values = _values(value)
     if len(values) == 1 and values is not value:
-        if check_number(name, values[0], allowed) != 0.0:
-            raise reject(name, value, allowed)
+        check_number(name, values[0], allowed, 0.0, 0.0)
         return 0.0, 0.0
     position, velocity = two_values(name, value, allowed)
     return check_within(name, position, "initial_position"), check_within(name, velocity, "initial_velocity")

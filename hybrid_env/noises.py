@@ -40,17 +40,11 @@ class Noise:
     law: ClassVar[int]
     numbers: ClassVar[tuple[str | float, str | float, str | float]]
 
-    @property
-    def parameters(self) -> tuple[int, float, float, float]:
-        """Law of `core.noise`, shape, scale and clip for the kernel."""
-        shape, scale, clip = (getattr(self, one) if isinstance(one, str) else one for one in self.numbers)
-        return self.law, shape, scale, clip
-
     def write_parameters(self, record: NDArray[Any]) -> None:
-        """Write the parameters into a (1,) record `core.state.PARAMETERS`."""
-        names = ("noise_law", "noise_shape", "noise_scale", "noise_clip")
-        for name, value in zip(names, self.parameters, strict=True):
-            record[name] = value
+        """Write the law into a (1,) record `core.state.PARAMETERS`."""
+        record["noise_law"] = self.law
+        for name, one in zip(("noise_shape", "noise_scale", "noise_clip"), self.numbers, strict=True):
+            record[name] = getattr(self, one) if isinstance(one, str) else one
 
     def __str__(self) -> str:
         numbers = [f"{getattr(self, field.name):.15g}" for field in dataclasses.fields(self)]
@@ -60,10 +54,7 @@ class Noise:
 def _fix(law: Any, name: str, low: float, high: float, allowed: str = "") -> None:
     """Check that a number of a law is in a range, and store it as a float."""
     allowed = allowed or f"a number from {low:g} to {high:g}"
-    number = check_number(name, getattr(law, name), allowed)
-    if not low <= number <= high:
-        raise reject(name, number, allowed)
-    object.__setattr__(law, name, number)
+    object.__setattr__(law, name, check_number(name, getattr(law, name), allowed, low, high))
 
 
 @dataclass(frozen=True)

@@ -100,9 +100,7 @@ class ModelOptions:
                 fix(name, limits.check_within(name, getattr(self, name)))
         fix("measurement_variance", limits.check_variances(self.measurement_variance))
         fix("noise", parse_noise(self.noise))
-        fix("missed", check_number("missed", self.missed, "a number >= 0 and < 1"))
-        if not 0.0 <= self.missed < 1.0:
-            raise reject("missed", self.missed, "a number >= 0 and < 1")
+        fix("missed", check_number("missed", self.missed, "a number >= 0 and < 1", 0.0, math.nextafter(1.0, 0.0)))
         fix("sensors", parse_sensors(self.sensors))
         fix("likelihood", parse_likelihood(self.likelihood))
         check_sensors(self.sensors, self.variances.tolist())
@@ -121,10 +119,8 @@ class ModelOptions:
         motion = self.tau * max(self.speed, math.sqrt(fastest))
         least = max(motion / limits.LARGEST_MOTION, largest / limits.LARGEST_CIRCLE) ** 2
         if variance < least:
-            allowed = (
-                f"at least {least:g}: {limits.LARGEST_MOTION:g} standard deviations must exceed the motion per tick"
-            )
-            raise reject("measurement_variance", variance, f"{allowed}, and {limits.LARGEST_CIRCLE:g} the radius")
+            allowed = f"standard deviations must exceed the motion per tick, and {limits.LARGEST_CIRCLE:g} the radius"
+            raise reject("measurement_variance", variance, f"at least {least:g}: {limits.LARGEST_MOTION:g} {allowed}")
 
     @classmethod
     def of(cls, **options: Any) -> Self:

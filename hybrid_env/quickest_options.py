@@ -89,9 +89,7 @@ class QuickestOptions(ModelOptions):
         if self.hazard is not None:
             largest = 1.0 - 1.0 / self.hypotheses
             allowed = f"a number from 0 to {largest:.6g}, or None"
-            fix("hazard", check_number("hazard", self.hazard, allowed))
-            if not 0.0 <= self.hazard <= largest:
-                raise reject("hazard", self.hazard, allowed)
+            fix("hazard", check_number("hazard", self.hazard, allowed, 0.0, largest))
         self._check_ratios(self.radii)
 
     @property

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_env.checks import ArgumentError, check_choice, reject
-from hybrid_env.core.records import SEGMENT_COLUMNS
 from hybrid_env.limits import MAX_PIECES, check_ticks, check_within, distinct_radii, two_values
 
 GRAMMAR = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100', or a key of SCHEMES"
@@ -160,10 +159,8 @@ def segment_table(scheme: Scheme, radii: ArrayLike) -> NDArray[np.float64]:
     """
     bank = np.asarray(radii, dtype=np.float64)
     if isinstance(scheme, FixedScheme):
-        segments = [{"signed_radius": piece.signed_radius, "length": piece.length} for piece in scheme.pieces]
+        segments = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
     else:
         own = bank if scheme.radii is None else np.asarray(scheme.radii)
-        segments = [{"signed_radius": signed, "length": 0} for signed in (0.0, *own, *-own)]
-    for segment in segments:
-        segment["mode"] = nearest_mode(segment["signed_radius"], bank)
-    return np.array([[float(segment[name]) for name in SEGMENT_COLUMNS] for segment in segments])
+        segments = [(signed, 0) for signed in (0.0, *own, *-own)]
+    return np.array([(signed, nearest_mode(signed, bank), length) for signed, length in segments], np.float64)

@@ -35,16 +35,15 @@ class _Placed:
 
     def __post_init__(self) -> None:
         fix = functools.partial(object.__setattr__, self)
-        x, y = two_values("position", self.position, "(x, y)")
-        fix("position", (check_number("position", x), check_number("position", y)))
-        if max(map(abs, self.position)) > RANGES["radii"][1]:
-            raise reject("position", self.position, f"numbers up to {RANGES['radii'][1]:g}")
+        largest = RANGES["radii"][1]
+        values = two_values("position", self.position, "(x, y)")
+        fix(
+            "position",
+            tuple(check_number("position", x, f"numbers up to {largest:g}", -largest, largest) for x in values),
+        )
         fix("period", check_ticks("period", self.period))
-        allowed = "a number > 0, or inf"
-        infinite = isinstance(self.range, float) and self.range == math.inf
-        fix("range", math.inf if infinite else check_number("range", self.range, allowed))
-        if self.range <= 0.0:
-            raise reject("range", self.range, allowed)
+        if not (isinstance(self.range, float) and self.range == math.inf):
+            fix("range", check_number("range", self.range, "a number > 0, or inf", math.ulp(0.0)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +92,8 @@ class Radar(_Placed):
     def __post_init__(self) -> None:
         fix = functools.partial(object.__setattr__, self)
         for name in ("range_deviation", "bearing_deviation", "rate_deviation"):
-            if name != "rate_deviation" or self.rate_deviation is not None:
-                fix(name, check_within(name, getattr(self, name)))
+            if (value := getattr(self, name)) is not None or name != "rate_deviation":
+                fix(name, check_within(name, value))
         super().__post_init__()
 
     @property

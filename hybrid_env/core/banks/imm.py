@@ -1,8 +1,8 @@
 """The interacting multiple model (IMM) bank: filters that run on over switches at unknown moments.
 
 Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients". Each of M hypotheses has a Kalman filter of a coordinated turn (`coordinated_turn`)
-and a probability. The mode is a Markov chain with the transition matrix
+coefficients". Each of M hypotheses has a Kalman filter of a coordinated turn and a probability. The mode is a
+Markov chain with the transition matrix
 
     1 - hazard          on the diagonal,
     hazard / (M - 1)    elsewhere,
@@ -17,6 +17,12 @@ whose rows sum to 1. A tick has three steps:
    probability. Logarithms of probabilities are stored, so that none of them is lost in an outlier.
 3. Output. Mean and covariance of the mixture of all filters are the merged estimate.
 
+In every tick of a coordinated turn the object turns by the angle a = speed * tau / radius about the centre that
+follows from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick. Its filter therefore runs
+on over switches and needs no anchor. The angle follows from the estimated velocity and is then treated as known,
+because the turn rate of the object does not change with the process noise of a segment. The state is [x, vx, y,
+vy], with the suffixes x, u, y and v below; a covariance is its upper triangle row by row, 10 numbers.
+
 A filter that diverges keeps its initial condition and becomes unlikely, so that no NaN occurs.
 """
 
@@ -27,7 +33,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Array, block_reader, reader
-from hybrid_env.core.banks import coordinated_turn as turns
 from hybrid_env.core.banks.bank import (
     INNOVATION,
     Records,
@@ -44,7 +49,8 @@ from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, SUMS, merge, mixture_of_two, normalize
 from hybrid_env.core.banks.sensing import LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import inlined, internal
-from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.elementary import exp, log, sine_cosine
+from hybrid_env.core.motion import LARGEST_ANGLE
 from hybrid_env.core.records import lanes_of
 
 IMM_HYPOTHESIS = lanes_of(
@@ -68,6 +74,78 @@ class ImmBank(NamedTuple):
 
 imm_banks = reader(ImmBank)
 imm_of_block = block_reader(ImmBank)
+
+
+@inlined
+def turn_angle(u: float, v: float, curvature: float, tau: float) -> float:
+    """Return the angle of a turn in one tick [rad], positive to the left, bounded; curvature: 1 / radius [1/m]."""
+    angle = curvature * math.sqrt(u * u + v * v) * tau
+    return max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE)
+
+
+@inlined
+def turn_coefficients(angle: float, tau: float) -> State:
+    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau.
+
+    The new velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by
+    (along u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a [s].
+    """
+    half = 0.5 * angle
+    sine, cosine = sine_cosine(half)
+    quotient = sine / half if half != 0.0 else 1.0
+    # half angles avoid the cancellation of 1 - cos a
+    return (
+        1.0 - 2.0 * sine * sine, 2.0 * sine * cosine, tau * quotient * cosine, tau * quotient * sine,
+    )  # fmt: skip
+
+
+@inlined
+def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Triangle4:
+    """Return the predicted covariance F P F' + G Q G', F the transition matrix; turn: from `turn_coefficients`."""
+    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
+    C, S, along, across = turn
+    # covariance of the new position with the old velocity
+    x_u, x_v = xu + along * uu - across * uv, xv + along * uv - across * vv
+    y_u, y_v = uy + across * uu + along * uv, yv + across * uv + along * vv
+    # covariance of the new velocity with the old one
+    u_u, u_v, v_u, v_v = C * uu - S * uv, C * uv - S * vv, S * uu + C * uv, S * uv + C * vv
+    return (
+        xx + along * (x_u + xu) - across * (x_v + xv),
+        C * x_u - S * x_v,
+        xy + across * x_u + along * x_v + along * uy - across * yv,
+        S * x_u + C * x_v,
+        C * u_u - S * u_v + process_variance,
+        C * y_u - S * y_v,
+        S * u_u + C * u_v,
+        yy + across * (y_u + uy) + along * (y_v + yv),
+        S * y_u + C * y_v,
+        S * v_u + C * v_v + process_variance,
+    )  # fmt: skip
+
+
+@inlined
+def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
+    """Return the corrected covariance P - K H P after a measurement of x with variance R.
+
+    inverse: 1 / innovation variance [1/m^2].
+    """
+    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
+    left = variance * inverse  # the row of the measured coordinate is K R, which avoids cancellation
+    gain_u, gain_y, gain_v = xu * inverse, xy * inverse, xv * inverse
+    # variances are bounded below, so that rounding does not make them negative
+    return (
+        xx * left, xu * left, xy * left, xv * left,
+        max(uu - gain_u * xu, gain_u * gain_u * variance), uy - gain_u * xy, uv - gain_u * xv,
+        max(yy - gain_y * xy, gain_y * gain_y * variance), yv - gain_y * xv,
+        max(vv - gain_v * xv, gain_v * gain_v * variance),
+    )  # fmt: skip
+
+
+@inlined
+def exchange_axes(p: Triangle4) -> Triangle4:
+    """Return the covariance of [y, vy, x, vx]."""
+    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
+    return yy, yv, xy, uy, vv, xv, uv, xx, xu, uu
 
 
 @internal
@@ -111,9 +189,9 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
 def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
     """Return the predicted estimate of a filter and its covariance."""
     x, u, y, v = mean
-    turn = turns.turn_coefficients(turns.turn_angle(u, v, curvature, model.tau), model.tau)
+    turn = turn_coefficients(turn_angle(u, v, curvature, model.tau), model.tau)
     C, S, along, across = turn
-    predicted = turns.predict_covariance(mixed, turn, model.process_variance)
+    predicted = predict_covariance(mixed, turn, model.process_variance)
     new_x, new_y = x + along * u - across * v, y + across * u + along * v
     return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
 
@@ -135,12 +213,12 @@ def _step_hypothesis(
         inverse_x = 1.0 / sigma_x
         innovation_x = block.measurement[0, lane] - new_x
         gain_x = innovation_x * inverse_x
-        after_x = turns.exchange_axes(turns.condition_x(predicted, inverse_x, variance_x))
+        after_x = exchange_axes(condition_x(predicted, inverse_x, variance_x))
         sigma_y = after_x[0] + variance_y
         inverse_y = 1.0 / sigma_y
         innovation_y = block.measurement[1, lane] - (new_y + predicted[2] * gain_x)
         gain_y = innovation_y * inverse_y
-        corrected = turns.exchange_axes(turns.condition_x(after_x, inverse_y, variance_y))
+        corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
         white_x, white_y = innovation_x * math.sqrt(inverse_x), innovation_y * math.sqrt(inverse_y)
         log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
 
