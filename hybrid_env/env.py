@@ -26,13 +26,9 @@ class TrackEnv(ReadOnlyAttributes, gym.Env[NDArray[np.float32], np.int64]):
     read_only = frozenset(("options", "world"))
 
     options_class: ClassVar[Any]
-    """Class of the options."""
     evidence_panel: ClassVar[EvidencePanel]
-    """What the evidence panel of a frame shows."""
-    history: History | None
-    """Ticks of the running episode, for rendering; None without a render mode."""
+    history: History | None  # ticks of the running episode; None without a render mode
     renderer: Renderer | None
-    """Draws the history; None without a render mode."""
 
     def __init__(self, render_mode: str | None = None, **options: Any):
         if render_mode is not None:
@@ -249,13 +245,8 @@ class HybridTrackEnv(TrackEnv):
     | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | the same, `correctness="type"`, cost 0.01 |
     | HybridTrackEasy-v0 | S, L5, R5 | as HybridTrack-v0; early declarations wait, see `HybridTrackEasyEnv` |
 
-    Results depend on these options. Report all options that differ from the defaults.
-
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential analysis).
-
-    ## Version History
-    * v0: Initial version
     """
 
     options: WorldOptions

@@ -65,17 +65,11 @@ class ModelOptions:
     """
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    """Whether the moments of the switches are announced."""
     layout_class: ClassVar[type[Layout]]
-    """Class of the layout of the observation."""
-    tick_names: ClassVar[tuple[str, ...]]
-    """Fields of the current tick, in the order of `info`."""
-    hypothesis_field: ClassVar[str]
-    """The field of every hypothesis that `info` contains."""
-    first_action: ClassVar[str]
-    """Meaning of action 0, for messages."""
-    traced: ClassVar[bool]
-    """Whether the kernel can store the ticks of a step, which may be more than one."""
+    tick_names: ClassVar[tuple[str, ...]]  # of the current tick, in the order of `info`
+    hypothesis_field: ClassVar[str]  # of every hypothesis, in `info`
+    first_action: ClassVar[str]  # meaning of action 0, for messages
+    traced: ClassVar[bool]  # whether the kernel can store the ticks of a step, which may be more than one
 
     radii: tuple[float, ...] = (5.0,)
     speed: float = 2.0

@@ -94,14 +94,9 @@ class HybridTrackQuickestEnv(TrackEnv):
     | HybridTrackQuickest-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 600 ticks, 25 + geometric 50 |
     | HybridTrackQuickestBank-v0 | S, L1 .. L10, R1 .. R10 | the same; the radius must be right too |
 
-    Results depend on these options. Report all options that differ from the defaults.
-
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model); Blom and Bar-Shalom 1988 (bank); Page 1954 and Shiryaev
     1963 (quickest detection of a change).
-
-    ## Version History
-    * v0: Initial version
     """
 
     options: QuickestOptions

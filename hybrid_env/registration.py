@@ -1,6 +1,6 @@
 """Registration of the environments with Gymnasium. Their files are imported when one is made."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator, register, registry
@@ -42,41 +42,30 @@ def register_environments() -> None:
 
 def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackVectorEnv":
     """Create the vector environment of a registered id; `options` override the options of the id."""
-    from hybrid_env.vector_env import TrackVectorEnv
-
-    _check_env_id(env_id, TrackVectorEnv)
-    env = gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options)
-    assert isinstance(env, TrackVectorEnv)
-    return env
+    vector_class(env_id)
+    return cast("TrackVectorEnv", gym.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point", **options))
 
 
 def make_vector_env(env_id: str, num_envs: int, **options: Any) -> "HybridTrackVectorEnv":
     """Create the vector environment of an id of `HybridTrackEnv`, as `make_track_vector_env`."""
-    from hybrid_env.vector_env import HybridTrackVectorEnv
-
-    _check_env_id(env_id, HybridTrackVectorEnv)
-    env = make_track_vector_env(env_id, num_envs, **options)
-    assert isinstance(env, HybridTrackVectorEnv)
-    return env
+    vector_class(env_id, "HybridTrackVectorEnv")
+    return cast("HybridTrackVectorEnv", make_track_vector_env(env_id, num_envs, **options))
 
 
 def environment_options(env_id: str) -> "type[ModelOptions]":
     """Return the class of the options of a registered id: `WorldOptions` or `QuickestOptions`."""
-    from hybrid_env.vector_env import TrackVectorEnv
-
-    _check_env_id(env_id, TrackVectorEnv)
-    entry_point = gym.spec(env_id.removeprefix("hybrid_env:")).vector_entry_point
-    assert isinstance(entry_point, str)
-    vector_class: Any = load_env_creator(entry_point)
-    found: type[ModelOptions] = vector_class.options_class
+    found: type[ModelOptions] = vector_class(env_id).options_class
     return found
 
 
-def _check_env_id(env_id: str, kind: type) -> None:
-    """Raise `ArgumentError` for an id of another package, or whose vector environment is of another kind."""
-    entries = {name: spec.vector_entry_point for name, spec in gym.registry.items()}
+def vector_class(env_id: str, kind: str = "TrackVectorEnv") -> Any:
+    """Return the class of the vector environment of an id, which must be of this package and of a kind."""
+    from hybrid_env import vector_env
+
+    entries = {name: spec.vector_entry_point for name, spec in registry.items()}
     own = {name: entry for name, entry in entries.items() if isinstance(entry, str) and entry.startswith("hybrid_env.")}
     classes: dict[str, Any] = {name: load_env_creator(entry) for name, entry in own.items()}
-    known = [name for name, vector_class in classes.items() if issubclass(vector_class, kind)]
-    if env_id.removeprefix("hybrid_env:") not in known:
+    known = {name: found for name, found in classes.items() if issubclass(found, getattr(vector_env, kind))}
+    if (name := env_id.removeprefix("hybrid_env:")) not in known:
         raise reject("env", env_id, "one of " + ", ".join(known))
+    return known[name]

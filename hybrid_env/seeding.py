@@ -11,7 +11,7 @@ def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
     """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
     # raw words are faster, and those of `state_of`, which rejects a word of zero, once in 2^62 tracks
     states = np.array([np.random.PCG64(seed).random_raw(4) for seed in seeds], np.uint64).reshape(-1, 4)
-    for i in np.flatnonzero((states == 0).any(1)):
+    for i in np.flatnonzero((states == 0).any(1)).tolist():
         states[i] = state_of(seeding.np_random(seeds[i])[0])
     return states
 

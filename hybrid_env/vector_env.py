@@ -88,8 +88,6 @@ class TrackVectorEnv(ReadOnlyAttributes, VectorEnv[NDArray[np.float32], NDArray[
     """A vector environment of N tracks, as `HybridTrackVectorEnv`; each environment has a subclass with its options."""
 
     options_class: ClassVar[Any]
-    """Class of the options."""
-
     read_only = frozenset(("num_envs", "options", "world"))
 
     def __init__(
