@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import BeamModel, Branches, begin_branches, branch_arrays, step_branches, step_memory
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
-from hybrid_env.checks import FloatArray, check_flag, check_integer
+from hybrid_env.checks import BoolArray, FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -131,7 +130,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         memory = step_memory(self.hypotheses, state.branches)
         run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
 
-    def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
+    def statements(self, state: BeamState, starts: BoolArray) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
         return state.stated.copy()

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
@@ -47,12 +48,12 @@ class Branches(NamedTuple):
     """
 
     filters: NDArray[Any]
-    modes: NDArray[np.int64]
-    ages: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    evidence: NDArray[np.float64]
+    modes: IntArray
+    ages: IntArray
+    rows: IntArray
+    slots: IntArray
+    counts: IntArray
+    evidence: FloatArray
     habits: Habits
 
 
@@ -73,12 +74,12 @@ class BeamModel(NamedTuple):
         sensors: (k,) records `records.SENSOR`.
     """
 
-    radii: NDArray[np.float64]
-    hazards: NDArray[np.float64]
-    order: NDArray[np.float64]
+    radii: FloatArray
+    hazards: FloatArray
+    order: FloatArray
     merged: bool
-    tables: NDArray[np.float64]
-    prior: NDArray[np.float64]
+    tables: FloatArray
+    prior: FloatArray
     habitual: float
     filters: FilterModel
     sensors: NDArray[Any]
@@ -103,7 +104,7 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
 
 
 @compiled
-def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], model: BeamModel) -> None:
+def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
     """Start one branch of every mode in the first segment.
 
     Args:
@@ -155,7 +156,7 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
 
 
 @internal
-def triangle(entries: NDArray[np.float64]) -> Triangle4:
+def triangle(entries: FloatArray) -> Triangle4:
     """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
     return (
         entries[0], entries[1], entries[2], entries[3], entries[4],
@@ -178,11 +179,11 @@ def _begin_child(children: Branches, c: int, mode: int, anchor: State, covarianc
 def _switch(
     branches: Branches,
     track: int,
-    weights: NDArray[np.float64],
+    weights: FloatArray,
     parents: tuple[int, int],
     children: Branches,
     count: int,
-    free: NDArray[np.int64],
+    free: IntArray,
     model: BeamModel,
 ) -> int:
     """Write one child for every mode, after `count` others: the mixture of parents in other modes.
@@ -282,8 +283,8 @@ def step_branches(
     children: Branches,
     innovations: NDArray[Any],
     measured: NDArray[Any],
-    measurements: NDArray[np.float64],
-    log_probability: NDArray[np.float64],
+    measurements: FloatArray,
+    log_probability: FloatArray,
     model: BeamModel,
 ) -> None:
     """Advance the branches of all tracks by one tick.

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import internal
 
 SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
@@ -37,7 +38,7 @@ class Habits(NamedTuple):
 
 
 @internal
-def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float64], habitual: float) -> None:
+def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habitual: float) -> None:
     """Give the first slots of a track the prior of the laws, (3, L), and of habits."""
     for slot in range(slots):
         habits.laws[track, slot] = prior
@@ -46,9 +47,7 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float
 
 
 @internal
-def expected_hazard(
-    laws: NDArray[np.float32], turns: int, lasted: NDArray[np.float64], ended: NDArray[np.float64]
-) -> float:
+def expected_hazard(laws: NDArray[np.float32], turns: int, lasted: FloatArray, ended: FloatArray) -> float:
     """Return the probability that a segment ends after its present tick.
 
     Args:
@@ -66,9 +65,7 @@ def expected_hazard(
 
 
 @internal
-def _add_posterior(
-    target: NDArray[np.float64], laws: NDArray[np.float32], weight: float, turns: int, ended: NDArray[np.float64]
-) -> None:
+def _add_posterior(target: FloatArray, laws: NDArray[np.float32], weight: float, turns: int, ended: FloatArray) -> None:
     """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
     same, own, before = 0.0, 0.0, 0.0
     for law in range(ended.size):
@@ -99,7 +96,7 @@ def next_mode(habits: Habits, track: int, slot: int, mode: int, other: int) -> t
 
 
 @internal
-def free_slots(used: NDArray[np.int64], habits: Habits) -> NDArray[np.int64]:
+def free_slots(used: IntArray, habits: Habits) -> IntArray:
     """Return M slots of a track that none of its branches uses. used: those of its branches."""
     taken = np.zeros(habits.laws.shape[1], np.bool_)
     for k in range(used.size):
@@ -113,12 +110,12 @@ def merge_habits(
     track: int,
     slot: int,
     mode: int,
-    weights: NDArray[np.float64],
-    slots: NDArray[np.int64],
-    modes: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    ages: NDArray[np.int64],
-    tables: NDArray[np.float64],
+    weights: FloatArray,
+    slots: IntArray,
+    modes: IntArray,
+    rows: IntArray,
+    ages: IntArray,
+    tables: FloatArray,
 ) -> None:
     """Write the habits of a branch that begins with a switch to a mode, the mixture of its parents.
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
@@ -63,11 +64,7 @@ class Decider:
         DEFINED.append(cls)
 
     def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """Return the actions of N tracks for one step.
 
@@ -104,7 +101,7 @@ class Decider:
             return posterior_panel("Kalman filters")
         return probability_panel("bank")
 
-    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
 
         By default it is the posterior of the filters of the environment.
@@ -117,7 +114,7 @@ class Decider:
             return np.asarray(values / values.sum(-1, keepdims=True))
         return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
-    def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         """Return the state of the tracks selected by a mask (N,), so that finished tracks can be dropped.
 
         `NotImplemented`, the default, keeps all tracks.

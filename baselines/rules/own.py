@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import InvalidAction
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, DeciderFamily
-from hybrid_env.checks import ArgumentError, check_number, reject
+from hybrid_env.checks import ArgumentError, BoolArray, check_number, reject
 
 ENTRY_POINTS = "hybridtrack.deciders"
 """Group of entry points by which packages name deciders."""
@@ -47,11 +46,7 @@ class Adapted(Decider):
         return str(getattr(self.model, "__name__", type(self.model).__name__))
 
     def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """See `Decider.predict`; a model that returns actions only has no state."""
         if self._rows_only:
@@ -88,7 +83,7 @@ class Asked:
         self._trusted = type(decider).__module__.startswith(OURS) and not isinstance(decider, Adapted)
         self._seconds, self._calls, self._told = 0.0, 0, False
 
-    def __call__(self, seen: Any, state: Any, starts: NDArray[np.bool_]) -> tuple[Actions, Any]:
+    def __call__(self, seen: Any, state: Any, starts: BoolArray) -> tuple[Actions, Any]:
         """Return actions (N,) and the new state, see `Decider.predict`.
 
         Raises:

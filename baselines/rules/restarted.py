@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
@@ -20,7 +19,7 @@ from baselines.rules.restarted_filters import (
     restart_arrays,
     step_restarted,
 )
-from hybrid_env.checks import FloatArray, check_choice, check_integer, check_positive
+from hybrid_env.checks import BoolArray, FloatArray, check_choice, check_integer, check_positive
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks
@@ -88,7 +87,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         """Advance filters and statements; see `MeasurementDecider.step`."""
         run_compiled(step_restarted, state, measurements, self.model)
 
-    def statements(self, state: RestartedFilters, starts: NDArray[np.bool_]) -> Actions:
+    def statements(self, state: RestartedFilters, starts: BoolArray) -> Actions:
         """Return the statements; see `MeasurementDecider.statements`."""
         return state.stated.copy()
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import copy_filter, triangle
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
@@ -42,9 +43,9 @@ class RestartedFilters(NamedTuple):
 
     stated_filters: NDArray[Any]
     started: NDArray[Any]
-    counts: NDArray[np.int64]
-    stated: NDArray[np.int64]
-    log_ratios: NDArray[np.float64]
+    counts: IntArray
+    stated: IntArray
+    log_ratios: FloatArray
     innovations: NDArray[Any]
     measured: NDArray[Any]
 
@@ -63,7 +64,7 @@ class RestartModel(NamedTuple):
         sensors: (k,) records `records.SENSOR`.
     """
 
-    radii: NDArray[np.float64]
+    radii: FloatArray
     window: int
     exact_anchor: bool
     mean: bool
@@ -95,9 +96,7 @@ def _begin_filter(kalman: Any, lane: int, anchor: State, covariance: Triangle4, 
 
 
 @compiled
-def begin_restarted(
-    filters: RestartedFilters, track: int, mode: int, start: NDArray[np.float64], model: RestartModel
-) -> None:
+def begin_restarted(filters: RestartedFilters, track: int, mode: int, start: FloatArray, model: RestartModel) -> None:
     """Begin an episode of a track.
 
     Args:
@@ -164,7 +163,7 @@ def _change(filters: RestartedFilters, track: int, live: int, model: RestartMode
 
 
 @compiled
-def step_restarted(filters: RestartedFilters, measurements: NDArray[np.float64], model: RestartModel) -> None:
+def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: RestartModel) -> None:
     """Advance all tracks by one tick: start filters, correct all, and change statements.
 
     Args:

@@ -14,7 +14,7 @@ from baselines.rules.decider import Actions, Observations
 from baselines.rules.own import Asked, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
@@ -72,16 +72,14 @@ class Now:
     observation: Observations
     seen: NDArray[Any]
     state: Any
-    starts: NDArray[np.bool_]
-    terminated: NDArray[np.bool_]
+    starts: BoolArray
+    terminated: BoolArray
     actions: Actions
-    rewards: NDArray[np.float64]
+    rewards: FloatArray
     info: dict[str, Any]
 
 
-def rollout(
-    env: VectorEnvironment, model: Any, seed: int, unfinished: NDArray[np.bool_] | None = None
-) -> Iterator[Now]:
+def rollout(env: VectorEnvironment, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
     In the body of the loop the environment is at the tick that was yielded, with the results of the last

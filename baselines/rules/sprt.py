@@ -9,11 +9,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import CLIPPED_RATIO, ROBUST
-from hybrid_env.checks import check_between, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
@@ -41,9 +40,7 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 
 
 @compiled
-def sprt_test(
-    log_likelihood: NDArray[np.float64], running: NDArray[np.bool_], reference: int, upper: float, lower: float
-) -> int:
+def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, upper: float, lower: float) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
     Args:
@@ -78,12 +75,7 @@ def sprt_test(
 
 @compiled
 def _test_tracks(
-    log_likelihood: NDArray[np.float64],
-    reference: NDArray[np.int64],
-    running: NDArray[np.bool_],
-    upper: float,
-    lower: float,
-    actions: NDArray[np.int64],
+    log_likelihood: FloatArray, reference: IntArray, running: BoolArray, upper: float, lower: float, actions: IntArray
 ) -> None:
     for i in range(reference.size):
         actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
@@ -117,7 +109,7 @@ class SPRTDecider(Decider):
 
     def decide(
         self, observation: Observations, state: Any, episode_start: Any
-    ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+    ) -> tuple[Actions, tuple[FloatArray, BoolArray]]:
         """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
 
         If there is no state after the first tick of a segment, the test starts from the clipped ratios with
@@ -148,7 +140,7 @@ class SPRTDecider(Decider):
         lower, upper = math.exp(self.lower), math.exp(self.upper)
         return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)

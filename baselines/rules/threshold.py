@@ -5,10 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations, RowRule
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
@@ -16,12 +15,7 @@ from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 @compiled
 def _choose(
-    log_probability: NDArray[np.float64],
-    stated: Actions,
-    started: NDArray[np.bool_],
-    threshold: float,
-    release: float,
-    actions: Actions,
+    log_probability: FloatArray, stated: Actions, started: BoolArray, threshold: float, release: float, actions: Actions
 ) -> None:
     """Write the next statements; see `ThresholdDecider.choose`. The thresholds are logarithms."""
     for i in range(stated.size):
@@ -109,7 +103,7 @@ class ThresholdDecider(RowRule):
         """Return the panel of `evidence`."""
         return probability_panel("bank", self.threshold)
 
-    def choose(self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]) -> Actions:
+    def choose(self, log_probability: FloatArray, stated: Actions, started: BoolArray) -> Actions:
         """Return the next statements of N tracks, (N,).
 
         Args:
@@ -121,7 +115,7 @@ class ThresholdDecider(RowRule):
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
 
-    def statements(self, log_probability: NDArray[np.float64]) -> NDArray[np.int64]:
+    def statements(self, log_probability: FloatArray) -> IntArray:
         """Return the statements (T, N) at every tick, from log probabilities (T, N, M)."""
         stated = np.zeros(log_probability.shape[:2], np.int64)
         for tick, values in enumerate(log_probability):
@@ -129,7 +123,7 @@ class ThresholdDecider(RowRule):
         return stated
 
 
-def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
+def read_statement(observation: Observations) -> tuple[Actions, BoolArray]:
     """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
     stated = QuickestLayout.of_rows(observation).read(observation, "stated")
     return stated.argmax(-1), stated.max(-1) > 0.0

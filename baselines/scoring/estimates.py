@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray
+
 RESAMPLES = 2000  # of the bootstrap
 
 
@@ -53,7 +53,7 @@ def confidence_interval(
         value = float(of_means(episodes.mean(0)))
         return value, value
 
-    def statistic(index: NDArray[np.int64], axis: int) -> Any:
+    def statistic(index: IntArray, axis: int) -> Any:
         return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
 
     with warnings.catch_warnings():

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
+from hybrid_env.checks import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
 NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
 
 
@@ -81,7 +81,7 @@ def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> Flo
     right = reached.argmax(-1)
     left = np.maximum(right - 1, 0)
 
-    def pick(values: FloatArray, index: NDArray[np.int64]) -> FloatArray:
+    def pick(values: FloatArray, index: IntArray) -> FloatArray:
         return np.take_along_axis(values, index[..., None], -1)[..., 0]
 
     step = pick(measure, right) - pick(measure, left)

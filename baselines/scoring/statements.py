@@ -4,12 +4,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.scoring.scores import Statistic, mean, quotient, ratio
-from hybrid_env.checks import check_positive, reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_positive, reject
 
 COLUMNS = (
     "right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed",
@@ -56,8 +53,8 @@ class Statements(NamedTuple):
         stated_modes: (T, N).
     """
 
-    true_modes: NDArray[np.int64]
-    stated_modes: NDArray[np.int64]
+    true_modes: IntArray
+    stated_modes: IntArray
 
 
 @dataclass(frozen=True)
@@ -82,12 +79,12 @@ class StatementMetrics:
     right: FloatArray
     reward: FloatArray
     wrong_changes: FloatArray
-    stated_changes: NDArray[np.int64]
-    switches: NDArray[np.int64]
-    delays: NDArray[np.int64]
-    delay_tracks: NDArray[np.int64]
-    missed: NDArray[np.int64]
-    undetected: NDArray[np.int64]
+    stated_changes: IntArray
+    switches: IntArray
+    delays: IntArray
+    delay_tracks: IntArray
+    missed: IntArray
+    undetected: IntArray
 
     @property
     def figures(self) -> FloatArray:
@@ -109,7 +106,7 @@ class StatementMetrics:
         means = self.figures.mean(0)
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
 
-    def named_within(self, longest: int) -> NDArray[np.int64]:
+    def named_within(self, longest: int) -> IntArray:
         """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches.
 
         An undetected last switch of a track does not count.
@@ -173,13 +170,13 @@ class Switches(NamedTuple):
         track: index of the track.
     """
 
-    begin: NDArray[np.int64]
-    end: NDArray[np.int64]
-    stated: NDArray[np.int64]
-    track: NDArray[np.int64]
+    begin: IntArray
+    end: IntArray
+    stated: IntArray
+    track: IntArray
 
 
-def find_switches(switched: NDArray[np.bool_], right: NDArray[np.bool_]) -> Switches:
+def find_switches(switched: BoolArray, right: BoolArray) -> Switches:
     """Return the switches, and when each is detected.
 
     Args:
