@@ -126,8 +126,7 @@ def decide_track(track: Track, tracker: OnlineTracker) -> list[OnlineEstimate]:
         tracker: begins a new track.
 
     Raises:
-        ArgumentError: the times do not fit the ticks, or a measurement is missing and the decider cannot do
-            without it.
+        ArgumentError: the times do not fit the ticks, or a measurement is missing and the decider cannot do without it.
     """
     tracker.begin()
     start = track[0].timestamp

@@ -69,8 +69,7 @@ def correct(
         state, covariance: predicted, (..., n) and (..., n, n).
         measurement: (..., d) [m].
         noise: of the measurement.
-        robust: how components far from the prediction are used, or whole measurements; None is the Kalman
-            filter.
+        robust: how components far from the prediction are used, or whole measurements; None is the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
     lead, d = state.shape[:-1], measurement.shape[-1]

@@ -1,17 +1,15 @@
 """The interacting multiple model (IMM) filter, and its steps for filters of any kind.
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients": `ModelChain`, `mix_models`, `mixture` and `weigh_models` are its steps, also for the filters of
-turns (`turns`).
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients":
+`ModelChain`, `mix_models`, `mixture` and `weigh_models` are its steps, also for the filters of turns (`turns`).
 
-`IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are
-mixed. A derivative that only one of them has is distributed as at the start of a track, with mean 0 and the
-variance of its `start_deviations`. That is a distribution of the object's motion, so that the filter is
-consistent; a variance of 0 would make it blind to the first seconds of a manoeuvre (Granstrom, Willett &
-Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states").
+`IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are mixed. A
+derivative that only one of them has is distributed as at the start of a track, with mean 0 and the variance of its
+`start_deviations`. That is a distribution of the object's motion, so that the filter is consistent; a variance of 0
+would make it blind to the first seconds of a manoeuvre (Granstrom, Willett & Bar-Shalom 2015, "Systematic approach to
+IMM mixing for unequal dimension states").
 
-Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to
-1.
+Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,9 @@
-"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated
-turns.
+"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated turns.
 
-The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with
-m = 2, 3, 4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise
-drives the highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking
-and Navigation", section 6.2 (continuous noise), 6.3 (discrete noise) and 11.7 (turns).
+The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with m = 2, 3,
+4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise drives the highest
+derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 6.2
+(continuous noise), 6.3 (discrete noise) and 11.7 (turns).
 """
 
 from dataclasses import dataclass
@@ -59,13 +58,11 @@ class MotionModel:
     Attributes:
         name: "CV", "CA" or "CJ".
         axes: number of dimensions d.
-        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral
-            density of the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA,
-            [m^2/s^7] for CJ. With discrete noise it is the variance of the acceleration that is constant in
-            a time step for CV [m^2/s^4], and of the increment of the highest derivative in a time step for
-            CA [m^2/s^4] and CJ [m^2/s^6].
-        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete"
-            noise does.
+        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral density of
+            the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA, [m^2/s^7] for CJ.
+            With discrete noise it is the variance of the acceleration that is constant in a time step for CV [m^2/s^4],
+            and of the increment of the highest derivative in a time step for CA [m^2/s^4] and CJ [m^2/s^6].
+        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete" noise does.
 
     Raises:
         ArgumentError: an attribute has a value that is not allowed.

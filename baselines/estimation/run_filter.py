@@ -67,12 +67,11 @@ def run_filter(
     Args:
         track_filter: any filter; it begins anew.
         measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
-        times: (T,) or (T, B) times of the ticks [s], not decreasing. The same time twice has measurements of
-            two sensors.
-        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or
-            (T, B, d, d).
-        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time
-            [s]; None begins each track with its first measurement.
+        times: (T,) or (T, B) times of the ticks [s], not decreasing. The same time twice has measurements of two
+            sensors.
+        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or (T, B, d, d).
+        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time [s]; None
+            begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
 

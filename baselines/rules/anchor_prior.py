@@ -1,9 +1,8 @@
 """Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes.
 
-The error after a correct and after a wrong declaration is described by a mixture of two normal distributions
-each: most anchors are accurate, but an error can last for several segments. The distributions are given in
-the heading frame of the anchor and depend on the declared type of motion. Left and right turns are mirror
-images.
+The error after a correct and after a wrong declaration is described by a mixture of two normal distributions each: most
+anchors are accurate, but an error can last for several segments. The distributions are given in the heading frame of
+the anchor and depend on the declared type of motion. Left and right turns are mirror images.
 """
 
 from dataclasses import dataclass

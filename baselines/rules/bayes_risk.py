@@ -1,10 +1,9 @@
 """Optimal stopping of the posterior: declare when one more observation is not worth its cost.
 
-The state of the problem is the tick and the posterior error probability of the best declaration. The
-stopping boundary comes from simulated segments by backward induction: the values of declaring and of waiting
-are regressed on the error probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing
-American options by simulation"). The method considers each segment separately. It ignores that a wrong
-decision spoils the anchor of the next segment.
+The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
+comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
+probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). The method
+considers each segment separately. It ignores that a wrong decision spoils the anchor of the next segment.
 """
 
 import functools

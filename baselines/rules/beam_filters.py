@@ -1,18 +1,16 @@
 """The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
 
 A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
-(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At
-every tick a branch continues or switches to one of the other modes, with the probabilities that the law of
-the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
-measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
-histories, up to the linearization in the filters.
+(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At every tick a
+branch continues or switches to one of the other modes, with the probabilities that the law of the durations gives for
+its age. Every continuation predicts, is weighted by the likelihood of the measurement, and the most probable ones are
+kept. Without pruning the weights are the exact posterior of all histories, up to the linearization in the filters.
 
-Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be
-merged into one branch, whose filter starts from the mean and the covariance of their mixture. Then a branch
-is a pair of mode and age, and far fewer of them are needed.
+Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be merged into one
+branch, whose filter starts from the mean and the covariance of their mixture. Then a branch is a pair of mode and age,
+and far fewer of them are needed.
 
-A branch may also carry what its history says about the law of the durations and of the next mode; see
-`beam_habits`.
+A branch may also carry what its history says about the law of the durations and of the next mode; see `beam_habits`.
 """
 
 import math
@@ -188,9 +186,8 @@ def _switch(
 ) -> int:
     """Write one child for every mode, after `count` others: the mixture of parents in other modes.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,) log
-    probability of a branch and its end; free: (M,) slots for the habits of the children. Returns the number
-    of children.
+    parents: the first branch that switches, and the end of these branches; weights: (branches,) log probability of a
+    branch and its end; free: (M,) slots for the habits of the children. Returns the number of children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     shares = np.zeros(weights.size)  # probability of each parent

@@ -1,11 +1,10 @@
 """What a branch of the beam learns of an object's habits: durations and order of its segments; compiled code.
 
-The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another
-for turns, independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are
-exact by Bayes' rule: a segment that ends multiplies the belief in each law by the probability of its
-duration. The filters of a branch do not depend on the laws, so that all laws share them. The next modes are
-equally likely, or they have a Dirichlet prior, whose posterior follows from counts. Branches that merge
-average their habits.
+The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another for turns,
+independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are exact by Bayes' rule:
+a segment that ends multiplies the belief in each law by the probability of its duration. The filters of a branch do not
+depend on the laws, so that all laws share them. The next modes are equally likely, or they have a Dirichlet prior,
+whose posterior follows from counts. Branches that merge average their habits.
 """
 
 from typing import NamedTuple

@@ -27,8 +27,7 @@ class BranchTable(NamedTuple):
     """The branches of N tracks, at most B for each, without their filters.
 
     Attributes:
-        modes, ages, rows: (N, B) as in `beam_filters.Branches`. No two branches of a track have the same
-            three.
+        modes, ages, rows: (N, B) as in `beam_filters.Branches`. No two branches of a track have the same three.
         log_weights: (N, B) logarithms of the probabilities of the branches.
         counts: (N,) number of branches.
     """

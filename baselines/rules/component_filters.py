@@ -114,11 +114,10 @@ def _filter_tick(
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with
-    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and
-    `innovations`, (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,)
-    if outliers do not have a model of their own. Of its lanes, `measured`, (1,) record, and `outlier`,
-    (LANES,), are memory too.
+    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
+    (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`,
+    (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a
+    model of their own. Of its lanes, `measured`, (1,) record, and `outlier`, (LANES,), are memory too.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -166,17 +165,16 @@ class ComponentFilters:
         bank: key of `hybrid_env.core.state.BANKS`.
         components: C.
         tracks: N.
-        world: options of the world, whose model the filters use. They have one measurement variance, the
-            geometric mean of the axes, because the orientation of the heading frame is unknown.
-        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance.
-            There are filters for every law of `LAWS`, weighted by the likelihood of all measurements of the
-            episode. If the axes have different variances, there are filters for three orientations of the
-            heading frame.
+        world: options of the world, whose model the filters use. They have one measurement variance, the geometric mean
+            of the axes, because the orientation of the heading frame is unknown.
+        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance. There are
+            filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode. If the axes
+            have different variances, there are filters for three orientations of the heading frame.
 
     Attributes:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
-        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
-            the logarithm of its variance [m^2].
+        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and the logarithm
+            of its variance [m^2].
         log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
     """
 

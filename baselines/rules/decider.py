@@ -37,12 +37,10 @@ class Decider:
         symbol: of its threshold.
         thresholds: to sweep, in order of increasing decision time.
         default: threshold used when none is given.
-        options: options of the environment that it needs, if they differ: another bank that follows the same
-            object.
+        options: options of the environment that it needs, if they differ: another bank that follows the same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
-        every_tick: it has filters of its own that predict, so it is also asked in ticks without a
-            measurement.
+        every_tick: it has filters of its own that predict, so it is also asked in ticks without a measurement.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 

@@ -24,8 +24,7 @@ class PosteriorPaths:
     """Error probabilities of S segments over up to T ticks, when nobody decides before the end.
 
     Attributes:
-        log_error_probability: (S, T) natural logarithm of the posterior error probability of the best
-            declaration.
+        log_error_probability: (S, T) natural logarithm of the posterior error probability of the best declaration.
         correct: (S, T) whether that declaration would have been correct.
         length: (S,) number of recorded ticks; later entries are meaningless.
         by: what has to be correct, the hypothesis or only its type.
@@ -52,8 +51,7 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
         episodes: number of parallel episodes; their seeds are seed, seed + 1, ...
         seed: seed of the first episode.
         ticks: number of ticks to record of each segment, None for all.
-        options: keyword options of the world, see `hybrid_env.WorldOptions`. `undecided` is always
-            "likeliest".
+        options: keyword options of the world, see `hybrid_env.WorldOptions`. `undecided` is always "likeliest".
 
     Raises:
         ArgumentError: an argument is out of range.

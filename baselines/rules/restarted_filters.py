@@ -1,14 +1,13 @@
 """Likelihood ratios of a switch at each of the last ticks, from filters that start at these ticks; compiled.
 
-Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from
-the estimate and covariance that the filter of the stated mode has before the measurement of the tick: the
-hypothesis that the object switches to that mode here. The likelihood ratio of a hypothesis compares all
-measurements since its start with the filter of the stated mode, which runs on (Willsky & Jones 1976;
-Golubkov 2020, eq. (7)). When the statement changes, the most likely filter of the new mode becomes the filter
-of the stated mode, and all others are dropped.
+Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
+and covariance that the filter of the stated mode has before the measurement of the tick: the hypothesis that the object
+switches to that mode here. The likelihood ratio of a hypothesis compares all measurements since its start with the
+filter of the stated mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the
+most likely filter of the new mode becomes the filter of the stated mode, and all others are dropped.
 
-The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate
-have no variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
+The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
+variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
 """
 
 import math

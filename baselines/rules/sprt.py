@@ -45,8 +45,7 @@ def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, up
 
     Args:
         log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
-        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in
-            place.
+        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in place.
         reference: the active hypothesis q_A.
         upper: threshold A. If several ratios are >= A, the hypothesis with the largest is decided.
         lower: threshold B.
@@ -84,10 +83,9 @@ def _test_tracks(
 class SPRTDecider(Decider):
     """The test of ATE as a decider on observations.
 
-    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and
-    they are clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the
-    innovations and their variances. Its decisions differ from `ate.track` only where a ratio is within
-    float32 precision of a threshold.
+    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and they are
+    clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the innovations and their
+    variances. Its decisions differ from `ate.track` only where a ratio is within float32 precision of a threshold.
 
     Args:
         alpha: type I error probability.

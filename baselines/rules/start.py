@@ -1,8 +1,7 @@
 """The first estimate of a live track, from its first measurements, and the gate of the later ones.
 
-A measurement that no motion of a track explains is an error of the sensor, or a new track: it would move the
-estimate by any distance, and its velocity with it. The filters of turns are linearised there, and need not
-come back.
+A measurement that no motion of a track explains is an error of the sensor, or a new track: it would move the estimate
+by any distance, and its velocity with it. The filters of turns are linearised there, and need not come back.
 """
 
 import math

@@ -62,13 +62,12 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
 class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
-    Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
-    about equally probable.
+    Between the two thresholds the last statement is kept, so that it does not alternate while two modes are about
+    equally probable.
 
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.
-        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no
-            effect.
+        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no effect.
 
     Raises:
         ArgumentError: an argument is out of range.

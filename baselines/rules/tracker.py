@@ -36,18 +36,16 @@ class OnlineEstimate(NamedTuple):
     """What is known after a measurement.
 
     Attributes:
-        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of
-            the radii.
-        decided: False while the first measurements are collected, and with announced switches from a switch
-            to the declaration of its mode; then `mode` is the one before.
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of the radii.
+        decided: False while the first measurements are collected, and with announced switches from a switch to the
+            declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
-        covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
-            variances are infinite, as all are before the first measurement of a track that begins again.
-        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
-            then.
-        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances
-            (k, 4, 4) of the k ticks since the switch by the filter of the declared mode; otherwise None.
+        covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its variances
+            are infinite, as all are before the first measurement of a track that begins again.
+        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
+            the k ticks since the switch by the filter of the declared mode; otherwise None.
     """
 
     mode: int
@@ -62,36 +60,35 @@ class OnlineEstimate(NamedTuple):
 class OnlineTracker:
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
-    Bank, observation and decider are those of the environment: the same measurements, first estimate and
-    switches give the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
+    Bank, observation and decider are those of the environment: the same measurements, first estimate and switches give
+    the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
 
-    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the
-    decider states a mode at every measurement. Probabilities, estimate and covariance are those of the bank,
-    merged over all modes.
+    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the decider
+    states a mode at every measurement. Probabilities, estimate and covariance are those of the bank, merged over all
+    modes.
 
-    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the
-    segment, the estimate is that of the filter of the last decided mode. From the declaration on, the filter
-    of the declared mode follows the object to the next switch and gives its anchor; the decider is not asked
-    and the probabilities do not change. A segment that ends undecided is decided as in the options. With
-    `follow="bank"` all filters run on, and the estimate is merged over them; with `refine_radius` mode and
-    estimate are those of the likeliest hypothesis of the declared type.
+    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the segment,
+    the estimate is that of the filter of the last decided mode. From the declaration on, the filter of the declared
+    mode follows the object to the next switch and gives its anchor; the decider is not asked and the probabilities do
+    not change. A segment that ends undecided is decided as in the options. With `follow="bank"` all filters run on, and
+    the estimate is merged over them; with `refine_radius` mode and estimate are those of the likeliest hypothesis of
+    the declared type.
 
-    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
-    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
-    are asked in these ticks: their filters predict, too.
+    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
+    ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True, are asked in these
+    ticks: their filters predict, too.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
-    them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
-    of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
-    mode may be wrong or unknown.
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between them, the
+    object is elsewhere, and the track begins again with the next measurements. So neither an error of the sensor nor a
+    jump can lead the bank astray. With announced switches the gate is wider, since the mode may be wrong or unknown.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
-        options: of the environment whose model the bank uses. Options of its simulated object, such as speed,
-            noise and scheme, are not used, except `initial_error` if `begin` is given an estimate without
-            a covariance, and by deciders.
+        options: of the environment whose model the bank uses. Options of its simulated object, such as speed, noise and
+            scheme, are not used, except `initial_error` if `begin` is given an estimate without a covariance, and by
+            deciders.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
         gate: distance from the nearest predicted position above which a measurement is not used, in standard

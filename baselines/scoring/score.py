@@ -32,8 +32,7 @@ class TimelineScores:
     """Scores of one or several sets of statements on the same tracks.
 
     Attributes:
-        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of
-            the set.
+        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of the set.
         timelines: of every track, by the name of the set.
         modes: names of the modes, by whose indices the timelines are.
         period: time in which false changes are counted.
