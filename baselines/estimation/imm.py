@@ -1,14 +1,6 @@
 """The interacting multiple model (IMM) filter, and its steps for filters of any kind.
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients":
-`ModelChain`, `mix_models`, `mixture` and `weigh_models` are its steps, also for the filters of turns (`turns`).
-
-`IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are mixed. A
-derivative that only one of them has is distributed as at the start of a track, with mean 0 and the variance of its
-`start_deviations`. That is a distribution of the object's motion, so that the filter is consistent; a variance of 0
-would make it blind to the first seconds of a manoeuvre (Granstrom, Willett & Bar-Shalom 2015, "Systematic approach to
-IMM mixing for unequal dimension states").
-
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
 Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
@@ -26,11 +18,7 @@ SMALLEST = 1e-300  # smaller probabilities count as this one
 
 
 class ModelChain:
-    """The Markov chain of models in continuous time.
-
-    Args:
-        generator: (M, M) rates of change between the models [1/s]; rows sum to 0.
-    """
+    """The Markov chain of models in continuous time, from rates of change (M, M) [1/s], whose rows sum to 0."""
 
     def __init__(self, generator: FloatArray):
         self._values, self._vectors = np.linalg.eig(generator)
@@ -65,10 +53,7 @@ def weigh_models(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the logarithms of the posterior of the models, (B, M), and of the likelihood of all, (B,).
 
-    Args:
-        log_probability: (B, M) logarithms of the prior.
-        log_likelihood: (B, M) of a measurement in each model.
-        smallest: smaller probabilities count as this one.
+    Both arguments are logarithms, (B, M): of the prior, and of the likelihood of a measurement in each model.
     """
     joint = log_probability + log_likelihood
     total = log_sum(joint, 1)
@@ -76,11 +61,9 @@ def weigh_models(
 
 
 def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n), (B, C, n, n).
+    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n) and (B, C, n, n).
 
-    Args:
-        state, covariance: of the distributions, (B, K, n) and (B, K, n, n).
-        weights: (B, C, K), sum over K 1.
+    The distributions are (B, K, n) and (B, K, n, n), the weights (B, C, K).
     """
     mean = weights @ state
     # sum of w (P + x x') less m m', with states relative to one of them, because positions are large
@@ -102,7 +85,7 @@ def squared_innovation(innovation: FloatArray, covariance: FloatArray) -> FloatA
 
 
 def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
-    """Return the logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
+    """Return logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
     largest = logarithms.max(axis, keepdims=True)
     finite = np.where(np.isinf(largest), 0.0, largest)
     with np.errstate(divide="ignore"):
@@ -113,14 +96,17 @@ def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
 class IMMFilter(TrackFilter):
     """The IMM filter: one Kalman filter per model, and a Markov chain of models in continuous time.
 
-    The state has the size of the largest model; derivatives that a model lacks are 0 in it. `nis` is that of
-    the merged prediction.
+    The state has the size of the largest model; derivatives that a model lacks are 0 in it. Derivatives that two models
+    share are mixed. One that only one of them has is distributed as at the start of a track, with mean 0 and the
+    variance of its `start_deviations`: a variance of 0 would make the filter blind to the first seconds of a manoeuvre
+    (Granstrom, Willett & Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states"). `nis` is
+    that of the merged prediction.
 
     Args:
-        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more derivatives
-            than another one needs `start_deviations`.
-        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the
-            others with equal probability.
+        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more derivatives than
+            another one needs `start_deviations`.
+        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the others
+            with equal probability.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
@@ -247,8 +233,7 @@ def _resized(
 ) -> tuple[FloatArray, FloatArray]:
     """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
 
-    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first,
-    or are 0 without variances.
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
     """
     tracks, size = state.shape
     m = size // axes
@@ -267,12 +252,7 @@ def _resized(
 
 
 def merged(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of one mixture of normal distributions for each track.
-
-    Args:
-        parts: M means (B, n) and covariances (B, n, n).
-        weights: (B, M), rows that sum to 1.
-    """
+    """Return mean and covariance of a mixture, with weights (B, M), of M means (B, n) and covariances (B, n, n)."""
     state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
     mean, matrix = mixture(state, covariance, weights[:, None])
     return mean[:, 0], matrix[:, 0]

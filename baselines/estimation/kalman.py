@@ -13,15 +13,15 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 class KalmanFilter(TrackFilter):
     """The Kalman filter of a kinematic model.
 
-    A track that begins with its first measurement z has the position z with the covariance of the
-    measurement, and derivatives 0 with the variances of `start_deviations`.
+    A track that begins with its first measurement z has the position z with the covariance of the measurement, and
+    derivatives 0 with the variances of `start_deviations`.
 
     Args:
         model: motion and process noise.
-        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d).
-            With a robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
-        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity
-            [m/s], then acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
+        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d). With a
+            robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
+        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity [m/s], then
+            acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
 
     Raises:
@@ -126,15 +126,10 @@ class KalmanFilter(TrackFilter):
 def propagate(
     state: FloatArray, covariance: FloatArray, transition: FloatArray, step_noise: FloatArray, intensity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Predicted estimates, (..., n), and covariances F P F' + Q, (..., n, n).
+    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n).
 
-    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ; of a coordinated turn,
-    whose axes depend on each other, there is one block, and m = n.
-
-    Args:
-        state, covariance: (..., n) and (..., n, n).
-        transition, step_noise: of one block, (m, m) or (..., m, m).
-        intensity: (d,) of the process noise.
+    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m, m),
+    and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other, has one block, and m = n.
     """
     size, m = state.shape[-1], transition.shape[-1]
     lead, d = state.shape[:-1], size // m

@@ -1,9 +1,9 @@
 """Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated turns.
 
-The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with m = 2, 3,
-4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise drives the highest
-derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 6.2
-(continuous noise), 6.3 (discrete noise) and 11.7 (turns).
+The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values. The axes are
+independent, with the same m x m transition matrix. White noise drives the highest derivative. Bar-Shalom, Li &
+Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 6.2 (continuous noise), 6.3
+(discrete noise) and 11.7 (turns).
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
 
 
 def check_scalar(name: str, value: Any) -> float:
-    """Return a finite float of a size whose square does not overflow. Raises `ArgumentError` otherwise."""
+    """Return a checked float of a size whose square does not overflow."""
     number = check_number(name, value)
     if abs(number) > LARGEST_NUMBER:
         raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
@@ -37,11 +37,7 @@ def check_scalar(name: str, value: Any) -> float:
 
 
 def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
-    """Return checked values, (count,), of one number for all or of an array with one for each.
-
-    Raises:
-        ArgumentError: a value is below `smallest` or not finite, or their number is wrong.
-    """
+    """Return checked values >= `smallest`, (count,), of one number for all or of an array with one for each."""
     if dimensions(value) == 0:
         values = np.full(count, check_scalar(name, value))
     else:
@@ -117,13 +113,9 @@ class MotionModel:
 
 
 def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
-    """Return the transition matrices (..., 4, 4) of coordinated turns with known turn rates.
+    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
 
-    The state is [x, vx, y, vy]. White acceleration drives a turn as it drives CV, see `turn_noise`.
-
-    Args:
-        rates: turn rates [rad/s], anticlockwise positive, 0 is straight motion.
-        dt: time steps [s], of a shape that broadcasts with the rates.
+    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes that broadcast.
     """
     angle = rates * dt
     safe = np.where(rates == 0.0, 1.0, rates)
@@ -139,11 +131,9 @@ def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
 
 
 def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the process noise of coordinated turns.
+    """Return the covariances (..., 4, 4) of the process noise of turns in time steps (...) [s].
 
-    Args:
-        density: spectral density of the white acceleration [m^2/s^3].
-        dt: (...) time steps [s].
+    White acceleration of a spectral density [m^2/s^3] drives a turn as it drives CV.
     """
     model = MotionModel("CV", 2, density)
     matrix = np.zeros((*dt.shape, 4, 4))

@@ -12,8 +12,9 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, check_between, 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements.
 
-    Motion and errors of the axes are independent, so that each axis has particles of its own. They are
-    resampled systematically (Kitagawa 1996) where their effective number falls below half of them.
+    Motion and errors of the axes are independent, so that each axis has particles of its own. They are resampled
+    systematically (Kitagawa 1996) where their effective number falls below half of them. `particle_states` are (B, d,
+    P, m), their `log_weights` (B, d, P).
 
     Args:
         model: motion and process noise.
@@ -22,10 +23,6 @@ class ParticleFilter(TrackFilter):
         degrees_of_freedom: of Student's t of the errors; None is the normal distribution.
         particles: P of each axis.
         seed: of the random numbers; `begin` starts them anew.
-
-    Attributes:
-        particle_states: (B, d, P, m).
-        log_weights: (B, d, P).
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.

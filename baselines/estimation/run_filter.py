@@ -14,17 +14,11 @@ from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_flag
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B.
+    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B."""
 
-    Attributes:
-        states: (T, B, n) estimates at each tick, NaN before a track begins.
-        covariances: (T, B, n, n) of the estimates; None if there are none or they were not kept.
-        order: number of values per axis of a state, m.
-    """
-
-    states: FloatArray
-    covariances: FloatArray | None
-    order: int
+    states: FloatArray  # (T, B, n) estimates at each tick, NaN before a track begins
+    covariances: FloatArray | None  # (T, B, n, n) of the estimates; None if there are none or they were not kept
+    order: int  # number of values per axis of a state, m
 
     @property
     def positions(self) -> FloatArray:
@@ -39,17 +33,11 @@ class Estimates:
 
 @dataclass(frozen=True)
 class Filtered(Estimates):
-    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits.
+    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits."""
 
-    Attributes:
-        log_likelihoods: (T, B), see `TrackFilter.log_likelihood`.
-        nis: (T, B), see `TrackFilter.nis`.
-        forecasts: estimates of the state some time ahead, see `horizons` of `run_filter`.
-    """
-
-    log_likelihoods: FloatArray
-    nis: FloatArray
-    forecasts: tuple[Estimates, ...] = ()
+    log_likelihoods: FloatArray  # (T, B), see `TrackFilter.log_likelihood`
+    nis: FloatArray  # (T, B), see `TrackFilter.nis`
+    forecasts: tuple[Estimates, ...] = ()  # estimates of the state some time ahead, see `horizons` of `run_filter`
 
 
 def run_filter(
@@ -67,16 +55,12 @@ def run_filter(
     Args:
         track_filter: any filter; it begins anew.
         measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
-        times: (T,) or (T, B) times of the ticks [s], not decreasing. The same time twice has measurements of two
-            sensors.
+        times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two sensors.
         noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or (T, B, d, d).
         start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time [s]; None
             begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
-
-    Returns:
-        Estimates and likelihoods of all ticks.
 
     Raises:
         ArgumentError: an argument has a value that is not allowed.
@@ -141,7 +125,7 @@ def _empty(states: FloatArray, covariances: FloatArray | None, order: int) -> Es
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
-    """Return checked times, (T,) or (T, B). Raises `ArgumentError` if they decrease."""
+    """Return checked times that do not decrease, (T,) or (T, B)."""
     moments = check_array("times", times, (total,) if dimensions(times) == 1 else (total, tracks))
     if (np.diff(moments, axis=0) < 0.0).any():
         k = int(np.argwhere(np.diff(moments, axis=0) < 0.0)[0][0]) + 1

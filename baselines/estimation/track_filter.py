@@ -96,8 +96,8 @@ class TrackFilter(ABC):
 
         Args:
             measurement: (B, d) positions [m], NaN where there is none.
-            noise: covariance of this measurement [m^2] in the place of that of the filter: see
-                `measurement_covariance`.
+            noise: covariance of this measurement in the place of that of the filter [m^2]: a number, (d,), (d, d) or
+                (B, d, d).
 
         Raises:
             ArgumentError: an argument has a value that is not allowed.
@@ -120,7 +120,7 @@ class TrackFilter(ABC):
 
 
 def check_steps(name: str, value: float | ArrayLike, tracks: int) -> float | FloatArray:
-    """Return checked time steps [s], a float or (B,). Raises `ArgumentError` if one is negative."""
+    """Return checked time steps [s], >= 0, a float or (B,)."""
     if dimensions(value) == 0:
         return check_positive(name, check_scalar(name, value), allow_zero=True)
     return check_per_item(name, value, tracks)
@@ -140,16 +140,9 @@ def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...
 
 
 def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
-    """Return the covariance of a measurement, (d, d) or (B, d, d), checked to be positive definite.
+    """Return the positive definite covariance of a measurement, (d, d) or (B, d, d).
 
-    Args:
-        name: the argument, for the message.
-        value: a variance of every axis [m^2], (d,) of each axis, or a matrix (d, d) or (B, d, d).
-        axes: d.
-        tracks: B; None allows any number.
-
-    Raises:
-        ArgumentError: the value has another shape or is not positive definite.
+    It is given as a variance of every axis [m^2], (d,) of each axis, or a matrix; without `tracks` B is any number.
     """
     ndim = dimensions(value)
     if ndim in (0, 1):
@@ -160,11 +153,7 @@ def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int |
 
 
 def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
-    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`.
-
-    Raises:
-        ArgumentError: a matrix is not symmetric or has such an eigenvalue.
-    """
+    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`."""
     deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
     deviations = np.where(deviations > 0.0, deviations, 1.0)
     scaled = matrix / deviations[..., None] / deviations[..., None, :]  # units of the values do not matter

@@ -29,22 +29,14 @@ OLDEST = 1200  # ticks, largest age of the tables
 
 
 class Prior(NamedTuple):
-    """Laws of the durations with their probabilities.
+    """Laws of the durations, with numbers in proportion to their probabilities."""
 
-    Attributes:
-        laws: L laws.
-        weights: L numbers in proportion to their probabilities.
-        different: probability that straight motion and turns have laws of their own.
-        habitual: probability that the next modes are not equally likely.
-        floor, ceiling: smallest and largest hazard.
-    """
-
-    laws: tuple[SimpleDurations, ...]
-    weights: tuple[float, ...]
-    different: float = DIFFERENT
-    habitual: float = HABITUAL
-    floor: float = 0.0
-    ceiling: float = 1.0
+    laws: tuple[SimpleDurations, ...]  # L laws
+    weights: tuple[float, ...]  # L numbers in proportion to their probabilities
+    different: float = DIFFERENT  # probability that straight motion and turns have laws of their own
+    habitual: float = HABITUAL  # probability that the next modes are not equally likely
+    floor: float = 0.0  # smallest and largest hazard
+    ceiling: float = 1.0  # smallest and largest hazard
 
 
 @functools.cache
@@ -68,15 +60,8 @@ def default_prior() -> Prior:
 class AdaptiveBeamDecider(BeamDecider):
     """The beam averaged over laws of durations by their evidence, with the order of the modes by counts.
 
-    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam.
-
-    Args:
-        options: of the environment.
-        threshold, release, branches: see `BeamDecider`.
-        prior: laws and their probabilities; None is `default_prior`.
-
-    Raises:
-        ArgumentError: an argument is out of range.
+    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam. Arguments as for
+    `BeamDecider`, and laws with their probabilities; None is `default_prior`.
     """
 
     name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False

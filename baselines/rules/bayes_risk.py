@@ -2,8 +2,8 @@
 
 The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
 comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
-probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). The method
-considers each segment separately. It ignores that a wrong decision spoils the anchor of the next segment.
+probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). Each
+segment is considered separately: that a wrong decision spoils the anchor of the next one is ignored.
 """
 
 import functools
@@ -36,21 +36,10 @@ COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
-    """Largest log error probability at which to declare, by tick.
+    """Return the largest log error probability at which to declare, (T,) by tick.
 
-    A correct declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick
-    less the cost of a tick. Backward induction regresses the difference of the two values on the error
-    probability, over all paths that reach the tick.
-
-    Args:
-        paths: simulated segments, at least 1000.
-        delay_cost: cost of a tick, in units of the reward of a correct decision.
-
-    Returns:
-        (T,) boundary; T is the number of ticks of the longest path.
-
-    Raises:
-        ArgumentError: there are too few paths, or the cost is negative.
+    A correct declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick less the cost of
+    a tick. Backward induction regresses the difference of the two values over all paths that reach the tick.
     """
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
     last = paths.log_error_probability.shape[1]
@@ -84,16 +73,13 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
 
 
 def _basis_functions(log_error_probability: FloatArray) -> FloatArray:
-    """Basis of the regression, (N, F).
-
-    A constant, the error probability, and piecewise linear functions of its logarithm.
-    """
+    """Return a constant, the error probability, and piecewise linear functions of its logarithm, (N, F)."""
     hinges = [np.maximum(log_error_probability - knot, 0.0) for knot in KNOTS]
     return np.stack([np.ones_like(log_error_probability), np.exp(log_error_probability), *hinges], axis=-1)
 
 
 def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
-    """(F,) coefficients for a design (N, F) and a target (N,)."""
+    """Return (F,) coefficients for a design (N, F) and a target (N,)."""
     scale = np.sqrt((design**2).mean(0)) + 1e-12
     scaled = design / scale
     normal = scaled.T @ scaled + RIDGE * len(target) * np.eye(design.shape[1])
@@ -101,7 +87,7 @@ def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _smooth(boundary: FloatArray) -> FloatArray:
-    """Running median of the boundary, which removes the noise of single regressions."""
+    """Return the running median of the boundary, which removes the noise of single regressions."""
     padded = np.pad(np.maximum(boundary, LOG_FLOOR), SMOOTHING // 2, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
@@ -110,8 +96,8 @@ class BayesRiskDecider(PosteriorRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
-        boundary: (T,) log error probability by tick, from `stopping_boundary`. The last value holds for
-            all later ticks.
+        boundary: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
+            ticks.
         by: what has to be correct, as in the paths that the boundary was fitted to.
 
     Raises:

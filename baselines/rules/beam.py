@@ -23,10 +23,8 @@ HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of ri
 
 
 def hazards(laws: FloatArray) -> FloatArray:
-    """Return the probability that a segment ends after each age, (rows, ticks).
-
-    Args:
-        laws: (rows, ticks) probabilities of 1, 2, ... ticks, as `QuickestOptions.duration_laws`.
+    """Return the probability that a segment ends after each age, (rows, ticks), of laws as
+    `QuickestOptions.duration_laws`.
     """
     table = np.empty_like(laws)
     for row, ends in enumerate(laws):
@@ -38,17 +36,11 @@ def hazards(laws: FloatArray) -> FloatArray:
 
 
 class BeamState(NamedTuple):
-    """State of N tracks between two calls of `predict`, changed in place.
+    """State of N tracks between two calls of `predict`, changed in place."""
 
-    Attributes:
-        branches: the histories.
-        log_probability: (N, M) logarithms of the probabilities of the modes.
-        stated: (N,) last statements.
-    """
-
-    branches: Branches
-    log_probability: FloatArray
-    stated: Actions
+    branches: Branches  # the histories
+    log_probability: FloatArray  # (N, M) logarithms of the probabilities of the modes
+    stated: Actions  # (N,) last statements
 
 
 class BeamDecider(MeasurementDecider[BeamState]):
@@ -171,11 +163,7 @@ class DefaultBeamDecider(BeamDecider):
 
 
 class Beams(SeveralThresholds):
-    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements.
-
-    Args:
-        beams: deciders with the same model.
-    """
+    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements."""
 
     observes = "tracks"
 

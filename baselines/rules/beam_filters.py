@@ -8,9 +8,8 @@ kept. Without pruning the weights are the exact posterior of all histories, up t
 
 Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be merged into one
 branch, whose filter starts from the mean and the covariance of their mixture. Then a branch is a pair of mode and age,
-and far fewer of them are needed.
-
-A branch may also carry what its history says about the law of the durations and of the next mode; see `beam_habits`.
+and far fewer of them are needed. A branch may also carry what its history says about the law of the durations and of
+the next mode; see `beam_habits`.
 """
 
 import math
@@ -32,61 +31,40 @@ FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an epi
 
 
 class Branches(NamedTuple):
-    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES.
+    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES."""
 
-    Attributes:
-        filters: (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
-        modes: (N, B) present mode.
-        ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
-        rows: (N, B) `FIRST` or `LATER`.
-        slots: (N, B) index of the habits of the branch in `habits`.
-        counts: (N,) number of branches.
-        evidence: (N,) log-likelihood of all measurements so far.
-        habits: what the branches know of durations and order.
-    """
-
-    filters: NDArray[Any]
-    modes: IntArray
-    ages: IntArray
-    rows: IntArray
-    slots: IntArray
-    counts: IntArray
-    evidence: FloatArray
-    habits: Habits
+    filters: NDArray[Any]  # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch
+    modes: IntArray  # (N, B) present mode
+    ages: IntArray  # (N, B) ticks of the present segment so far, 1 at its first measurement
+    rows: IntArray  # (N, B) `FIRST` or `LATER`
+    slots: IntArray  # (N, B) index of the habits of the branch in `habits`
+    counts: IntArray  # (N,) number of branches
+    evidence: FloatArray  # (N,) log-likelihood of all measurements so far
+    habits: Habits  # what the branches know of durations and order
 
 
 class BeamModel(NamedTuple):
     """What the branches assume.
 
-    Attributes:
-        radii: (n,) turn radii [m].
-        hazards: (4, ages) probability that a segment ends after each age; rows 2 `FIRST` and 2 `LATER`, of
-            straight motion and of turns. Older segments have the last one. Without meaning if learned.
-        order: (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
-        merged: whether branches that switch to the same mode at the same tick become one.
-        tables: (2, ages, 2, L) for the laws among which a beam learns, probabilities that a segment lasts to
-            each age, and that it ends after it; rows `FIRST` and `LATER`. Without laws, L is 0.
-        prior: (3, L) of the laws, see `Habits`.
-        habitual: prior probability that the next modes are not equally likely, likewise.
-        filters: model of the filters.
-        sensors: (k,) records `records.SENSOR`.
+    Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments have its last column.
+    Rows of `tables` are `FIRST` and `LATER`: probabilities that a segment lasts to each age, and that it ends after it.
+    A beam that learns the laws uses neither `hazards` nor `order`.
     """
 
-    radii: FloatArray
-    hazards: FloatArray
-    order: FloatArray
-    merged: bool
-    tables: FloatArray
-    prior: FloatArray
-    habitual: float
-    filters: FilterModel
-    sensors: NDArray[Any]
+    radii: FloatArray  # (n,) turn radii [m]
+    hazards: FloatArray  # (4, ages) probability that a segment ends after each age, see above
+    order: FloatArray  # (M, M) probability of the next mode (column) by the present one. Without meaning if learned
+    merged: bool  # whether branches that switch to the same mode at the same tick become one
+    tables: FloatArray  # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if it does not
+    prior: FloatArray  # (3, L) of the laws, see `Habits`
+    habitual: float  # prior probability that the next modes are not equally likely, likewise
+    filters: FilterModel  # model of the filters
+    sensors: NDArray[Any]  # (k,) records `records.SENSOR`
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
-    """Return `branches` empty branches for each track, rounded up to a multiple of LANES.
-
-    modes, laws: numbers of modes, and of laws among which each branch learns; without laws it does not.
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES; they learn if there are
+    `laws`.
     """
     groups = -(-branches // LANES)
     present, ages, rows, places = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(4))
@@ -103,14 +81,10 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
 
 @compiled
 def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
-    """Start one branch of every mode in the first segment.
+    """Replace the branches of a track by one of every mode in the first segment.
 
-    Args:
-        branches: of all tracks; those of the track are replaced.
-        track: index of the track.
-        start: (14 + M,) estimate [x, vx, y, vy], its covariance, upper triangle row by row, and
-            the logarithms of the mode probabilities.
-        model: of the branches.
+    `start`, (14 + M,), has the estimate [x, vx, y, vy], its covariance, upper triangle row by row, and the logarithms
+    of the mode probabilities.
     """
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
@@ -184,10 +158,10 @@ def _switch(
     free: IntArray,
     model: BeamModel,
 ) -> int:
-    """Write one child for every mode, after `count` others: the mixture of parents in other modes.
+    """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
 
     parents: the first branch that switches, and the end of these branches; weights: (branches,) log probability of a
-    branch and its end; free: (M,) slots for the habits of the children. Returns the number of children.
+    branch and its end; free: (M,) slots for the habits of the children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     shares = np.zeros(weights.size)  # probability of each parent
@@ -242,7 +216,7 @@ def _switch(
 
 @internal
 def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
-    """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
+    """Write the continuations of all branches of a track to `children`, (1, ...). Return their number."""
     count = 0
     learns = model.prior.size > 0
     switches = np.full(branches.counts[track], -np.inf)
@@ -284,15 +258,10 @@ def step_branches(
     log_probability: FloatArray,
     model: BeamModel,
 ) -> None:
-    """Advance the branches of all tracks by one tick.
+    """Advance the branches of all tracks by one tick, and write the log probabilities of the modes, (N, M).
 
-    Args:
-        branches: of all tracks.
-        children: of one track, (1, ...), with room for M times as many branches; overwritten.
-        innovations, measured: (1,) records `INNOVATION` and `MEASURED`, overwritten.
-        measurements: (N, 2) or (N, 9), see `sensing.write_measured`.
-        log_probability: (N, M) logarithms of the probabilities of the modes, written.
-        model: of the branches.
+    `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`, (1,), are memory.
+    Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     capacity = branches.modes.shape[1]
     for track in range(measurements.shape[0]):

@@ -24,16 +24,12 @@ PSEUDO_COUNT = 0.5  # of each next mode, if they are not equally likely
 class Habits(NamedTuple):
     """Habits of N tracks, S slots for each.
 
-    Attributes:
-        laws: (N, S, 3, L) joint probabilities of law and kind when the present segment began. Rows "straight"
-            and "turns" have the same sum, the probability that the two differ.
-        orders: (N, S, M, M) expected number of switches from a mode (row) to another.
-        habitual: (N, S) probability that the next modes are not equally likely.
+    Rows of `laws` are "same", "straight" and "turns". The last two have the same sum, the probability that they differ.
     """
 
-    laws: NDArray[np.float32]
-    orders: NDArray[np.float32]
-    habitual: NDArray[np.float32]
+    laws: NDArray[np.float32]  # (N, S, 3, L) joint probabilities of law and kind when the present segment began
+    orders: NDArray[np.float32]  # (N, S, M, M) expected number of switches from a mode (row) to another
+    habitual: NDArray[np.float32]  # (N, S) probability that the next modes are not equally likely
 
 
 @internal
@@ -47,12 +43,9 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habi
 
 @internal
 def expected_hazard(laws: NDArray[np.float32], turns: int, lasted: FloatArray, ended: FloatArray) -> float:
-    """Return the probability that a segment ends after its present tick.
+    """Return the probability that a segment ends after its present tick, given beliefs (3, L) when it began.
 
-    Args:
-        laws: (3, L) beliefs when the segment began.
-        turns: 1 if it is a turn.
-        lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
+    lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it; turns: 1 if it is a turn.
     """
     total, ends = 0.0, 0.0
     own = laws[1 + turns]
@@ -116,16 +109,9 @@ def merge_habits(
     ages: IntArray,
     tables: FloatArray,
 ) -> None:
-    """Write the habits of a branch that begins with a switch to a mode, the mixture of its parents.
+    """Write the habits of a branch in a slot that begins with a switch to a mode, the mixture of its parents.
 
-    Args:
-        habits: of all tracks.
-        track: index of the track.
-        slot: of the branch.
-        mode: of the branch.
-        weights: (branches,) of the parents, 0 if they are none.
-        slots, modes, rows, ages: of all branches of the track.
-        tables: as in `beam_filters.BeamModel`.
+    weights: (branches,) of the parents, 0 if they are none; slots, modes, rows, ages: of all branches of the track.
     """
     laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0

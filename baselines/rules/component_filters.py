@@ -1,9 +1,9 @@
 """Filters that run on the measurements of an observation, one bank for each component of the anchor.
 
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
-frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
-everything that a filter needs except the model, which is that of the world. With several sensors it does not
-contain the covariance of the measurement: then the filters also read what the sensors measured (`sensed`).
+The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this frame the
+anchor is at the origin and its velocity is (speed, 0), so that the observation determines everything that a filter
+needs except the model, which is that of the world. With several sensors it does not contain the covariance of the
+measurement: then the filters also read what the sensors measured (`sensed`).
 """
 
 import math
@@ -34,21 +34,13 @@ ANCHOR_COLUMNS = 14
 
 
 class NoiseLaw(NamedTuple):
-    """What filters assume of the noise.
+    """What filters assume of the noise."""
 
-    Attributes:
-        log_prior: logarithm of the probability of the law before the first measurement, up to a constant.
-        variance: of most measurements, relative to R.
-        outlier_variance: of outliers, relative to R.
-        log_outlier_odds: logarithm of the share of outliers.
-        distance: squared whitened innovation from which a measurement counts as an outlier.
-    """
-
-    log_prior: float
-    variance: float
-    outlier_variance: float
-    log_outlier_odds: float
-    distance: float
+    log_prior: float  # logarithm of the probability of the law before the first measurement, up to a constant
+    variance: float  # of most measurements, relative to R
+    outlier_variance: float  # of outliers, relative to R
+    log_outlier_odds: float  # logarithm of the share of outliers
+    distance: float  # squared whitened innovation from which a measurement counts as an outlier
 
 
 LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
@@ -116,8 +108,8 @@ def _filter_tick(
 
     The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
     (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`,
-    (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,) if outliers do not have a
-    model of their own. Of its lanes, `measured`, (1,) record, and `outlier`, (LANES,), are memory too.
+    (C, N, M, 3), are written. `saved`, (M,) hypotheses, or (0,) if outliers do not have a model of their own,
+    `measured`, (1,) record, and `outlier`, (LANES,), are memory.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -159,22 +151,17 @@ def _filter_tick(
 
 
 class ComponentFilters:
-    """One bank for each track and component of the distribution of its anchor.
+    """One bank for each of N tracks and of C components of the distribution of its anchor.
 
-    Args:
-        bank: key of `hybrid_env.core.state.BANKS`.
-        components: C.
-        tracks: N.
-        world: options of the world, whose model the filters use. They have one measurement variance, the geometric mean
-            of the axes, because the orientation of the heading frame is unknown.
-        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance. There are
-            filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode. If the axes
-            have different variances, there are filters for three orientations of the heading frame.
+    With `robust` a measurement that no hypothesis explains is treated as an outlier, with a larger variance. There are
+    filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
+    orientations of the heading frame if the axes have different variances. Otherwise the filters have one measurement
+    variance, the geometric mean of the axes, because the orientation of the heading frame is unknown.
 
     Attributes:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
-        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and the logarithm
-            of its variance [m^2].
+        innovations: (C, N, M, 3) of the last tick: whitened, along and across the heading, and the logarithm of its
+            variance [m^2].
         log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
     """
 
@@ -231,9 +218,6 @@ class ComponentFilters:
             log_weights: (N, C) of the components of the last segment, where filters start.
             first: (N,) True where an episode starts.
             sensed: (N, 15) from `sensed_of`; None without sensors.
-
-        Raises:
-            ArgumentError: the world has sensors, and `sensed` is None.
         """
         if len(self.log_laws) > 1 and begins.any():
             self._weigh_laws(begins, log_weights, first)
@@ -306,9 +290,7 @@ class ComponentFilters:
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
     """Return the joint posterior of components and hypotheses, (C, N, M); hypotheses have equal priors.
 
-    Args:
-        log_likelihood: (C, N, M).
-        log_weights: (N, C) logarithms of the prior probabilities of the components.
+    Both arguments are logarithms: likelihoods (C, N, M), and prior probabilities of the components (N, C).
     """
     joint = log_likelihood + log_weights.T[..., None]
     share = np.exp(joint - joint.max((0, 2), keepdims=True))
@@ -316,13 +298,8 @@ def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> Floa
 
 
 def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray) -> FloatArray:
-    """Return the estimate in the heading frame with its covariance, (N, 14).
-
-    Args:
-        layout: layout of the rows.
-        rows: (N, width).
-        mean: (N, 4) mean error.
-        covariance: (N, 4, 4).
+    """Return the estimates of rows in the heading frame plus a mean error (N, 4), with covariances (N, 4, 4), as (N,
+    14).
     """
     anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
     anchors[:, 1] = layout.read(rows, "speed")

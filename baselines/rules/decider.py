@@ -37,7 +37,7 @@ class Decider:
         symbol: of its threshold.
         thresholds: to sweep, in order of increasing decision time.
         default: threshold used when none is given.
-        options: options of the environment that it needs, if they differ: another bank that follows the same object.
+        options: of the environment that it needs, if they differ: another bank that follows the same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a measurement.
@@ -64,9 +64,7 @@ class Decider:
     def predict(
         self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
-        """Return the actions of N tracks for one step.
-
-        A classical rule, whose actions are never random, has `decide` instead.
+        """Return the actions of N tracks for one step. A rule whose actions are never random has `decide` instead.
 
         Args:
             observation: (N, width) rows of the environment, see its docstring, or what `observe` returned.
@@ -102,10 +100,7 @@ class Decider:
     def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
 
-        By default it is the posterior of the filters of the environment.
-
-        Args:
-            observation, state, episode_start: as in `predict`.
+        By default it is the posterior of the filters of the environment. Arguments as in `predict`.
         """
         if self.task == ANNOUNCED:
             values = np.exp(Layout.of_rows(observation).read(observation, "log_ratio"))
@@ -150,11 +145,7 @@ class RowRule(Decider, ABC):
 
 
 class SeveralThresholds(Decider):
-    """Deciders of one rule that are computed together; its actions are those of the first.
-
-    Attributes:
-        chosen: actions (N,) of every decider at the present tick.
-    """
+    """Deciders of one rule that are computed together; its actions are those of the first."""
 
     chosen: list[Actions]
 

@@ -50,12 +50,10 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
 
 
 class MeasurementDecider(Decider, Generic[State]):
-    """A decider that observes the measurements, and the first estimate and probabilities of the bank.
+    """A decider for M modes (`hypotheses`) that observes the measurements, and the first estimate and probabilities of
+    the bank.
 
     Its state describes N tracks and is changed in place.
-
-    Attributes:
-        hypotheses: M, number of modes.
     """
 
     task = UNKNOWN
@@ -70,11 +68,8 @@ class MeasurementDecider(Decider, Generic[State]):
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
         """Begin an episode of a track.
 
-        Args:
-            state: of all tracks.
-            track: index of the track.
-            start: (14 + M,) estimate [x, vx, y, vy] after the first measurement, its covariance, upper
-                triangle row by row, and the logarithms of the mode probabilities.
+        `start`, (14 + M,), has the estimate [x, vx, y, vy] after the first measurement, its covariance, upper triangle
+        row by row, and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
@@ -87,10 +82,10 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return what the decider observes, (N, 16 + M) or with sensors (N, 23 + M).
+        """Return measurement, merged estimate, covariance, and logarithms of the probabilities of the modes, (N, 16 +
+        M).
 
-        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes; with
-        sensors the covariance of the measurement and the range rates.
+        With sensors the covariance of the measurement and the range rates follow, (N, 23 + M).
         """
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
@@ -99,12 +94,10 @@ class MeasurementDecider(Decider, Generic[State]):
     def decide(
         self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
     ) -> tuple[Actions, State]:
-        """See `Decider.decide`; action i states mode i.
+        """See `Decider.decide`; action i states mode i. The state is changed in place.
 
-        Args:
-            observation: from `observe`. Estimate and probabilities are used where an episode begins.
-            state: returned by the previous call and changed in place; None begins anew.
-            episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
+        `observation` is from `observe`. Its estimate and probabilities are used where an episode begins: without
+        `episode_start` nowhere, except without a state.
         """
         width = OBSERVED + self.hypotheses
         if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):

@@ -29,11 +29,7 @@ OURS = ("agents.", "baselines.")
 
 
 class Adapted(Decider):
-    """An object with Stable-Baselines3's `predict`, or a function of the observations, as a decider.
-
-    Args:
-        model: object, or function `observation -> actions` of (N, width) rows, with actions (N,).
-    """
+    """An object with Stable-Baselines3's `predict`, or a function of rows (N, width) to actions (N,), as a decider."""
 
     def __init__(self, model: Any):
         self.model = model
@@ -58,11 +54,7 @@ class Adapted(Decider):
 
 
 def as_decider(model: Any) -> Decider:
-    """Return a decider, any object with its `predict`, or a function of the observations, as a decider.
-
-    Raises:
-        ArgumentError: it is none of these.
-    """
+    """Return a decider, any object with its `predict`, or a function of the observations, as a decider."""
     if isinstance(model, Decider):
         return model
     if isinstance(model, type) or not callable(getattr(model, "predict", model)):
@@ -71,12 +63,7 @@ def as_decider(model: Any) -> Decider:
 
 
 class Asked:
-    """Asks a decider for actions, and checks those of a decider that is not of this package.
-
-    Args:
-        decider: the decider.
-        action_count: number of actions of a track.
-    """
+    """Asks a decider for actions, and checks those of a decider that is not of this package."""
 
     def __init__(self, decider: Decider, action_count: int):
         self.decider, self.action_count = decider, action_count
@@ -84,13 +71,10 @@ class Asked:
         self._seconds, self._calls, self._told = 0.0, 0, False
 
     def __call__(self, seen: Any, state: Any, starts: BoolArray) -> tuple[Actions, Any]:
-        """Return actions (N,) and the new state, see `Decider.predict`.
+        """Return actions (N,) and the new state, see `Decider.predict`; a slow decider is told once.
 
         Raises:
             ArgumentError: the decider failed, or what it returned are not N actions.
-
-        Warns:
-            UserWarning: it is slow.
         """
         if self._trusted:
             return self.decider.predict(seen, state, starts, deterministic=True)
@@ -133,10 +117,7 @@ class Asked:
 
 
 def find_own(name: str) -> Any:
-    """Return the object of "mine.py:MyRule", "package.module:Rule" or the name of an entry point.
-
-    Returns:
-        The object; None if the name has none of these forms.
+    """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for a name of another form.
 
     Raises:
         ArgumentError: there is no such file, module or name in it, or it cannot be imported.
@@ -170,10 +151,10 @@ def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
     """Return a user's decider at any threshold, for the options of an environment.
 
     Args:
-        model: function `observation -> actions`, object with `predict`, or class of one. With an attribute
-            `thresholds` it is swept: a class is created with a threshold, a function called with it as its
-            second argument, and an object gets it as its attribute `threshold`. `default`, `title`, `symbol`,
-            `task` and `options` are read if they exist, see `Decider`.
+        model: function `observation -> actions`, object with `predict`, or class of one. With an attribute `thresholds`
+            it is swept: a class is created with a threshold, a function called with it as its second argument, and an
+            object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if
+            they exist, see `Decider`.
         name: as it was given, for messages.
         options: of the environment.
 

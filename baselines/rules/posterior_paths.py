@@ -21,19 +21,12 @@ MIN_COUNT = 1000
 
 @dataclass(frozen=True)
 class PosteriorPaths:
-    """Error probabilities of S segments over up to T ticks, when nobody decides before the end.
+    """Error probabilities of S segments over up to T ticks, when nobody decides before the end."""
 
-    Attributes:
-        log_error_probability: (S, T) natural logarithm of the posterior error probability of the best declaration.
-        correct: (S, T) whether that declaration would have been correct.
-        length: (S,) number of recorded ticks; later entries are meaningless.
-        by: what has to be correct, the hypothesis or only its type.
-    """
-
-    log_error_probability: FloatArray
-    correct: BoolArray
-    length: IntArray
-    by: By
+    log_error_probability: FloatArray  # (S, T) natural logarithms of the error probability of the best declaration
+    correct: BoolArray  # (S, T) whether that declaration would have been correct
+    length: IntArray  # (S,) number of recorded ticks; later entries are meaningless
+    by: By  # what has to be correct, the hypothesis or only its type
 
 
 class Never(RowRule):
@@ -49,12 +42,9 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
 
     Args:
         episodes: number of parallel episodes; their seeds are seed, seed + 1, ...
-        seed: seed of the first episode.
+        seed: of the first episode.
         ticks: number of ticks to record of each segment, None for all.
-        options: keyword options of the world, see `hybrid_env.WorldOptions`. `undecided` is always "likeliest".
-
-    Raises:
-        ArgumentError: an argument is out of range.
+        options: keywords of the world, see `hybrid_env.WorldOptions`. `undecided` is always "likeliest".
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})
@@ -85,20 +75,13 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
 
 @dataclass(frozen=True)
 class Calibration:
-    """Stated probability and accuracy of the best declaration, in B bins of the stated probability.
+    """Stated probability and accuracy of the best declaration, in B bins of the stated probability."""
 
-    Attributes:
-        stated: (B,) mean stated probability of each bin, 0 where the bin is empty.
-        accuracy: (B,) share of correct declarations in each bin, 0 where the bin is empty.
-        count: (B,) number of segments in each bin.
-        mean_stated, mean_accuracy: over all segments.
-    """
-
-    stated: FloatArray
-    accuracy: FloatArray
-    count: IntArray
-    mean_stated: float
-    mean_accuracy: float
+    stated: FloatArray  # (B,) mean stated probability of each bin, 0 where the bin is empty
+    accuracy: FloatArray  # (B,) share of correct declarations in each bin, 0 where the bin is empty
+    count: IntArray  # (B,) number of segments in each bin
+    mean_stated: float  # over all segments
+    mean_accuracy: float  # over all segments
 
     @property
     def worst(self) -> float:
@@ -108,11 +91,7 @@ class Calibration:
 
 
 def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
-    """Calibration of the posterior at a tick, over the segments that reach it.
-
-    Raises:
-        ArgumentError: no segment reaches the tick.
-    """
+    """Return the calibration of the posterior at a tick, over the segments that reach it."""
     if check_integer("tick", tick) > paths.length.max():
         raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
     reached = paths.length >= tick

@@ -1,9 +1,9 @@
 """Deciders that run filters of their own on the measurements, see `component_filters`.
 
-`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the
-switch, not from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the
-uncertainty of the anchor in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of
-the anchor error that was found in simulated episodes (see `anchor_prior`).
+`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the switch, not
+from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the uncertainty of the anchor
+in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of the anchor error in simulated
+episodes.
 """
 
 import functools
@@ -75,12 +75,10 @@ class RefilteringDecider(Decider):
         return observe_sensed(tracks)
 
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C).
+        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first rows of a segment.
 
-        Args:
-            rows: (N, width) first rows of a segment.
-            first: (N,) True for the first segment of an episode.
-            correct: (N,) probability that the last declaration was correct.
+        first: (N,) True for the first segment of an episode; correct: (N,) probability that the last declaration was
+        correct.
         """
         raise NotImplementedError
 
@@ -136,10 +134,9 @@ class CalibratedAnchorDecider(RefilteringDecider):
     """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
     Args:
-        world: see `RefilteringDecider`.
-        prior: distribution of the anchor error after correct and after wrong declarations; None uses the
-            covariance that the bank states.
-        alpha, robust: see `RefilteringDecider`.
+        world, alpha, robust: see `KeptCovarianceDecider`.
+        prior: distribution of the anchor error after correct and after wrong declarations; None uses the covariance
+            that the bank states.
     """
 
     name, title = "calibrated", "calibrated anchor"
@@ -194,13 +191,13 @@ def fit_calibrated_anchor(
 ) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
+    The first of two rounds declares with the stated covariance, the second with the first fit.
+
     Args:
         world: options of the world.
         episodes: simulated episodes per round.
         seed: of the first episode.
-        rounds: the first round declares with the stated covariance, later rounds with the last fit.
-        alpha: error probability at which the decider declares.
-        robust: see `RefilteringDecider`.
+        robust: see `CalibratedAnchorDecider`.
     """
     prior: AnchorPrior | None = None
     for k in range(rounds):

@@ -97,10 +97,8 @@ class GLRDecider(RestartDecider):
 
     The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones 1976, "A generalized
     likelihood ratio approach to the detection and estimation of jumps in linear systems"; the window as in Lai 1995,
-    "Sequential changepoint detection in quality control and dynamical systems".
-
-    Without a margin wrong changes are frequent, because the measurements after a switch contradict the stated mode
-    before they tell the other modes apart.
+    "Sequential changepoint detection in quality control and dynamical systems". Without a margin wrong changes are
+    frequent, because the measurements after a switch contradict the stated mode before they tell the other modes apart.
 
     Args:
         options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and "anchor_aware".

@@ -2,9 +2,9 @@
 
 Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
 and covariance that the filter of the stated mode has before the measurement of the tick: the hypothesis that the object
-switches to that mode here. The likelihood ratio of a hypothesis compares all measurements since its start with the
-filter of the stated mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the
-most likely filter of the new mode becomes the filter of the stated mode, and all others are dropped.
+switches to that mode here. Its likelihood ratio compares all measurements since its start with the filter of the stated
+mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter
+of the new mode becomes the filter of the stated mode, and all others are dropped.
 
 The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
 variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
@@ -29,48 +29,30 @@ from hybrid_env.core.records import LANES, MEASURED, SENSOR
 class RestartedFilters(NamedTuple):
     """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
 
-    Attributes:
-        stated_filters: (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode.
-        started: (N, M, G) records `AWARE_HYPOTHESIS`; start k = 0, 1, ... since the last change of the
-            statement is number k % W: lane k % W % LANES of group k % W // LANES. `log_likelihood` is that of
-            all measurements since the change, with the stated mode before the start.
-        counts: (N,) ticks since the last change of the statement.
-        stated: (N,) stated modes.
-        log_ratios: (N, M) statistics of the last tick; 0 for the stated mode.
-        innovations, measured: (1,) records `INNOVATION` and `MEASURED`, temporary memory.
+    Start k = 0, 1, ... since the last change of the statement is number k % W: lane k % W % LANES of group k % W //
+    LANES. The log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
     """
 
-    stated_filters: NDArray[Any]
-    started: NDArray[Any]
-    counts: IntArray
-    stated: IntArray
-    log_ratios: FloatArray
-    innovations: NDArray[Any]
-    measured: NDArray[Any]
+    stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode
+    started: NDArray[Any]  # (N, M, G) records `AWARE_HYPOTHESIS`, see above
+    counts: IntArray  # (N,) ticks since the last change of the statement
+    stated: IntArray  # (N,) stated modes
+    log_ratios: FloatArray  # (N, M) statistics of the last tick; 0 for the stated mode
+    innovations: NDArray[Any]  # (1,) records `INNOVATION` and `MEASURED`, temporary memory
+    measured: NDArray[Any]  # (1,) records `INNOVATION` and `MEASURED`, temporary memory
 
 
 class RestartModel(NamedTuple):
-    """The rule and what its filters assume.
+    """The rule and what its filters assume."""
 
-    Attributes:
-        radii: (n,) turn radii [m].
-        window: W, number of start ticks.
-        exact_anchor: whether centre and turn rate of a turn are certain.
-        mean: whether the statistic is the mean of the likelihood ratios of all start ticks, or the largest.
-        threshold: of the logarithm of the statistic, at which the statement changes.
-        margin: smallest difference of this logarithm to that of the other modes that are not stated.
-        filters: model of the filters.
-        sensors: (k,) records `records.SENSOR`.
-    """
-
-    radii: FloatArray
-    window: int
-    exact_anchor: bool
-    mean: bool
-    threshold: float
-    margin: float
-    filters: FilterModel
-    sensors: NDArray[Any] = np.zeros(0, SENSOR)
+    radii: FloatArray  # (n,) turn radii [m]
+    window: int  # W, number of start ticks
+    exact_anchor: bool  # whether centre and turn rate of a turn are certain
+    mean: bool  # whether the statistic is the mean of the likelihood ratios of all start ticks, or the largest
+    threshold: float  # of the logarithm of the statistic, at which the statement changes
+    margin: float  # smallest difference of this logarithm to that of the other modes that are not stated
+    filters: FilterModel  # model of the filters
+    sensors: NDArray[Any] = np.zeros(0, SENSOR)  # (k,) records `records.SENSOR`
 
 
 def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
@@ -96,15 +78,7 @@ def _begin_filter(kalman: Any, lane: int, anchor: State, covariance: Triangle4, 
 
 @compiled
 def begin_restarted(filters: RestartedFilters, track: int, mode: int, start: FloatArray, model: RestartModel) -> None:
-    """Begin an episode of a track.
-
-    Args:
-        filters: of all tracks; those of the track are replaced.
-        track: index of the track.
-        mode: first statement.
-        start: (14 + M,) see `MeasurementDecider.begin_track`.
-        model: of the filters.
-    """
+    """Begin an episode of a track with a first statement; `start` as in `MeasurementDecider.begin_track`."""
     anchor = (start[0], start[1], start[2], start[3])
     _begin_filter(filters.stated_filters[track], 0, anchor, triangle(start[4:14]), mode, model)
     filters.counts[track] = 0
@@ -125,9 +99,8 @@ def _likeliest_start(started: NDArray[Any], live: int) -> int:
 
 @internal
 def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -> float:
-    """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters of a mode.
-
-    reference: log-likelihood of the stated mode.
+    """Return the logarithm of the largest or `mean` likelihood ratio, to a reference, of the first `live` filters of a
+    mode.
     """
     best = _likeliest_start(started, live)
     largest = started[best // LANES].log_likelihood[best % LANES]
@@ -165,10 +138,7 @@ def _change(filters: RestartedFilters, track: int, live: int, model: RestartMode
 def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: RestartModel) -> None:
     """Advance all tracks by one tick: start filters, correct all, and change statements.
 
-    Args:
-        filters: of all tracks.
-        measurements: (N, 2) or (N, 9), see `sensing.write_measured`.
-        model: the rule.
+    Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     innovation, measured = filters.innovations[0], filters.measured[0]
     for track in range(measurements.shape[0]):

@@ -54,43 +54,31 @@ class VectorEnvironment(Protocol):
 
 @dataclass
 class Now:
-    """The present tick of a rollout, before the decider is asked.
+    """The present tick of a rollout, before the decider is asked."""
 
-    Attributes:
-        step: number of steps so far.
-        observation: (N, width) rows of the present tick.
-        seen: what the decider will read: the rows, or what it observes of the arrays.
-        state: of the decider.
-        starts: (N,) True where an episode begins.
-        terminated: (N,) True where the last step ended an episode.
-        actions: (N,) of the last step; zeros before the first.
-        rewards: (N,) of the last step.
-        info: of the last step or the reset.
-    """
-
-    step: int
-    observation: Observations
-    seen: NDArray[Any]
-    state: Any
-    starts: BoolArray
-    terminated: BoolArray
-    actions: Actions
-    rewards: FloatArray
-    info: dict[str, Any]
+    step: int  # number of steps so far
+    observation: Observations  # (N, width) rows of the present tick
+    seen: NDArray[Any]  # what the decider will read: the rows, or what it observes of the arrays
+    state: Any  # of the decider
+    starts: BoolArray  # (N,) True where an episode begins
+    terminated: BoolArray  # (N,) True where the last step ended an episode
+    actions: Actions  # (N,) of the last step; zeros before the first
+    rewards: FloatArray  # (N,) of the last step
+    info: dict[str, Any]  # of the last step or the reset
 
 
 def rollout(env: VectorEnvironment, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
-    In the body of the loop the environment is at the tick that was yielded, with the results of the last
-    step; the decider is asked and the environment stepped when the loop goes on.
+    In the body of the loop the environment is at the tick that was yielded, with the results of the last step; the
+    decider is asked and the environment stepped when the loop goes on.
 
     Args:
         env: environment of N tracks; its autoreset mode says what follows an episode.
-        model: a decider, see `as_decider`.
+        model: a decider, any object with its `predict`, or a function of the observations.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
-        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no
-            longer passed to deciders that can drop tracks. Without it all count.
+        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no longer passed
+            to deciders that can drop tracks. Without it all count.
     """
     decider = as_decider(model)
     ask = Asked(decider, int(env.single_action_space.n))
@@ -150,12 +138,9 @@ def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: 
 
 
 def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
-    """Return the statements of deciders of one rule on one episode of every track of an environment.
+    """Return the statements of deciders of one rule, together if they can be, on one episode of every track.
 
-    Args:
-        make: returns the environment, whose world has the field `true_mode`.
-        deciders: computed together if they can be.
-        seed: of the first track.
+    `make` returns the environment, whose world has the field `true_mode`; the first track has the seed.
     """
     several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
     if several is None and len(deciders) > 1:
@@ -186,7 +171,7 @@ def evaluate(
     All deciders face the same episodes: trajectories and noise do not depend on the decisions.
 
     Args:
-        decider: see `baselines.rules.decider.Decider`.
+        decider: a decider, any object with its `predict`, or a function of the observations.
         env_id: registered id.
         episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
         seed: of the first episode.
@@ -194,8 +179,8 @@ def evaluate(
         options: environment options that override those of the id.
 
     Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was
-            trained on observations of another shape.
+        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was trained on
+            observations of another shape.
 
     Warns:
         UserWarning: a model of Stable-Baselines3 was trained in an environment of another id.

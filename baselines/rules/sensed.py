@@ -1,7 +1,7 @@
 """What several sensors measured, for deciders whose filters run on the measurements of announced segments.
 
-A row has the measurement, but not its covariance. With sensors these deciders also observe the arrays of the
-environment: covariance, range rates, and the anchor, so that their filters run in the frame of the world.
+A row has the measurement, but not its covariance. With sensors these deciders also observe covariance, range rates, and
+the anchor, so that their filters run in the frame of the world.
 """
 
 from typing import Any
@@ -55,12 +55,7 @@ def without_measurement(layout: Layout, rows: NDArray[Any]) -> BoolArray:
 def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N, 2).
 
-    Args:
-        sensed: (N, 15) from `sensed_of`.
-        anchors: in the heading frame, see `component_filters.ANCHOR_COLUMNS`.
-
-    Raises:
-        ArgumentError: `sensed` is None.
+    `sensed` is from `sensed_of`, (N, 15); the anchors are in the heading frame, see `component_filters.ANCHOR_COLUMNS`.
     """
     if sensed is None:
         raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")

@@ -110,8 +110,8 @@ class SPRTDecider(Decider):
     ) -> tuple[Actions, tuple[FloatArray, BoolArray]]:
         """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
 
-        If there is no state after the first tick of a segment, the test starts from the clipped ratios with
-        all hypotheses.
+        If there is no state after the first tick of a segment, the test starts from the clipped ratios with all
+        hypotheses.
         """
         layout = Layout.of_rows(observation)
         along, across = (layout.read(observation, f"innovation_{axis}") for axis in ("along", "across"))

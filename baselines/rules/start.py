@@ -31,8 +31,8 @@ def line_estimate(
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a straight line to measurements by least squares, and evaluate it at the last one.
 
-    The covariance has three parts: the noise of the measurements, the process noise, and the turns of the
-    bank. The acceleration of a turn is across the velocity and constant, and all modes are equally probable.
+    The covariance has three parts: the noise of the measurements, the process noise, and the turns of the bank. The
+    acceleration of a turn is across the velocity and constant, and all modes are equally probable.
 
     Args:
         ticks: (m,) tick of each measurement, increasing.
@@ -41,8 +41,8 @@ def line_estimate(
         noises: (m, 3) covariance xx, xy, yy of each measurement [m^2]; None is variance R.
 
     Returns:
-        Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about
-        the velocity: it is 0, with an infinite variance.
+        Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about the
+        velocity: it is 0, with an infinite variance.
     """
     noises = np.tile(unit_noise(options), (len(ticks), 1)) if noises is None else noises
     matrices = noises[:, [[0, 1], [1, 2]]]
@@ -73,16 +73,9 @@ def line_estimate(
 class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
-    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the
-    object turns by a large angle in a tick, many if the measurements are noisy.
-
-    Args:
-        options: of the model.
-        most: largest number of measurements.
-
-    Attributes:
-        estimate, covariance: see `line_estimate`; NaN and infinite before the first measurement.
-        complete: whether a track can begin with the estimate.
+    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the object
+    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `estimate` and `covariance` are
+    NaN and infinite before the first measurement; `complete` tells whether a track can begin with them.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -159,8 +152,8 @@ def gate_distance(
         radii: (n,) [m].
         tau: length of a tick [s].
         noise: (3,) covariance xx, xy, yy of the measurement [m^2].
-        ticks: since the estimate was right for certain. What turns in the ticks before the last one can have
-            added to the distance from a straight line does not count, unless they would be as large.
+        ticks: since the estimate was right for certain. What turns in the ticks before the last one can have added to
+            the distance from a straight line does not count, unless they would be as large.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

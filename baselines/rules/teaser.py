@@ -29,14 +29,7 @@ FITTING_EPISODES = 1000
 
 
 def accepted_errors(paths: PosteriorPaths) -> FloatArray:
-    """Return the largest log error probability that the test of each tick accepts, (T,).
-
-    Args:
-        paths: simulated segments without early decisions.
-
-    Raises:
-        ArgumentError: there are too few of them.
-    """
+    """Return the largest log error probability that the test of each tick accepts, (T,), from simulated segments."""
     limits: list[float] = []
     for tick in range(paths.log_error_probability.shape[1]):
         right = paths.correct[:, tick] & (paths.length > tick)

@@ -103,12 +103,10 @@ class ThresholdDecider(RowRule):
         return probability_panel("bank", self.threshold)
 
     def choose(self, log_probability: FloatArray, stated: Actions, started: BoolArray) -> Actions:
-        """Return the next statements of N tracks, (N,).
+        """Return the next statements of N tracks, (N,), from log probabilities of the modes, (N, M), and the last ones,
+        (N,).
 
-        Args:
-            log_probability: (N, M) logarithms of the probabilities of the modes.
-            stated: (N,) last statements.
-            started: (N,) whether there has been a statement; the first one is the most probable mode.
+        Where none has `started`, it is the most probable mode.
         """
         actions = np.empty(len(stated), np.int64)
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)

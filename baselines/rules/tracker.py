@@ -41,8 +41,8 @@ class OnlineEstimate(NamedTuple):
             declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
-        covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its variances
-            are infinite, as all are before the first measurement of a track that begins again.
+        covariance: (4, 4) of the estimate. After a single measurement the variances of the velocity are infinite, as
+            all are before the first measurement of a track that begins again.
         agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
         recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
             the k ticks since the switch by the filter of the declared mode; otherwise None.
@@ -129,9 +129,9 @@ class OnlineTracker:
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced
-        switches, and a straight line is fitted to them (`start.FirstMeasurements`). The bank begins after the
-        last of them; until then the estimate is that of the line, and all modes are equally probable.
+        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced switches,
+        and a straight line is fitted to them. The bank begins after the last of them; until then the estimate is that
+        of the line, and all modes are equally probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
@@ -176,20 +176,17 @@ class OnlineTracker:
     def update(
         self, measurement: ArrayLike | dict[int, ArrayLike] | Fused | None, time: float | None = None
     ) -> OnlineEstimate:
-        """Process the measurement of a tick.
+        """Process the measurement of a tick, and return what is known after it.
 
         Args:
-            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a
-                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing, range
-                rate) [m, rad, m/s]; None if there is none in this tick.
+            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a mapping from
+                their place in the list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s]; None if
+                there is none in this tick.
             time: of the measurement [s]; None is one tick after the last one.
 
-        Returns:
-            What is known after it.
-
         Raises:
-            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is
-                missing and the decider cannot do without it.
+            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is missing
+                and the decider cannot do without it.
         """
         point = _checked(measurement, self.options)
         moment = None if time is None else check_number("time", time)

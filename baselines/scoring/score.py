@@ -89,7 +89,7 @@ class TimelineScores:
 
 
 class _Track(NamedTuple):
-    """Samples of modes on one track: times (n,), and modes (n,), None where there is none."""
+    """Times (n,) and modes (n,) of the samples of one track; None where there is no mode."""
 
     times: NDArray[Any]
     modes: list[Any]

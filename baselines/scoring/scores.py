@@ -1,7 +1,7 @@
 """The scores of a decider: figures of every episode at every threshold, and what follows from them.
 
-Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its
-confidence interval, and the paired interval of a difference between two deciders on the same episodes.
+Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its confidence
+interval, and the paired interval of a difference between two deciders on the same episodes.
 """
 
 import math
@@ -51,15 +51,9 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
 
 
 def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
-    """Return a statistic where the operating curve first reaches a level of a figure.
+    """Return a statistic where the operating curve first reaches a level of a figure, or falls to it if `falling`.
 
     The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` beyond the level.
-
-    Args:
-        measure: the figure, which rises with the thresholds.
-        level: of the figure.
-        statistic: at every threshold.
-        falling: the figure falls with the thresholds.
     """
     sign = -1.0 if falling else 1.0
     return Statistic(
@@ -69,13 +63,9 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
 
 
 def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> FloatArray:
-    """Return values (...) at the first threshold at which a measure reaches a level.
+    """Return values (...) at the first threshold at which a measure reaches a level; both are (..., thresholds).
 
     They are interpolated linearly from the threshold before; the value is `NOT_REACHED` below the level.
-
-    Args:
-        measure, values: (..., thresholds).
-        level: of the measure.
     """
     reached = measure >= level
     right = reached.argmax(-1)
@@ -91,14 +81,9 @@ def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> Flo
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
-    """Return the mean of a figure where the mean of another has a level.
+    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a level.
 
     The curve is interpolated linearly between thresholds and extrapolated with its first and last values.
-
-    Args:
-        measure: the other figure, which rises with the thresholds.
-        level: of this figure.
-        column: the figure.
     """
 
     def function(means: FloatArray, values: FloatArray) -> FloatArray:
@@ -152,12 +137,7 @@ class Scores:
         return np.asarray(statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0)))
 
     def estimate(self, statistic: Statistic, index: int | None = None) -> Estimate:
-        """Return a statistic with its confidence interval.
-
-        Args:
-            statistic: the statistic.
-            index: of the threshold; None for a statistic of the whole curve, or of a single threshold.
-        """
+        """Return a statistic with its confidence interval at the threshold of an index, or of the whole curve."""
         rows = self._rows(statistic, index)
         found = _estimate(rows, lambda means: _number(statistic, means))
         if statistic.share and found.low == found.high and found.value in (0.0, 1.0):

@@ -107,12 +107,10 @@ class StatementMetrics:
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
 
     def named_within(self, longest: int) -> IntArray:
-        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches.
+        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches, (longest +
+        2,).
 
         An undetected last switch of a track does not count.
-
-        Returns:
-            (longest + 2,) counts.
         """
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
@@ -160,28 +158,18 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
 
 
 class Switches(NamedTuple):
-    """The switches of N tracks of T ticks, all of shape (S,).
+    """The switches of N tracks of T ticks, all of shape (S,)."""
 
-    Attributes:
-        begin: first tick of the new mode.
-        end: tick of the next switch, or T.
-        stated: first tick from `begin` on with a right statement, T without one. The switch is detected if
-            it is before `end`.
-        track: index of the track.
-    """
-
-    begin: IntArray
-    end: IntArray
-    stated: IntArray
-    track: IntArray
+    begin: IntArray  # first tick of the new mode
+    end: IntArray  # tick of the next switch, or T
+    stated: IntArray  # first tick from `begin` on with a right statement, T without one; detected if before `end`
+    track: IntArray  # index of the track
 
 
 def find_switches(switched: BoolArray, right: BoolArray) -> Switches:
     """Return the switches, and when each is detected.
 
-    Args:
-        switched: (T, N) True at the first tick of a new mode.
-        right: (T, N) True where the statement is right.
+    Both flags are (T, N): `switched` at the first tick of a new mode, `right` where the statement is right.
     """
     ticks, tracks = switched.shape
     times = np.arange(ticks)[:, None]
