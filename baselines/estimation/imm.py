@@ -108,9 +108,6 @@ class IMMFilter(TrackFilter):
         sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the others
             with equal probability.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     Attributes:
         probabilities: (B, M) of the models.
     """
@@ -152,9 +149,6 @@ class IMMFilter(TrackFilter):
             probabilities: (B, M) of the models.
             states: (B, M, n). Derivatives that a model lacks are not used.
             covariances: (B, M, n, n).
-
-        Raises:
-            ArgumentError: an array has another shape or a value that is not allowed.
         """
         shape = (None, len(self.filters))
         weights, size = check_array("probabilities", probabilities, shape), self.axes * self.order

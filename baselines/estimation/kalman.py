@@ -24,9 +24,6 @@ class KalmanFilter(TrackFilter):
             acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
     >>> cv.begin(tracks=1)
     >>> for k in range(30):

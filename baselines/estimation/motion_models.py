@@ -59,9 +59,6 @@ class MotionModel:
             With discrete noise it is the variance of the acceleration that is constant in a time step for CV [m^2/s^4],
             and of the increment of the highest derivative in a time step for CA [m^2/s^4] and CJ [m^2/s^6].
         discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete" noise does.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
     """
 
     name: Literal["CV", "CA", "CJ"]

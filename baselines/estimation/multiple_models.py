@@ -37,9 +37,6 @@ class MultipleModelFilter(TrackFilter):
         transition: (M, M) probabilities of the modes in a step given the mode before (row). None: the mode
             does not change. The attribute may be set before any step, so for switches at known moments.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     Attributes:
         probabilities: (B, M) of the modes.
         filters: number of Kalman filters that ran in the last step.

@@ -23,9 +23,6 @@ class ParticleFilter(TrackFilter):
         degrees_of_freedom: of Student's t of the errors; None is the normal distribution.
         particles: P of each axis.
         seed: of the random numbers; `begin` starts them anew.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
 
     covariance: FloatArray

@@ -58,9 +58,6 @@ class Huber(Robust):
     Attributes:
         threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
             efficiency with Gaussian noise.
-
-    Raises:
-        ArgumentError: the threshold is not positive.
     """
 
     threshold: float = 1.345
@@ -100,9 +97,6 @@ class StudentT(Robust):
     Attributes:
         degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
             of a measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
-
-    Raises:
-        ArgumentError: nu is out of range.
     """
 
     degrees_of_freedom: float = 4.0

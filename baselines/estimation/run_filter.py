@@ -62,9 +62,6 @@ def run_filter(
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     >>> from baselines.estimation.kalman import KalmanFilter
     >>> from baselines.estimation.motion_models import MotionModel
     >>> ca = KalmanFilter(MotionModel("CA", axes=3, noise=0.1), noise=25.0, start_deviations=(50.0, 5.0))

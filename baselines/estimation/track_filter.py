@@ -51,11 +51,7 @@ class TrackFilter(ABC):
         return self.state[:, 1 :: self.order]
 
     def begin(self, tracks: int) -> None:
-        """Forget everything; `tracks` tracks begin with their first measurements.
-
-        Raises:
-            ArgumentError: `tracks` is not an integer >= 1.
-        """
+        """Forget everything; `tracks` tracks begin with their first measurements."""
         self._begin(check_integer("tracks", tracks))
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
@@ -64,9 +60,6 @@ class TrackFilter(ABC):
         Args:
             state: (B, n).
             covariance: (n, n) or (B, n, n); None for a filter that has none.
-
-        Raises:
-            ArgumentError: an array has another shape or is not finite.
         """
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
@@ -84,11 +77,7 @@ class TrackFilter(ABC):
         self._set(means, np.broadcast_to(matrices, (len(means), size, size)).copy())
 
     def predict(self, dt: float | ArrayLike) -> None:
-        """Advance by a time step [s], >= 0, one number or (B,).
-
-        Raises:
-            ArgumentError: a time step is negative or not finite, or their number is wrong.
-        """
+        """Advance by a time step [s], >= 0, one number or (B,)."""
         self._predict(check_steps("dt", dt, self.tracks))
 
     def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
@@ -98,9 +87,6 @@ class TrackFilter(ABC):
             measurement: (B, d) positions [m], NaN where there is none.
             noise: covariance of this measurement in the place of that of the filter [m^2]: a number, (d,), (d, d) or
                 (B, d, d).
-
-        Raises:
-            ArgumentError: an argument has a value that is not allowed.
         """
         values = check_measurements("measurement", measurement, (self.tracks, self.axes))
         covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)

@@ -99,9 +99,6 @@ class BayesRiskDecider(PosteriorRule):
         boundary: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
             ticks.
         by: what has to be correct, as in the paths that the boundary was fitted to.
-
-    Raises:
-        ArgumentError: the boundary is not an array of finite numbers, or `by` is unknown.
     """
 
     name, title, symbol = "bayes", "Bayes risk", "cost"

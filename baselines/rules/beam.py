@@ -53,9 +53,6 @@ class BeamDecider(MeasurementDecider[BeamState]):
         merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the options.
         order: law of the next mode that it assumes, likewise.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True

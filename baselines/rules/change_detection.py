@@ -21,9 +21,6 @@ class ChangeDecider(Decider, ABC):
 
     Args:
         threshold: of the statistic, above 0; None is the default of the rule.
-
-    Raises:
-        ArgumentError: the threshold is out of range.
     """
 
     task = UNKNOWN

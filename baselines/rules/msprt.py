@@ -137,9 +137,6 @@ class MSPRTDecider(PosteriorRule):
         alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
         by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
             hypothesis of the most likely type and counts only other types as errors.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
@@ -200,9 +197,6 @@ class GapDecider(RowRule):
 
     Args:
         gap: threshold ln A, above 0 and below 30, where the observation clips ratios.
-
-    Raises:
-        ArgumentError: `gap` is out of range.
     """
 
     name, title, symbol, default = "gap", "gap rule", "gap", 4.6

@@ -51,9 +51,6 @@ class RefilteringDecider(Decider):
         alpha: threshold of the error probability, above 0 and at most 1.
         robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different
             variances, see `ComponentFilters`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
 
     symbol, thresholds, default = "alpha", ALPHAS, 0.02

@@ -38,9 +38,6 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of
             `hybrid_env.HybridTrackEnv`; None is that of the rule. Their covariance is that of the estimate at
             which they start.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow

@@ -120,9 +120,6 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
         tracks: N, number of episodes.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
         options: see `hybrid_env.QuickestOptions`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     return record_together([decider], tracks, seed, **options)[0]
 

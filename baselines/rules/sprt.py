@@ -26,9 +26,6 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
     Args:
         alpha: type I error probability, in (0, 1).
         beta: type II error probability, in (0, 1), with alpha + beta < 1; None uses alpha.
-
-    Raises:
-        ArgumentError: alpha, beta or their sum is outside its range.
     """
     alpha = check_between("alpha", alpha, 0.0, 1.0)
     if beta is None:
@@ -90,9 +87,6 @@ class SPRTDecider(Decider):
     Args:
         alpha: type I error probability.
         beta: type II error probability; None uses alpha.
-
-    Raises:
-        ArgumentError: alpha, beta or their sum is outside its range.
     """
 
     name, title, symbol, default = "ate", "ATE (SPRT)", "alpha", 1e-3

@@ -48,9 +48,6 @@ class TeaserDecider(PosteriorRule):
         limits: (T,) from `accepted_errors`. The last value holds for all later ticks.
         predictions: v, number of equal accepted predictions.
         by: what has to be correct, as in the paths of the limits.
-
-    Raises:
-        ArgumentError: the limits are not finite numbers, or v is not a positive integer.
     """
 
     name, title, symbol, default = "teaser", "TEASER", "predictions", 12

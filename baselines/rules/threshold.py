@@ -68,9 +68,6 @@ class ThresholdDecider(RowRule):
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.
         release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no effect.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     name, task, title = "threshold", UNKNOWN, "IMM threshold"

@@ -137,9 +137,6 @@ class OnlineTracker:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
             covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
             mode: before the first tick; None if it is not known.
-
-        Raises:
-            ArgumentError: an argument has a value that is not allowed.
         """
         if mode is not None:
             mode = check_integer("mode", mode, 0, self.options.hypotheses - 1)

@@ -115,9 +115,6 @@ def score(
         per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
         normal: true mode, away from which a false change is a false alarm; these are counted in the time in
             which it is true.
-
-    Raises:
-        ArgumentError: an argument has a value or a length that is not allowed.
     """
     period = check_positive("per", per)
     true = _tracks("times", times, "truth", truth)
