@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.kalman import KalmanFilter, resized
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter, check_covariance
 from hybrid_env.checks import FloatArray, check_array, reject
@@ -138,7 +138,11 @@ class IMMFilter(TrackFilter):
     @property
     def estimates(self) -> tuple[FloatArray, FloatArray]:
         """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
-        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        return self._estimates_with(self.order, None)
+
+    def _estimates_with(self, order: int, variances: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Return the estimates of the models with the same number of values per axis, see `resized`."""
+        parts = [resized(one.state, one.covariance, self.axes, order, variances) for one in self.filters]
         state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
         return state, covariance
 
@@ -150,18 +154,17 @@ class IMMFilter(TrackFilter):
             states: (B, M, n). Derivatives that a model lacks are not used.
             covariances: (B, M, n, n).
         """
-        shape = (None, len(self.filters))
-        weights, size = check_array("probabilities", probabilities, shape), self.axes * self.order
+        count, size = len(self.filters), self.axes * self.order
+        weights = check_array("probabilities", probabilities, (None, count))
         if (weights < 0.0).any() or not np.allclose(weights.sum(-1), 1.0):
             raise reject("probabilities", probabilities, "numbers >= 0 whose sum is 1 for each track")
-        means = check_array("states", states, (len(weights), shape[1], size))
-        matrices = check_covariance(
-            "covariances", check_array("covariances", covariances, (len(weights), shape[1], size, size)), definite=False
-        )
+        means = check_array("states", states, (len(weights), count, size))
+        matrices = check_array("covariances", covariances, (len(weights), count, size, size))
+        matrices = check_covariance("covariances", matrices, definite=False)
         self._begin(len(weights))
         self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
         for j, one in enumerate(self.filters):
-            one._set(*_resized(means[:, j], matrices[:, j], self.axes, one.order, None))
+            one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
@@ -172,35 +175,32 @@ class IMMFilter(TrackFilter):
         for one in self.filters:
             one._begin(tracks)
         self._log_probabilities = np.log(np.broadcast_to(self._stationary, (tracks, len(self.filters)))).copy()
-        self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
         self._merge()
+        self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
         for one in self.filters:
-            one._set(*_resized(state, covariance, self.axes, one.order, None))
+            one._set(*resized(state, covariance, self.axes, one.order, None))
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
         after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
         mixed = [
-            merged(
-                [
-                    _resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
-                    for other in self.filters
-                ],
-                weights[:, j],
-            )
+            mixture(*self._estimates_with(one.order, one.start_variances), weights[:, j, None])
             for j, one in enumerate(self.filters)
         ]
-        for one, start in zip(self.filters, mixed, strict=True):
-            one._set(*start)
+        for one, (state, covariance) in zip(self.filters, mixed, strict=True):
+            one._set(state[:, 0], covariance[:, 0])
             one._predict(dt)
         self._log_probabilities = after
         self._merge()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        self.nis = self._merged_nis(measurement, noise)
+        noises = [one.noise if noise is None else noise for one in self.filters]
+        of_models = sum(p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True))
+        spread = self.covariance[:, :: self.order, :: self.order] + of_models
+        self.nis = squared_innovation(measurement - self.position, spread)
         for one in self.filters:
             one._update(measurement, noise)
         self._log_probabilities, self.log_likelihood = weigh_models(
@@ -208,45 +208,7 @@ class IMMFilter(TrackFilter):
         )
         self._merge()
 
-    def _merged_nis(self, measurement: FloatArray, noise: FloatArray | None) -> FloatArray:
-        """Squared innovation of the merged prediction in units of its covariance, (B,)."""
-        noises = [one.noise if noise is None else noise for one in self.filters]
-        total = self.covariance[:, :: self.order, :: self.order] + sum(
-            p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True)
-        )
-        return squared_innovation(measurement - self.position, total)
-
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
         state, covariance = mixture(*self.estimates, self.probabilities[:, None])
         self.state, self.covariance = state[:, 0], covariance[:, 0]
-
-
-def _resized(
-    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
-
-    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
-    """
-    tracks, size = state.shape
-    m = size // axes
-    if m == order:
-        return state, covariance
-    common = min(m, order)
-    mean = np.zeros((tracks, axes, order))
-    mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
-    matrix = np.zeros((tracks, axes, order, axes, order))
-    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
-    if variances is not None:
-        for k in range(common, order):
-            for axis in range(axes):
-                matrix[:, axis, k, axis, k] = variances[k - 1]
-    return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
-
-
-def merged(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of a mixture, with weights (B, M), of M means (B, n) and covariances (B, n, n)."""
-    state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
-    mean, matrix = mixture(state, covariance, weights[:, None])
-    return mean[:, 0], matrix[:, 0]

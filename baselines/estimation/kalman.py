@@ -70,10 +70,6 @@ class KalmanFilter(TrackFilter):
         assert covariance is not None
         self.state, self.covariance = state, covariance
 
-    def _no_measurement(self) -> None:
-        self.log_likelihood = np.zeros(self.tracks)
-        self.nis = np.full(self.tracks, np.nan)
-
     def _matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
         """Transition and process noise of one axis; those of equal steps are computed once."""
         if isinstance(dt, float):
@@ -92,14 +88,10 @@ class KalmanFilter(TrackFilter):
         """Begin some tracks with their first measurements."""
         if self.start_variances is None:
             raise reject("start_deviations", None, "numbers, or a start of all tracks by begin_from()")
-        self.state[chosen] = 0.0
-        self.state[chosen, :: self.order] = measurement[chosen]
-        matrix = np.zeros((len(chosen), self.axes, self.order, self.axes, self.order))
-        matrix[:, :, 0, :, 0] = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
-        for k, variance in enumerate(self.start_variances, start=1):
-            for axis in range(self.axes):
-                matrix[:, axis, k, axis, k] = variance
-        self.covariance[chosen] = matrix.reshape(len(chosen), self.model.size, self.model.size)
+        noises = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
+        self.state[chosen], self.covariance[chosen] = resized(
+            measurement[chosen], noises, self.axes, self.order, self.start_variances
+        )
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         noise = self.noise if noise is None else noise
@@ -118,6 +110,29 @@ class KalmanFilter(TrackFilter):
         first = np.flatnonzero(measured & ~begun)
         if first.size:
             self._start(first, measurement, noise)
+
+
+def resized(
+    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
+
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
+    """
+    tracks, size = state.shape
+    m = size // axes
+    if m == order:
+        return state, covariance
+    common = min(m, order)
+    mean = np.zeros((tracks, axes, order))
+    mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
+    matrix = np.zeros((tracks, axes, order, axes, order))
+    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
+    if variances is not None:
+        each = np.arange(axes)
+        for k in range(common, order):
+            matrix[:, each, k, each, k] = variances[k - 1]
+    return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
 
 
 def propagate(

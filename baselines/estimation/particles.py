@@ -54,8 +54,8 @@ class ParticleFilter(TrackFilter):
         shape = tracks, self.axes, self.particles
         self.particle_states = np.full((*shape, self.order), np.nan)
         self.log_weights = np.full(shape, -np.log(self.particles))
-        self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
         self._summarise()
+        self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
@@ -82,7 +82,7 @@ class ParticleFilter(TrackFilter):
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         if noise is not None:
             raise reject("noise", noise, "None for a particle filter")
-        self.log_likelihood, self.nis = np.zeros(self.tracks), np.full(self.tracks, np.nan)
+        self._no_measurement()
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         first, used = np.flatnonzero(measured & ~begun), np.flatnonzero(measured & begun)
         if first.size:

@@ -30,6 +30,17 @@ class Estimates:
         """(T, B, d) [m/s]."""
         return self.states[..., 1 :: self.order]
 
+    def write(self, k: int, track_filter: TrackFilter) -> None:
+        """Write the present estimates of a filter at tick k."""
+        self.states[k] = track_filter.state
+        if self.covariances is not None:
+            self.covariances[k] = track_filter.covariance
+
+    def of_one(self) -> "Estimates":
+        """Return the estimates of a single track, without the axis B."""
+        covariances = None if self.covariances is None else self.covariances[:, 0]
+        return Estimates(self.states[:, 0], covariances, self.order)
+
 
 @dataclass(frozen=True)
 class Filtered(Estimates):
@@ -85,40 +96,28 @@ def run_filter(
     else:
         first = _begin_from(track_filter, start, tracks, moments)
     steps = np.diff(moments, axis=0, prepend=first[None])
-    keep = keep and track_filter.has_covariance
-    size = track_filter.state.shape[1]
-    states = np.empty((total, tracks, size))
-    kept = np.empty((total, tracks, size, size)) if keep else None
-    ahead = [_empty(states, kept, track_filter.order) for _ in horizons]
-    log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
+    shape = (total, tracks, track_filter.state.shape[1])
+    kept = keep and track_filter.has_covariance
+    found, *ahead = (
+        Estimates(np.empty(shape), np.empty((*shape, shape[2])) if kept else None, track_filter.order)
+        for _ in range(1 + len(horizons))
+    )
+    log_likelihoods, nis = np.empty(shape[:2]), np.empty(shape[:2])
     for k in range(total):
         step = steps[k]
         equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])
-        states[k], log_likelihoods[k], nis[k] = (
-            track_filter.state, track_filter.log_likelihood, track_filter.nis,
-        )  # fmt: skip
-        if kept is not None:
-            kept[k] = track_filter.covariance
+        log_likelihoods[k], nis[k] = track_filter.log_likelihood, track_filter.nis
+        found.write(k, track_filter)
         for horizon, one in zip(horizons, ahead, strict=True):
             later = copy.deepcopy(track_filter)
             later.predict(horizon)
-            one.states[k] = later.state
-            if one.covariances is not None:
-                one.covariances[k] = later.covariance
+            one.write(k, later)
     if single:
-        states, log_likelihoods, nis = states[:, 0], log_likelihoods[:, 0], nis[:, 0]
-        kept = None if kept is None else kept[:, 0]
-        ahead = [
-            Estimates(one.states[:, 0], None if one.covariances is None else one.covariances[:, 0], one.order)
-            for one in ahead
-        ]
-    return Filtered(states, kept, track_filter.order, log_likelihoods, nis, tuple(ahead))
-
-
-def _empty(states: FloatArray, covariances: FloatArray | None, order: int) -> Estimates:
-    return Estimates(np.empty_like(states), None if covariances is None else np.empty_like(covariances), order)
+        found, ahead = found.of_one(), [one.of_one() for one in ahead]
+        log_likelihoods, nis = log_likelihoods[:, 0], nis[:, 0]
+    return Filtered(**vars(found), log_likelihoods=log_likelihoods, nis=nis, forecasts=tuple(ahead))
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
