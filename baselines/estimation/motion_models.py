@@ -24,8 +24,7 @@ from hybrid_env.checks import (
     reject,
 )
 
-ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
-"""Number of values per axis, m, of each model."""
+ORDERS = {"CV": 2, "CA": 3, "CJ": 4}  # number of values per axis, m, of each model
 
 
 def check_scalar(name: str, value: Any) -> float:

@@ -14,8 +14,7 @@ from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
-MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-"""Signs of [x, vx, y, vy] in a frame whose across axis points to the right."""
+MIRROR = np.array([1.0, 1.0, -1.0, -1.0])  # signs of [x, vx, y, vy] in a frame whose across axis points to the right
 
 COMPONENTS = 2  # of each mixture
 FEWEST = 100  # errors to fit a mixture to; with fewer, types and then outcomes are pooled

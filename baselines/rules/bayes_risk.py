@@ -21,14 +21,11 @@ from hybrid_env.options import WorldOptions
 KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
 """Knots of the regression, in units of the log error probability."""
 
-RIDGE = 1e-6
-"""Ridge penalty of the regression, per path and for columns of unit root mean square."""
+RIDGE = 1e-6  # ridge penalty of the regression, per path and for columns of unit root mean square
 
-MIN_PATHS = 200
-"""Ticks that fewer paths reach are not regressed."""
+MIN_PATHS = 200  # ticks that fewer paths reach are not regressed
 
-SMOOTHING = 5
-"""Window of the running median over the boundary [ticks]."""
+SMOOTHING = 5  # window of the running median over the boundary [ticks]
 
 FITTING_EPISODES = 3000
 COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)

@@ -21,8 +21,7 @@ ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "glide
 """Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders."""
 
 
-DEFINED: list[type["Decider"]] = []
-"""All subclasses of `Decider`, in the order of their definition."""
+DEFINED: list[type["Decider"]] = []  # all subclasses of `Decider`, in the order of their definition
 
 
 class Decider:

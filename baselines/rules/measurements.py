@@ -17,11 +17,9 @@ from hybrid_env.world import World
 
 State = TypeVar("State")
 
-OBSERVED = 2 + 4 + 10
-"""Width of an observation without the probabilities: measurement, estimate and covariance."""
+OBSERVED = 2 + 4 + 10  # width of an observation without the probabilities: measurement, estimate and covariance
 
-SENSED = 3 + MOST_RATES
-"""Further columns with sensors: covariance of the measurement over R, and range rates."""
+SENSED = 3 + MOST_RATES  # further columns with sensors: covariance of the measurement over R, and range rates
 
 
 def filter_model(options: QuickestOptions) -> FilterModel:

@@ -29,8 +29,7 @@ ALPHAS = (
 """Thresholds of the posterior error probability to sweep."""
 FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
-ROBUST = {"likelihood": "student_t 50"}
-"""Options of the bank with the robust likelihood."""
+ROBUST = {"likelihood": "student_t 50"}  # options of the bank with the robust likelihood
 
 
 def rewarded(options: WorldOptions) -> By:

@@ -22,8 +22,7 @@ from gymnasium.error import InvalidAction
 from baselines.rules.decider import Actions, Decider, DeciderFamily
 from hybrid_env.checks import ArgumentError, BoolArray, check_number, reject
 
-ENTRY_POINTS = "hybridtrack.deciders"
-"""Group of entry points by which packages name deciders."""
+ENTRY_POINTS = "hybridtrack.deciders"  # group of entry points by which packages name deciders
 SLOW_CALL, SLOW_TOTAL = 0.05, 20.0  # seconds; above both the user is told
 OURS = ("agents.", "baselines.")
 

@@ -15,8 +15,7 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Edges of the calibration bins of the stated probability."""
 
-MIN_COUNT = 1000
-"""Smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points."""
+MIN_COUNT = 1000  # smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points
 
 
 @dataclass(frozen=True)

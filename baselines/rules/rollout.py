@@ -19,8 +19,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
-DROPPED_BELOW = 0.8
-"""Finished tracks are no longer passed to the decider once fewer than this fraction are unfinished."""
+DROPPED_BELOW = 0.8  # finished tracks are no longer passed to the decider once fewer than this fraction are unfinished
 LARGEST_BATCH = 700_000_000  # bytes
 LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
 

@@ -13,11 +13,9 @@ from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import compiled, inlined
 from hybrid_env.options import ModelOptions
 
-FEW = 3
-"""Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it."""
+FEW = 3  # measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it
 
-MANY = 10
-"""Measurements for a bank that starts at a switch: the centre of its turns follows from the estimate."""
+MANY = 10  # measurements for a bank that starts at a switch: the centre of its turns follows from the estimate
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -117,8 +115,7 @@ class FirstMeasurements:
 DEVIATIONS = 10.0
 """Default distance from the nearest predicted position, in standard deviations, that is still accepted."""
 
-PATIENCE = 5
-"""Measurements outside of the gate, after which the track begins again: the object is elsewhere."""
+PATIENCE = 5  # measurements outside of the gate, after which the track begins again: the object is elsewhere
 
 LARGEST_TURN = 1.0  # angle in a tick [rad] above which a turn is no explanation of a measurement
 

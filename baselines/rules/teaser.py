@@ -21,10 +21,8 @@ from hybrid_env.checks import BoolArray, FloatArray, check_array, check_integer,
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-ACCEPTED = 0.95
-"""Share of the right predictions of a checkpoint that its test accepts; 1 less the published nu."""
-FEWEST = 100
-"""Checkpoints with fewer right predictions have the limit of the last one before."""
+ACCEPTED = 0.95  # share of the right predictions of a checkpoint that its test accepts; 1 less the published nu
+FEWEST = 100  # checkpoints with fewer right predictions have the limit of the last one before
 FITTING_EPISODES = 1000
 
 

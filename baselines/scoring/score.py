@@ -20,11 +20,9 @@ MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
 """A single track is divided into so many blocks of equal time; with fewer there are no intervals."""
 SWITCHES_OF_A_BLOCK = 2
 
-MISSING = ("NAType", "NaTType")
-"""Types of a missing mode in pandas, which is not imported."""
+MISSING = ("NAType", "NaTType")  # types of a missing mode in pandas, which is not imported
 
-ONE_SET = "statements"
-"""Name of statements that are given without a name."""
+ONE_SET = "statements"  # name of statements that are given without a name
 
 
 @dataclass(frozen=True, eq=False)

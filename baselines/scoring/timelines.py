@@ -9,8 +9,7 @@ from baselines.scoring.scores import Statistic, quotient, ratio
 from baselines.scoring.statements import find_switches
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-NOTHING = -1
-"""In place of a stated mode where nothing is stated."""
+NOTHING = -1  # in place of a stated mode where nothing is stated
 
 
 class Timeline(NamedTuple):
