@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item, check_scalar
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_integer, check_positive, dimensions, reject
+from hybrid_env.checks import FloatArray, check_array, check_integer, check_positive, dimensions, reject
 
 
 class TrackFilter(ABC):
@@ -139,5 +139,5 @@ def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> Fl
     smallest = np.linalg.eigvalsh(scaled).min() if symmetric else -np.inf
     if smallest < -1e-9 or (definite and smallest <= 1e-15):
         kind = "positive definite" if definite else "without negative eigenvalues"
-        raise ArgumentError(f"{name} is not allowed: expected symmetric matrices, {kind}")
+        raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))

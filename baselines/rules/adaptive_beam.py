@@ -1,7 +1,7 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,20 +67,13 @@ class AdaptiveBeamDecider(BeamDecider):
     name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
     colour, marker = "#0f961e", "8"
 
-    def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 0.65,
-        release: float = 1.0,
-        branches: int = 64,
-        *,
-        prior: Prior | None = None,
-    ):
-        super().__init__(options, threshold, release, branches)
+    def __init__(self, options: QuickestOptions, threshold: float = 0.65, *, prior: Prior | None = None, **others: Any):
+        super().__init__(options, threshold, **others)
         known = default_prior() if prior is None else prior
+        shares = 1.0 - known.different, known.different, known.different  # of the rows of `beam_habits.Habits`
         self.model = self.model._replace(
             tables=_tables(known, min(options.ticks, OLDEST), options.start == "random"),
-            prior=_beliefs(known),
+            prior=np.outer(shares, known.weights) / np.sum(known.weights),
             habitual=known.habitual,
         )
 
@@ -96,10 +89,3 @@ def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
     return tables
-
-
-def _beliefs(prior: Prior) -> FloatArray:
-    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
-    shares = np.array([1.0 - prior.different, prior.different, prior.different])
-    weights = np.array(prior.weights)
-    return np.asarray(shares[:, None] * weights / weights.sum())

@@ -52,9 +52,7 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
         value[alive] -= delay_cost  # cost of the next tick
         value[ending] = declared[ending]
         running = alive & ~ending
-        if running.sum() < MIN_PATHS:
-            boundary[k] = 0.0  # few segments are this long, and they end soon
-        else:
+        if running.sum() >= MIN_PATHS:  # the others are few, and end soon
             log_error_probability = paths.log_error_probability[running, k]
             # advantage of declaring over waiting, evaluated only in the range that the paths cover
             gain = _ridge_regression(_basis_functions(log_error_probability), declared[running] - value[running])
@@ -62,8 +60,6 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
             waits = np.flatnonzero(_basis_functions(inside) @ gain < 0.0)
             if waits.size:
                 boundary[k] = inside[waits[0] - 1] if waits[0] else LOG_FLOOR
-            else:
-                boundary[k] = 0.0
         declares = running & (paths.log_error_probability[:, k] <= boundary[k])
         value[declares] = declared[declares]
     return _smooth(boundary)

@@ -79,6 +79,20 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
     return Branches(filters, present, ages, rows, places, counts, evidence, habits)
 
 
+@internal
+def _begin_branch(
+    branches: Branches, track: int, b: int, mode: int, row: int, anchor: State, covariance: Triangle4, log_weight: float,
+    model: BeamModel,
+) -> None:  # fmt: skip
+    """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
+    kalman, lane = branches.filters[track, b // LANES], b % LANES
+    begin_hypothesis(kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau)
+    kalman.log_likelihood[lane] = log_weight
+    branches.modes[track, b] = mode
+    branches.ages[track, b] = 1
+    branches.rows[track, b] = row
+
+
 @compiled
 def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
     """Replace the branches of a track by one of every mode in the first segment.
@@ -88,15 +102,8 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
     """
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
-    covariance = triangle(start[4:14])
     for mode in range(modes):
-        kalman, lane = branches.filters[track, mode // LANES], mode % LANES
-        radius = signed_radius(mode, model.radii)
-        begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
-        kalman.log_likelihood[lane] = start[14 + mode]
-        branches.modes[track, mode] = mode
-        branches.ages[track, mode] = 1
-        branches.rows[track, mode] = FIRST
+        _begin_branch(branches, track, mode, mode, FIRST, anchor, triangle(start[4:14]), start[14 + mode], model)
         branches.slots[track, mode] = mode
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
@@ -134,17 +141,6 @@ def triangle(entries: FloatArray) -> Triangle4:
         entries[0], entries[1], entries[2], entries[3], entries[4],
         entries[5], entries[6], entries[7], entries[8], entries[9],
     )  # fmt: skip
-
-
-@internal
-def _begin_child(children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel) -> None:
-    """Begin child c with a segment of a mode, from an estimate and its covariance."""
-    radius = signed_radius(mode, model.radii)
-    kalman = children.filters[0, c // LANES]
-    begin_hypothesis(kalman, c % LANES, anchor, covariance, radius, model.filters.tau)
-    children.modes[0, c] = mode
-    children.ages[0, c] = 1
-    children.rows[0, c] = LATER
 
 
 @internal
@@ -202,8 +198,8 @@ def _switch(
                         covariance[k] += probability * (entries[k] + difference[row] * difference[column])
                         k += 1
         anchor = (mean[0], mean[1], mean[2], mean[3])
-        _begin_child(children, count, mode, anchor, triangle(covariance), model)
-        children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        log_weight = largest + math.log(total)
+        _begin_branch(children, 0, count, mode, LATER, anchor, triangle(covariance), log_weight, model)
         if learns:
             children.slots[0, count] = free[mode]
             merge_habits(

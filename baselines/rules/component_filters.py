@@ -3,7 +3,7 @@
 The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this frame the
 anchor is at the origin and its velocity is (speed, 0), so that the observation determines everything that a filter
 needs except the model, which is that of the world. With several sensors it does not contain the covariance of the
-measurement: then the filters also read what the sensors measured (`sensed`).
+measurement: then the filters also read what the sensors measured.
 """
 
 import math
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from baselines.rules.measurements import sensors_of
-from baselines.rules.sensed import in_heading_frame, in_rows, in_world
+from baselines.rules.decider import Observations
+from baselines.rules.measurements import in_heading_frame, in_rows, in_world, sensors_of
 from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks import operations
@@ -24,11 +24,10 @@ from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.records import LANES, MEASURED
 from hybrid_env.core.state import BANKS
+from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-Observations = NDArray[np.float32]
-TRIANGLE = np.triu_indices(4)
 ANCHOR_COLUMNS = 14
 """Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
 

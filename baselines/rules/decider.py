@@ -5,6 +5,7 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -40,6 +41,7 @@ class Decider:
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a measurement.
+        reads_options: its first argument are the options of the environment.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
@@ -54,6 +56,7 @@ class Decider:
     marker: ClassVar[str] = ""
     observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
+    reads_options: ClassVar[bool] = False
     informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):
@@ -80,11 +83,6 @@ class Decider:
     def decide(self, observation: Any, state: Any, episode_start: Any) -> tuple[Actions, Any]:
         """Return the actions (N,) and the new state; arguments as in `predict`."""
         raise NotImplementedError
-
-    @property
-    def class_name(self) -> str:
-        """Name of the user's class, for messages."""
-        return type(self).__name__
 
     def observe(self, tracks: Any) -> NDArray[Any]:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
@@ -121,7 +119,7 @@ class Decider:
     @classmethod
     def maker(cls, options: Any) -> Callable[[float], "Decider"]:
         """Return a function from a threshold to the decider, for the options of an environment."""
-        return cls
+        return partial(cls, options) if cls.reads_options else cls
 
     @classmethod
     def family(cls, options: Any) -> "DeciderFamily":

@@ -9,7 +9,6 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -35,11 +34,6 @@ class Adapted(Decider):
         self._call = getattr(model, "predict", model)
         self._rows_only = not _accepts(self._call, "state")
 
-    @property
-    def class_name(self) -> str:
-        """Name of the class or of the function."""
-        return str(getattr(self.model, "__name__", type(self.model).__name__))
-
     def predict(
         self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
@@ -48,8 +42,7 @@ class Adapted(Decider):
             answer = self._call(observation)
         else:
             answer = self._call(observation, state=state, episode_start=episode_start, deterministic=deterministic)
-        actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
-        return actions, state
+        return answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
 
 
 def as_decider(model: Any) -> Decider:
@@ -125,12 +118,9 @@ def find_own(name: str) -> Any:
     where, colon, attribute = name.rpartition(":")
     if not found and not (colon and attribute.isidentifier() and _is_source(where)):
         return None
-    if found:
-        place, load = name, found[0].load
-    else:
-        place, load = where, functools.partial(_load, where, attribute)
+    place = name if found else where
     try:
-        return load()
+        return found[0].load() if found else _load(where, attribute)
     except AttributeError as error:
         if isinstance(error.__context__, ImportError) or (attribute and attribute in str(error)):
             raise reject("decider", name, f"a name that {place} defines") from error
@@ -170,7 +160,7 @@ def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
         raise reject("thresholds", given, f"a sequence of numbers in {name}") from None
     if len(set(thresholds)) < len(thresholds):
         raise reject("thresholds", given, f"different numbers in {name}")
-    title = str(getattr(model, "title", "") or getattr(model, "__name__", type(model).__name__))
+    title = str(getattr(model, "title", "") or name_of(model))
     if rule and thresholds:
         return replace(model.family(options), name=title)
     default = getattr(model, "default", None)
@@ -191,8 +181,8 @@ def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
         return decider
 
     symbol = str(getattr(model, "symbol", Decider.symbol)) if thresholds else ""
-    needs: Mapping[str, Any] = getattr(model, "options", {})
-    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=dict(needs))
+    needs = dict(getattr(model, "options", {}))
+    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=needs)
 
 
 def _at_threshold(model: Any, threshold: float) -> Any:
@@ -212,10 +202,14 @@ def _at_threshold(model: Any, threshold: float) -> Any:
 
 def where_defined(model: Any) -> str:
     """Return class or function, file and line of a decider, for messages."""
-    code = _code(model)
-    inner = getattr(model, "model", model)
-    title = str(getattr(inner, "__name__", type(inner).__name__))
+    code, title = _code(model), name_of(model)
     return title if code is None else f"{title}, {Path(code.co_filename).name} line {code.co_firstlineno}"
+
+
+def name_of(model: Any) -> str:
+    """Return the name of a user's class or function, for messages."""
+    own = model.model if isinstance(model, Adapted) else model
+    return str(getattr(own, "__name__", type(own).__name__))
 
 
 def _code(model: Any) -> Any:
@@ -236,7 +230,7 @@ def _failure(decider: Any, error: BaseException) -> ArgumentError:
     outside = [one for one in frames if not one.filename.startswith(hidden)]
     own = [one for one in outside if code is not None and one.filename == code.co_filename]
     places = [f" in {Path(one.filename).name} line {one.lineno}" for one in own or outside]
-    name = decider if isinstance(decider, str) else where_defined(decider).partition(",")[0]
+    name = decider if isinstance(decider, str) else name_of(decider)
     return ArgumentError(f"decider {name} failed{(places or [''])[-1]}: {type(error).__name__}: {error}")
 
 
@@ -255,22 +249,20 @@ def _is_source(where: str) -> bool:
         return True
     if not all(part.isidentifier() for part in where.split(".")):
         return False
-    if "." in where:
-        return True
-    _search_here()
-    return importlib.util.find_spec(where) is not None
+    _search(Path.cwd())
+    return "." in where or importlib.util.find_spec(where) is not None
 
 
-def _search_here() -> None:
-    """Let modules of the present folder be imported, as `python` does."""
-    if str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))
+def _search(folder: Path) -> None:
+    """Let modules of a folder be imported, as `python` does with the present one."""
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
 
 
 def _load(where: str, attribute: str) -> Any:
     """Return an attribute of a Python file or a module."""
     if not where.endswith(".py"):
-        _search_here()
+        _search(Path.cwd())
         return getattr(importlib.import_module(where), attribute)
     path = Path(where).resolve()
     if not path.is_file():
@@ -286,8 +278,7 @@ def _module(path: Path, changed: int) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    _search(path.parent)
     sys.modules[name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module

@@ -22,16 +22,17 @@ from baselines.rules.component_filters import (
     stated_covariance,
 )
 from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 CALIBRATION_EPISODES = 2000
+FITTED_ALPHA = 0.05  # error probability at which the decider declares in these episodes
 
 
 @dataclass
@@ -54,7 +55,7 @@ class RefilteringDecider(Decider):
     """
 
     symbol, thresholds, default = "alpha", ALPHAS, 0.02
-    every_tick = True
+    every_tick = reads_options = True
     bank: ClassVar[str]
     components: ClassVar[int]
 
@@ -115,11 +116,6 @@ class KeptCovarianceDecider(RefilteringDecider):
     colour, marker = "#0000b4", ">"
     bank = "published"
     components = 1
-
-    @classmethod
-    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        return lambda alpha: cls(options, alpha)
 
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
@@ -183,9 +179,7 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
     rejects_outliers = True
 
 
-def fit_calibrated_anchor(
-    world: WorldOptions, episodes: int, seed: int, rounds: int = 2, alpha: float = 0.05, robust: bool = False
-) -> AnchorPrior:
+def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
 
     The first of two rounds declares with the stated covariance, the second with the first fit.
@@ -197,9 +191,9 @@ def fit_calibrated_anchor(
         robust: see `CalibratedAnchorDecider`.
     """
     prior: AnchorPrior | None = None
-    for k in range(rounds):
-        decider = CalibratedAnchorDecider(world, prior, alpha, robust)
-        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
+    for first in (seed, seed + episodes):
+        decider = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust)
+        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, first))
     assert prior is not None
     return prior
 

@@ -1,11 +1,11 @@
 """The loop around an environment and a decider: all rollouts of the project go through it."""
 
-import dataclasses
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,26 +31,6 @@ DECIDED = {
 """What `info` tells of a decision."""
 
 
-class VectorEnvironment(Protocol):
-    """What a rollout needs of an environment of N tracks: Gymnasium's `VectorEnv` with its arrays."""
-
-    num_envs: int
-
-    @property
-    def single_action_space(self) -> Any:
-        """Discrete actions of one track."""
-
-    @property
-    def world(self) -> Any:
-        """Arrays of the tracks, for deciders that observe more than rows."""
-
-    def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
-        """Begin an episode on every track."""
-
-    def step(self, actions: Actions) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Step every track."""
-
-
 @dataclass
 class Now:
     """The present tick of a rollout, before the decider is asked."""
@@ -66,14 +46,15 @@ class Now:
     info: dict[str, Any]  # of the last step or the reset
 
 
-def rollout(env: VectorEnvironment, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
+def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
     In the body of the loop the environment is at the tick that was yielded, with the results of the last step; the
     decider is asked and the environment stepped when the loop goes on.
 
     Args:
-        env: environment of N tracks; its autoreset mode says what follows an episode.
+        env: Gymnasium's `VectorEnv` of N tracks, with their arrays as `world`; its autoreset mode says what follows an
+            episode.
         model: a decider, any object with its `predict`, or a function of the observations.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
         unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no longer passed
@@ -84,11 +65,9 @@ def rollout(env: VectorEnvironment, model: Any, seed: int, unfinished: BoolArray
     rows, info = env.reset(seed=seed)
     running = np.arange(env.num_envs)  # tracks passed to the decider
     drops = unfinished is not None
-    actions = np.zeros(env.num_envs, np.int64)
-    now = Now(
-        0, rows, rows, None, np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_), actions,
-        np.zeros(env.num_envs), info,
-    )  # fmt: skip
+    actions, rewards = np.zeros(env.num_envs, np.int64), np.zeros(env.num_envs)
+    starts, terminated = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
+    now = Now(0, rows, rows, None, starts, terminated, actions, rewards, info)
     while True:
         now.seen = now.observation if decider.observes == "rows" else decider.observe(env.world)
         yield now
@@ -125,12 +104,8 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
 
 def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: Any) -> list[Statements]:
     """Return `record_statements` of each of some deciders of one rule, computed together if they can be."""
-    first = check_integer("seed", seed, minimum=0)
-
-    def make() -> HybridTrackQuickestVectorEnv:
-        return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **options)
-
-    return record_in(make, deciders, first)
+    make = partial(HybridTrackQuickestVectorEnv, tracks, autoreset_mode="Disabled", tick_info=False, **options)
+    return record_in(make, deciders, check_integer("seed", seed, minimum=0))
 
 
 def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
@@ -146,8 +121,7 @@ def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> li
     stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
     for now in rollout(env, decider, seed):
         if now.step:
-            chosen = [now.actions] if several is None else several.chosen
-            stated_modes[:, now.step - 1] = chosen
+            stated_modes[:, now.step - 1] = [now.actions] if several is None else several.chosen
         if now.step == len(true_modes):
             break
         true_modes[now.step] = env.world.field("true_mode")
@@ -193,11 +167,8 @@ def evaluate(
                 on_progress((finished + width * share) / episodes)
 
         batches.append(evaluate_batch(decider, env_id, count, seed + first, show, options))
-    arrays = {
-        field.name: np.concatenate([getattr(batch, field.name) for batch in batches])
-        for field in dataclasses.fields(Decisions)
-        if field.name != "delay_cost"
-    }
+    names = [name for name in vars(batches[0]) if name != "delay_cost"]
+    arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
     return Decisions(**arrays, delay_cost=given.delay_cost)
 
 

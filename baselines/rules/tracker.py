@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baselines.estimation.track_filter import check_covariance
 from baselines.rules.decider import Decider
-from baselines.rules.own import Asked, as_decider
-from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance
+from baselines.rules.own import Asked, as_decider, name_of
+from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     FloatArray,
@@ -28,8 +29,6 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
-ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix
-SMALLEST = 1e-300
 
 
 class OnlineEstimate(NamedTuple):
@@ -117,7 +116,7 @@ class OnlineTracker:
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau
-        self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
+        self._noise = unit_noise(options)
         prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
         self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
@@ -160,8 +159,7 @@ class OnlineTracker:
         """Announce that the next update is the first one after a switch, also `update(None)`.
 
         Args:
-            ticks: until the next switch, which some learned deciders read; None assumes the longest segment
-                of the options.
+            ticks: until the next switch, which some learned deciders read; None assumes the longest segment.
 
         Raises:
             ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
@@ -238,11 +236,10 @@ class OnlineTracker:
         """Return whether a motion of the track explains a measurement."""
         if self.gate is None:
             return True
-        estimate, covariance = self.world.estimate(), self.world.covariance()
-        ticks = self.world.uncertain_ticks
+        known = self.world.estimate(), self.world.covariance()
         noise = self._noise if point.covariance is None else np.array(point.covariance)
-        position = np.array(point.position)
-        return gate_distance(position, estimate, covariance, *self._model, noise, ticks) <= self.gate
+        ticks = self.world.uncertain_ticks
+        return gate_distance(np.array(point.position), *known, *self._model, noise, ticks) <= self.gate
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
@@ -285,11 +282,9 @@ class OnlineTracker:
         return False
 
     def _line_so_far(self, collected: FirstMeasurements) -> OnlineEstimate:
-        M = self.options.hypotheses
-        return OnlineEstimate(
-            max(self._mode, 0), False, np.full(M, 1.0 / M),
-            collected.estimate.copy(), collected.covariance.copy(),
-        )  # fmt: skip
+        equal = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
+        line = collected.estimate.copy(), collected.covariance.copy()
+        return OnlineEstimate(max(self._mode, 0), False, equal, *line)
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
@@ -308,7 +303,7 @@ class OnlineTracker:
             self._ask_decider()
         except Exception as error:
             allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
-            raise reject("decider", self.decider.class_name, allowed) from error
+            raise reject("decider", name_of(self.decider), allowed) from error
 
     def _checked_estimate(self, estimate: ArrayLike, covariance: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
@@ -319,11 +314,7 @@ class OnlineTracker:
             x, y = position * np.broadcast_to(self.options.variances, 2)
             return mean, np.diag([x, velocity, y, velocity])
         matrix = check_array("covariance", covariance, (4, 4))
-        deviations = np.sqrt(matrix.diagonal().clip(0.0))
-        scaled = matrix / np.maximum(np.outer(deviations, deviations), SMALLEST)  # correlations
-        if not np.allclose(scaled, scaled.T) or np.linalg.eigvalsh(scaled).min() < -ROUNDING:
-            raise reject("covariance", matrix.tolist(), "a symmetric matrix without negative eigenvalues")
-        return mean, matrix
+        return mean, check_covariance("covariance", matrix, definite=False)
 
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:

@@ -145,7 +145,8 @@ def score(
 
 def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
     """Return the tracks of one or several arrays of times and modes."""
-    if dimensions(times) == 1 and not _nested(times):
+    first = next(iter(times), 0.0) if dimensions(times) == 1 else times
+    if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
         times, modes = [times], [modes]
     if not dimensions(times) or not isinstance(times, Sequence | np.ndarray) or not dimensions(modes):
         raise reject(name, times, "an array of times, or a list of such arrays")
@@ -162,11 +163,6 @@ def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
             )
         found.append(_Track(_times(place, clock), np.asarray(values, object).tolist()))
     return found
-
-
-def _nested(times: Any) -> bool:
-    first = next(iter(times), 0.0)
-    return not isinstance(first, str) and dimensions(first) == 1
 
 
 def _times(name: str, values: Any) -> NDArray[Any]:

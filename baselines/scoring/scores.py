@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import FloatArray
 
 NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
 
@@ -56,28 +56,20 @@ def at_level(measure: str, level: float, statistic: Statistic, falling: bool = F
     The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` beyond the level.
     """
     sign = -1.0 if falling else 1.0
-    return Statistic(
-        (measure, *statistic.columns),
-        lambda means, *others: value_at_level(sign * means, sign * level, statistic.function(*others)),
-    )
 
+    def function(means: FloatArray, *others: FloatArray) -> FloatArray:
+        curve, values = sign * means, statistic.function(*others)
+        reached = curve >= sign * level
+        right = reached.argmax(-1)[..., None]
+        (x0, y0), (x1, y1) = (
+            [np.take_along_axis(one, index, -1)[..., 0] for one in (curve, values)]
+            for index in (np.maximum(right - 1, 0), right)
+        )
+        step = x1 - x0
+        fraction = np.where(step > 0, (sign * level - x0) / np.where(step > 0, step, 1.0), 1.0)
+        return np.where(reached.any(-1), y0 + fraction * (y1 - y0), NOT_REACHED)
 
-def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> FloatArray:
-    """Return values (...) at the first threshold at which a measure reaches a level; both are (..., thresholds).
-
-    They are interpolated linearly from the threshold before; the value is `NOT_REACHED` below the level.
-    """
-    reached = measure >= level
-    right = reached.argmax(-1)
-    left = np.maximum(right - 1, 0)
-
-    def pick(values: FloatArray, index: IntArray) -> FloatArray:
-        return np.take_along_axis(values, index[..., None], -1)[..., 0]
-
-    step = pick(measure, right) - pick(measure, left)
-    fraction = np.where(step > 0, (level - pick(measure, left)) / np.where(step > 0, step, 1.0), 1.0)
-    crossing = pick(values, left) + fraction * (pick(values, right) - pick(values, left))
-    return np.where(reached.any(-1), crossing, NOT_REACHED)
+    return Statistic((measure, *statistic.columns), function)
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
