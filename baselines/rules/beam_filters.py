@@ -81,8 +81,8 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
 
 @internal
 def _begin_branch(
-    branches: Branches, track: int, b: int, mode: int, row: int, anchor: State, covariance: Triangle4, log_weight: float,
-    model: BeamModel,
+    branches: Branches, track: int, b: int, mode: int, row: int,
+    anchor: State, covariance: Triangle4, log_weight: float, model: BeamModel,
 ) -> None:  # fmt: skip
     """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
     kalman, lane = branches.filters[track, b // LANES], b % LANES
