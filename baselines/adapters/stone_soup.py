@@ -1,8 +1,7 @@
 """The IMM filter as predictor and updater of Stone Soup, and tracks of Stone Soup in a live tracker.
 
-The state of a track is a Gaussian mixture of Stone Soup: a component for each model of the filter, whose
-weight is the probability of the model. Hypothesisers, data associators, initiators and trackers of Stone Soup
-use its mean and covariance.
+The state of a track is a Gaussian mixture of Stone Soup: a component for each model of the filter, whose weight is the
+probability of the model. Hypothesisers, data associators, initiators and trackers use its mean and covariance.
 
     imm = IMMFilter([steady, manoeuvre], sojourns=5.0)
     predictor, updater = IMMPredictor(imm), IMMUpdater(imm, measurement_model)
@@ -77,11 +76,7 @@ class IMMUpdater(Updater):
         measurement_noise: bool = True,
         **kwargs: Any,
     ) -> GaussianMeasurementPrediction:
-        """Return the predicted position, and its covariance of the merged models.
-
-        Raises:
-            ArgumentError: the measurement model does not measure all positions of the state.
-        """
+        """Return the predicted position, and its covariance of the merged models."""
         model = self._check_measurement_model(measurement_model)
         cross = predicted_state.covar[:, :: self.imm.order]
         noise = _noise(self.imm, model) if measurement_noise else 0.0
@@ -91,11 +86,7 @@ class IMMUpdater(Updater):
         )  # fmt: skip
 
     def update(self, hypothesis: SingleHypothesis, **kwargs: Any) -> GaussianMixtureUpdate:
-        """Return the prediction of a hypothesis, corrected by its measurement.
-
-        Raises:
-            ArgumentError: the measurement model does not measure all positions of the state.
-        """
+        """Return the prediction of a hypothesis, corrected by its measurement."""
         model = self._check_measurement_model(hypothesis.measurement.measurement_model)
         if hypothesis.measurement_prediction is None:
             hypothesis.measurement_prediction = self.predict_measurement(hypothesis.prediction, model)

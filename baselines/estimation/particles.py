@@ -68,9 +68,8 @@ class ParticleFilter(TrackFilter):
         """Return normal random numbers of covariances (..., m, m), (B, d, P, m)."""
         values, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(values.clip(0.0))[..., None, :]
-        return np.asarray(
-            self.generator.standard_normal(self.particle_states.shape) @ root.swapaxes(-1, -2), np.float64
-        )
+        normal = self.generator.standard_normal(self.particle_states.shape)
+        return np.asarray(normal @ root.swapaxes(-1, -2), np.float64)
 
     def _predict(self, dt: float | FloatArray) -> None:
         steps = np.broadcast_to(dt, (self.tracks,))
@@ -86,11 +85,8 @@ class ParticleFilter(TrackFilter):
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         first, used = np.flatnonzero(measured & ~begun), np.flatnonzero(measured & begun)
         if first.size:
-            variances = np.zeros((self.axes, self.order, self.order))
-            variances[:, 0, 0] = self.deviation**2
-            for k, deviation in enumerate(self.start_deviations, start=1):
-                variances[:, k, k] = deviation**2
-            started = self._normal(variances[None])
+            deviations = np.column_stack([self.deviation, np.tile(self.start_deviations, (self.axes, 1))])
+            started = self._normal((deviations**2)[None, ..., None] * np.eye(self.order))
             started[..., 0] += measurement[..., None]
             self.particle_states[first] = started[first]
         if used.size:

@@ -104,23 +104,22 @@ class TurnModel:
         matrix = np.zeros((len(modes), len(modes)))
         for i, one in enumerate(modes):
             for j, other in enumerate(modes):
-                if i == j:
-                    continue
                 if one == STRAIGHT:
-                    matrix[i, j] = 1.0 / self.straight / (modes != STRAIGHT).sum()
+                    matrix[i, j] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
                 elif other == one:
                     matrix[i, j] = 1.0 / self.within / max((modes == one).sum() - 1, 1)
                 else:  # most turns end in straight motion
                     share = 0.9 if other == STRAIGHT else 0.1 / (modes == other).sum()
                     matrix[i, j] = share / self.turn
+        np.fill_diagonal(matrix, 0.0)
         return np.asarray(matrix - np.diag(matrix.sum(1)))
 
 
 class TurnStep(NamedTuple):
     """K filters of each of B pieces after a position; where there is none, they are only predicted."""
 
-    state: FloatArray  # (B, K, n) and (B, K, n, n), n = 4 or with wind 6
-    covariance: FloatArray  # (B, K, n) and (B, K, n, n), n = 4 or with wind 6
+    state: FloatArray  # (B, K, n), n = 4 or with wind 6
+    covariance: FloatArray  # (B, K, n, n)
     log_likelihood: FloatArray  # (B, K) of the position, 0 without one
     mean: FloatArray  # (B, n) of all filters before the position
     spread: FloatArray  # (B, 2, 2) covariance of the innovation of this mean, in each filter on average
@@ -141,17 +140,10 @@ def start_turns(batch: Batch, count: int, model: TurnModel) -> tuple[FloatArray,
 
 
 def step_turns(
-    batch: Batch,
-    position: FloatArray,
-    dt: FloatArray,
-    state: FloatArray,
-    covariance: FloatArray,
-    rates: FloatArray,
-    weights: FloatArray,
-    model: TurnModel,
-) -> TurnStep:
-    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2), NaN where there is
-    none.
+    batch: Batch, position: FloatArray, dt: FloatArray, state: FloatArray, covariance: FloatArray,
+    rates: FloatArray, weights: FloatArray, model: TurnModel,
+) -> TurnStep:  # fmt: skip
+    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2), NaN without one.
 
     The filters have turn rates (K,) or (B, K) [rad/s] and probabilities `weights`, (B, K).
     """

@@ -16,7 +16,6 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])  # signs of [x, vx, y, vy] in a frame whose across axis points to the right
 
-COMPONENTS = 2  # of each mixture
 FEWEST = 100  # errors to fit a mixture to; with fewer, types and then outcomes are pooled
 STEPS = 50  # of the EM algorithm
 RIDGE = 1e-6  # share of the pooled variances added to the variances of a component
@@ -35,9 +34,7 @@ class AnchorPrior:
     covariance: FloatArray  # (2, 2, 2, 4, 4)
 
     def after(self, types: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of types (N,), see
-        `mode_types`.
-        """
+        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of `mode_types`, (N,)."""
         turn = np.minimum(types, 1)
         signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None, None]
         covariance = self.covariance[turn] * signs[..., None] * signs[..., None, :]

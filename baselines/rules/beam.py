@@ -68,16 +68,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
         durations: str | Durations | None = None,
         order: Any = None,
     ):
-        model = filter_model(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
         assumed = {"durations": durations, "order": order}
         options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
-        merged, sensors = check_flag("merged", merged), sensors_of(options)
         self.model = BeamModel(
-            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
-            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model, sensors,
+            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, check_flag("merged", merged),
+            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
         )  # fmt: skip
 
     @classmethod
@@ -99,15 +97,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> "Beams":
-        """Return beams that differ in their thresholds only, computed once."""
+        """See `Decider.together`."""
         return Beams(deciders)
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
         branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
         branches.counts[:] = 1
-        log_probability = np.zeros((tracks, self.hypotheses))
-        return BeamState(branches, log_probability, np.zeros(tracks, np.int64))
+        return BeamState(branches, np.zeros((tracks, self.hypotheses)), np.zeros(tracks, np.int64))
 
     def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
         """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
@@ -176,8 +173,6 @@ class Beams(SeveralThresholds):
         """See `MeasurementDecider.decide`."""
         _, state = self.beam.decide(observation, state, episode_start)
         last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
-        started = ~np.asarray(episode_start)
-        self.chosen = [
-            rule.choose(state.log_probability, stated, started) for rule, stated in zip(self.rules, last, strict=True)
-        ]
+        logs, started, pairs = state.log_probability, ~np.asarray(episode_start), zip(self.rules, last, strict=True)
+        self.chosen = [rule.choose(logs, stated, started) for rule, stated in pairs]
         return self.chosen[0], state

@@ -26,9 +26,9 @@ LONGEST_LAG = 10_000  # ticks
 class BranchTable(NamedTuple):
     """The branches of N tracks without their filters; no two of a track have the same mode, age and row."""
 
-    modes: IntArray  # (N, B) as in `beam_filters.Branches`. No two branches of a track have the same three
-    ages: IntArray  # (N, B) as in `beam_filters.Branches`. No two branches of a track have the same three
-    rows: IntArray  # (N, B) as in `beam_filters.Branches`. No two branches of a track have the same three
+    modes: IntArray  # (N, B) as in `beam_filters.Branches`
+    ages: IntArray  # (N, B)
+    rows: IntArray  # (N, B)
     log_weights: FloatArray  # (N, B) logarithms of the probabilities of the branches
     counts: IntArray  # (N,) number of branches
 
@@ -56,11 +56,8 @@ def carry_past(
             target[0, mode] = 1.0
             if age > 1:
                 for b in range(before.counts[track]):
-                    if (
-                        before.modes[track, b] == mode
-                        and before.ages[track, b] == age - 1
-                        and before.rows[track, b] == row
-                    ):
+                    same = before.modes[track, b] == mode and before.rows[track, b] == row
+                    if same and before.ages[track, b] == age - 1:
                         target[1:] = past[track, b, :-1]
                         break
             elif row != FIRST:
@@ -124,9 +121,8 @@ class BeamSmoother(Decider):
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
-        run_compiled(
-            carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards, self.beam.model.order
-        )
+        model = self.beam.model
+        run_compiled(carry_past, state.table, now, state.past, state.spare, model.hazards, model.order)
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks
@@ -139,9 +135,7 @@ class BeamSmoother(Decider):
         return np.einsum("nb,nbm->nm", weights, self._state.past[:, :, lag])
 
     def posterior(self, lag: int) -> FloatArray:
-        """Return the posteriors of all ticks so far, (T, N, M), one of the lags later; fewer ticks later for the last
-        ticks.
-        """
+        """Return the posteriors of all ticks so far, (T, N, M), one of the lags later; the last ones less later."""
         found = self._found[lag]
         last = [self._posterior(later) for later in reversed(range(min(lag, len(found))))]
         return np.array(found[lag:] + last)
@@ -152,6 +146,5 @@ def _table(state: BeamState) -> BranchTable:
     branches = state.branches
     weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
     weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
-    return BranchTable(
-        branches.modes.copy(), branches.ages.copy(), branches.rows.copy(), weights, branches.counts.copy()
-    )
+    copies = [one.copy() for one in (branches.modes, branches.ages, branches.rows)]
+    return BranchTable(*copies, weights, branches.counts.copy())

@@ -28,8 +28,7 @@ from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-ANCHOR_COLUMNS = 14
-"""Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
+ANCHOR_COLUMNS = 14  # the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row
 
 
 class NoiseLaw(NamedTuple):
@@ -42,8 +41,8 @@ class NoiseLaw(NamedTuple):
     distance: float  # squared whitened innovation from which a measurement counts as an outlier
 
 
+# normal errors with an outlier in thirty, and heavy tails
 LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
-"""Normal errors with an outlier in thirty, and heavy tails."""
 
 
 class _Assumption(NamedTuple):
@@ -87,22 +86,11 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    banks: Any,
-    begins: BoolArray,
-    anchors: FloatArray,
-    measurements: FloatArray,
-    radii: FloatArray,
-    sensors: NDArray[Any],
-    model: FilterModel,
-    outlier_model: FilterModel,
-    log_outlier_odds: float,
-    distance: float,
-    log_likelihood: FloatArray,
-    innovations: FloatArray,
-    saved: NDArray[Any],
-    measured: NDArray[Any],
-    outlier: BoolArray,
-) -> None:
+    banks: Any, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
+    sensors: NDArray[Any], model: FilterModel, outlier_model: FilterModel, log_outlier_odds: float, distance: float,
+    log_likelihood: FloatArray, innovations: FloatArray,
+    saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
+) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
     The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
@@ -181,9 +169,7 @@ class ComponentFilters:
             _Assumption(
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
-                FilterModel(
-                    variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields
-                ),
+                FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
                 law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
             )
             for law in laws
@@ -297,9 +283,7 @@ def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> Floa
 
 
 def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray) -> FloatArray:
-    """Return the estimates of rows in the heading frame plus a mean error (N, 4), with covariances (N, 4, 4), as (N,
-    14).
-    """
+    """Return anchors (N, 14): estimates of rows in the heading frame, with mean errors and covariances (N, 4, 4)."""
     anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
     anchors[:, 1] = layout.read(rows, "speed")
     anchors[:, :4] += mean

@@ -12,9 +12,7 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, re
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
-"""Edges of the calibration bins of the stated probability."""
-
+BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)  # of the calibration, of the stated probability
 MIN_COUNT = 1000  # smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points
 
 
@@ -50,8 +48,7 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
     env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
     last = world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
     by = rewarded(world)
-    n = len(world.radii)
-    kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
+    kind = mode_types(world.hypotheses) if by == "type" else np.arange(world.hypotheses)
     shape = (episodes * world.segments, last)
     log_error_probability, correct = np.zeros(shape), np.zeros(shape, np.bool_)
     length = np.zeros(shape[0], np.int64)
@@ -61,14 +58,13 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
         running &= ~(now.terminated & (now.step > 0))
         if not running.any():
             break
-        rows = first + env.world.field("segment")
         tick = env.world.field("tick")
-        value, best = read_error_probability(now.observation, by)
-        best_correct = kind[best] == kind[env.world.field("true_mode")]
         recorded = running & (tick <= last)
-        log_error_probability[rows[recorded], tick[recorded] - 1] = value[recorded]
-        correct[rows[recorded], tick[recorded] - 1] = best_correct[recorded]
-        length[rows[recorded]] = tick[recorded]
+        rows, tick = (first + env.world.field("segment"))[recorded], tick[recorded]
+        value, best = read_error_probability(now.observation, by)
+        log_error_probability[rows, tick - 1] = value[recorded]
+        correct[rows, tick - 1] = (kind[best] == kind[env.world.field("true_mode")])[recorded]
+        length[rows] = tick
     return PosteriorPaths(log_error_probability, correct, length, by)
 
 
@@ -80,7 +76,7 @@ class Calibration:
     accuracy: FloatArray  # (B,) share of correct declarations in each bin, 0 where the bin is empty
     count: IntArray  # (B,) number of segments in each bin
     mean_stated: float  # over all segments
-    mean_accuracy: float  # over all segments
+    mean_accuracy: float
 
     @property
     def worst(self) -> float:
@@ -100,10 +96,5 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
     count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
     total = np.maximum(count, 1)
-    return Calibration(
-        np.bincount(bins, stated, minlength=count.size) / total,
-        np.bincount(bins, correct, minlength=count.size) / total,
-        count,
-        float(1.0 - error.mean()),
-        float(correct.mean()),
-    )
+    sums = (np.bincount(bins, values, minlength=count.size) for values in (stated, correct))
+    return Calibration(*(one / total for one in sums), count, float(1.0 - error.mean()), float(correct.mean()))

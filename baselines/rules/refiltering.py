@@ -75,8 +75,7 @@ class RefilteringDecider(Decider):
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first rows of a segment.
 
-        first: (N,) True for the first segment of an episode; correct: (N,) probability that the last declaration was
-        correct.
+        first: (N,) True for the first segment of an episode; correct: (N,) probability of a correct last declaration.
         """
         raise NotImplementedError
 
@@ -85,12 +84,11 @@ class RefilteringDecider(Decider):
         layout = self.layout
         rows, sensed = split_sensed(layout, np.asarray(observation))
         tracks = len(rows)
-        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
-        begins = ticks == 1
+        begins = np.rint(layout.read(rows, "ticks")) == 1
         if state is None:
             filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
-            shape = (tracks, self.world.hypotheses)
-            state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
+            M = self.world.hypotheses
+            state = _State(filters, np.zeros((tracks, self.components)), np.full((tracks, M), 1.0 / M))
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
         anchors, log_weights = np.zeros((self.components, tracks, ANCHOR_COLUMNS)), state.log_weights.copy()
@@ -149,7 +147,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
 
         @functools.cache
         def prior() -> AnchorPrior:
-            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust=robust)
+            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust)
 
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 

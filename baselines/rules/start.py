@@ -14,7 +14,6 @@ from hybrid_env.core.compilation import compiled, inlined
 from hybrid_env.options import ModelOptions
 
 FEW = 3  # measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it
-
 MANY = 10  # measurements for a bank that starts at a switch: the centre of its turns follows from the estimate
 
 

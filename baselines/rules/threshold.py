@@ -27,14 +27,9 @@ def _choose(
 
 @compiled
 def _choose_by_rows(
-    observation: Observations,
-    modes: int,
-    columns: tuple[int, int],
-    scale: float,
-    threshold: float,
-    release: float,
-    actions: Actions,
-) -> None:
+    observation: Observations, modes: int, columns: tuple[int, int], scale: float,
+    threshold: float, release: float, actions: Actions,
+) -> None:  # fmt: skip
     """Write the next statements from rows. columns: the first of the log probabilities, of the statement."""
     tracks = observation.shape[0]
     log_probability = np.empty((tracks, modes))

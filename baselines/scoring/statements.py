@@ -9,12 +9,9 @@ from baselines.scoring.scores import Statistic, mean, quotient, ratio
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_positive, reject
 
 COLUMNS = (
-    "right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed",
-    "undetected",
-)  # fmt: skip
-"""Figures of a track: two shares of ticks, changes to a wrong mode per 1,000 ticks, then sums. "delay" is the
-sum of the delays of the detected switches, "undetected" the number of ticks after a switch on which the new
-mode has not been stated yet."""
+    *("right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed", "undetected"),
+)
+"""Figures of a track: means over ticks, changes to a wrong mode per 1,000 ticks, then sums, see `StatementMetrics`."""
 
 STATISTICS: dict[str, Statistic] = {
     "reward": mean("reward"),
@@ -25,13 +22,11 @@ STATISTICS: dict[str, Statistic] = {
     "wrong_changes": mean("wrong_changes"),
     "change_ratio": ratio("stated_changes", "switches"),
 }
-"""Figures by name: mean reward of a tick; share of right ticks; mean delay of the detected switches [ticks];
-share of missed switches; mean delay of all switches [ticks], where one that is not detected counts until the
-end of its segment; wrong changes per 1,000 ticks; changes of the statement per switch."""
+"""Figures by name: mean reward of a tick; share of right ticks; mean delay of the detected switches [ticks]; share of
+missed switches; mean delay of all switches [ticks], where one that is not detected counts until the end of its segment;
+wrong changes per 1,000 ticks; changes of the statement per switch."""
 
-
-TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
-"""The same of the types of motion: straight, left turn, right turn."""
+TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)  # the same of the types of motion: straight, left, right
 
 
 def _identified(prefix: str) -> dict[str, Statistic]:
@@ -41,8 +36,7 @@ def _identified(prefix: str) -> dict[str, Statistic]:
     return {"identified": share, "delay": ratio(delay, detected)}
 
 
-IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}
-"""Statistics of the identification of types and of modes: "identified" and "delay"."""
+IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}  # statistics "identified" and "delay" of each
 
 
 class Statements(NamedTuple):
@@ -67,13 +61,13 @@ class StatementMetrics:
         wrong_changes: (N,) changes of the statement to a wrong mode per 1,000 ticks.
         stated_changes: (N,) number of changes of the statement.
         switches: (N,) number of switches.
-        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first
-            tick of the new mode. A switch is detected if the new mode is stated before the next switch.
+        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first tick of the
+            new mode. A switch is detected if the new mode is stated before the next switch.
         delay_tracks: (D,) track of each delay.
-        missed: (N,) number of switches that are followed by another one before they are detected. An
-            undetected last switch of a track is neither detected nor missed.
-        undetected: (N,) number of ticks after a switch before the new mode is stated first. A switch that is
-            not detected counts until the next one, or until the end of the track.
+        missed: (N,) number of switches that are followed by another one before they are detected; an undetected last
+            switch does not count.
+        undetected: (N,) number of ticks after a switch before the new mode is stated first, or the next switch or the
+            end of the track comes.
     """
 
     right: FloatArray
@@ -92,13 +86,8 @@ class StatementMetrics:
         tracks = len(self.right)
         delay = np.bincount(self.delay_tracks, self.delays, tracks)
         detected = np.bincount(self.delay_tracks, minlength=tracks)
-        return np.stack(
-            [
-                self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches, delay,
-                detected, self.missed, self.undetected,
-            ],
-            axis=1,
-        )  # fmt: skip
+        changes = self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches
+        return np.stack([*changes, delay, detected, self.missed, self.undetected], axis=1)
 
     def value(self, name: str) -> float:
         """Return a figure of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
@@ -107,10 +96,9 @@ class StatementMetrics:
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
 
     def named_within(self, longest: int) -> IntArray:
-        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches, (longest +
-        2,).
+        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, how many switches count.
 
-        An undetected last switch of a track does not count.
+        An undetected last switch of a track does not.
         """
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
