@@ -97,10 +97,7 @@ class IMMUpdater(Updater):
 
 
 def measured_position(state: Any) -> FloatArray | None:
-    """Return the position, (d,) [m], that a state of a track was updated with; None without a measurement.
-
-    Of several hypotheses it is that of the most probable one.
-    """
+    """Return the position, (d,) [m], that a state was updated with, most probably; None without a measurement."""
     hypothesis = state.hypothesis if isinstance(state, Update) else None
     if isinstance(hypothesis, MultipleHypothesis):
         hypothesis = max(hypothesis, key=lambda one: one.probability)

@@ -31,15 +31,10 @@ class ModelChain:
 
 
 def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities of the models after a step of their chain, and the weights of their mixtures.
+    """Return the log probabilities of the models after a step of their chain, (B, M), and weights of mixtures, (B, M,
+    M).
 
-    Args:
-        log_probability: (B, M) logarithms.
-        transition: (M, M) or (B, M, M).
-        smallest: smaller probabilities count as this one.
-
-    Returns:
-        (B, M) logarithms, and (B, M, M) weights: row j mixes the filters before the step for model j.
+    Row j of the weights mixes the filters before the step for model j. Smaller probabilities count as the smallest.
     """
     with np.errstate(divide="ignore"):
         joint = np.log(transition) + log_probability[:, :, None]  # before, after
@@ -51,9 +46,8 @@ def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: fl
 def weigh_models(
     log_probability: FloatArray, log_likelihood: FloatArray, smallest: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the logarithms of the posterior of the models, (B, M), and of the likelihood of all, (B,).
-
-    Both arguments are logarithms, (B, M): of the prior, and of the likelihood of a measurement in each model.
+    """Return the log posterior of the models, (B, M), and the log-likelihood of all, (B,), from log prior and
+    likelihoods.
     """
     joint = log_probability + log_likelihood
     total = log_sum(joint, 1)

@@ -127,10 +127,7 @@ def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
 
 
 def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the process noise of turns in time steps (...) [s].
-
-    White acceleration of a spectral density [m^2/s^3] drives a turn as it drives CV.
-    """
+    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white acceleration, as CV."""
     model = MotionModel("CV", 2, density)
     matrix = np.zeros((*dt.shape, 4, 4))
     matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)

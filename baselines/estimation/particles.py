@@ -12,17 +12,10 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, check_between, 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements.
 
-    Motion and errors of the axes are independent, so that each axis has particles of its own. They are resampled
-    systematically (Kitagawa 1996) where their effective number falls below half of them. `particle_states` are (B, d,
-    P, m), their `log_weights` (B, d, P).
-
-    Args:
-        model: motion and process noise.
-        deviation: scale of the errors of a measurement on each axis [m], one number or (d,).
-        start_deviations: see `KalmanFilter`.
-        degrees_of_freedom: of Student's t of the errors; None is the normal distribution.
-        particles: P of each axis.
-        seed: of the random numbers; `begin` starts them anew.
+    Motion and errors of the axes are independent, so that each axis has P particles of its own, (B, d, P, m). They are
+    resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a scale
+    `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin` starts
+    the random numbers anew.
     """
 
     covariance: FloatArray

@@ -167,10 +167,9 @@ class WholeStudentT:
     freedom: float  # degrees of freedom nu
 
     def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, log-likelihoods and squared innovations in units of their covariance, (...) each.
+        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each.
 
-        The variances of a measurement are divided by its weight. `spread` are scale matrices (..., 2, 2) of the
-        innovations (..., 2).
+        The innovations are (..., 2), and their scale matrices, the spread, (..., 2, 2).
         """
         a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         x, y = innovation[..., 0], innovation[..., 1]

@@ -74,10 +74,7 @@ def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) ->
 
 
 def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit weights (2,), means (2, 4) and covariances (2, 4, 4) to (n, 4) values by the EM algorithm.
-
-    It starts with the tenth of the values that is largest as one component.
-    """
+    """Fit a mixture to (n, 4) values by the EM algorithm, from the tenth that is largest as one component."""
     pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
     size = (values**2 / np.diag(pooled)).sum(-1)
     large = size > np.quantile(size, 0.9)

@@ -95,11 +95,7 @@ def _begin_branch(
 
 @compiled
 def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
-    """Replace the branches of a track by one of every mode in the first segment.
-
-    `start`, (14 + M,), has the estimate [x, vx, y, vy], its covariance, upper triangle row by row, and the logarithms
-    of the mode probabilities.
-    """
+    """Replace the branches of a track by one of every mode; `start` as in `MeasurementDecider.begin_track`."""
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
     for mode in range(modes):

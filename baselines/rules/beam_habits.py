@@ -109,10 +109,7 @@ def merge_habits(
     ages: IntArray,
     tables: FloatArray,
 ) -> None:
-    """Write the habits of a branch in a slot that begins with a switch to a mode, the mixture of its parents.
-
-    weights: (branches,) of the parents, 0 if they are none; slots, modes, rows, ages: of all branches of the track.
-    """
+    """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
     laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
     for b in range(weights.size):

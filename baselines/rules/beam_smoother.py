@@ -81,17 +81,11 @@ def carry_past(
 
 
 class BeamSmoother(Decider):
-    """A beam that also gives the posterior of the mode at each tick, given measurements of later ticks.
+    """A beam that also gives the posterior of the mode at each tick, given measurements of numbers of later ticks,
+    `lags`.
 
     It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits could know.
     Every track has one episode, and all begin together.
-
-    Args:
-        beam: a beam whose histories are merged, and which does not learn the law.
-        lags: numbers of ticks.
-
-    Raises:
-        ArgumentError: a lag is out of range, or the beam is of another kind.
     """
 
     task = UNKNOWN

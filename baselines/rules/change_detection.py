@@ -17,10 +17,8 @@ from hybrid_env.observation import QuickestLayout
 
 
 class ChangeDecider(Decider, ABC):
-    """A rule that changes its statement when the statistic of another mode reaches a threshold.
-
-    Args:
-        threshold: of the statistic, above 0; None is the default of the rule.
+    """A rule that changes its statement when the statistic of another mode reaches a threshold, > 0, by default its
+    own.
     """
 
     task = UNKNOWN

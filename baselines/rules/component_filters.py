@@ -194,15 +194,11 @@ class ComponentFilters:
         first: BoolArray,
         sensed: FloatArray | None = None,
     ) -> None:
-        """Start the filters of some tracks, then advance all by the measurement of their rows.
+        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by the measurements of
+        rows.
 
-        Args:
-            rows: (N, width).
-            begins: (N,) tracks whose filters start.
-            anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
-            log_weights: (N, C) of the components of the last segment, where filters start.
-            first: (N,) True where an episode starts.
-            sensed: (N, 15) from `sensed_of`; None without sensors.
+        `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
+        starts; `sensed` is from `sensed_of`.
         """
         if len(self.log_laws) > 1 and begins.any():
             self._weigh_laws(begins, log_weights, first)
@@ -273,10 +269,7 @@ class ComponentFilters:
 
 
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
-    """Return the joint posterior of components and hypotheses, (C, N, M); hypotheses have equal priors.
-
-    Both arguments are logarithms: likelihoods (C, N, M), and prior probabilities of the components (N, C).
-    """
+    """Return the posterior of components and equally likely hypotheses, (C, N, M), by logarithms of weights (N, C)."""
     joint = log_likelihood + log_weights.T[..., None]
     share = np.exp(joint - joint.max((0, 2), keepdims=True))
     return np.asarray(share / share.sum((0, 2), keepdims=True))

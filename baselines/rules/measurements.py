@@ -44,9 +44,8 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
-
-    To find the types of records takes far longer than one tick of one track.
+    """Call a `compiled` function whose arguments always have the same types, prepared at its first call: that is
+    faster.
     """
     if function not in _prepared:
         prepare(function, *arguments)
@@ -55,8 +54,7 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
 
 
 class MeasurementDecider(Decider, Generic[State]):
-    """A decider for M modes (`hypotheses`) that observes the measurements, and the first estimate and probabilities of
-    the bank.
+    """A decider for M modes that observes the measurements, and the first estimate and probabilities of the bank.
 
     Its state describes N tracks and is changed in place.
     """
@@ -87,8 +85,7 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return measurement, merged estimate, covariance, and logarithms of the probabilities of the modes, (N, 16 +
-        M).
+        """Return measurement, merged estimate, covariance, and log probabilities of the modes, (N, 16 + M).
 
         With sensors the covariance of the measurement and the range rates follow, (N, 23 + M).
         """
@@ -153,10 +150,7 @@ def in_rows(layout: Layout, rows: NDArray[Any], missed: bool) -> FloatArray:
 
 
 def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N, 2).
-
-    `sensed` is from `sensed_of`, (N, 15); the anchors are in the heading frame, see `component_filters.ANCHOR_COLUMNS`.
-    """
+    """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N, 2)."""
     if sensed is None:
         raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
     measurements, origin, heading = np.split(sensed, np.cumsum(OF_SENSORS[:2]), axis=1)

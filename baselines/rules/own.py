@@ -63,11 +63,7 @@ class Asked:
         self._seconds, self._calls, self._told = 0.0, 0, False
 
     def __call__(self, seen: Any, state: Any, starts: BoolArray) -> tuple[Actions, Any]:
-        """Return actions (N,) and the new state, see `Decider.predict`; a slow decider is told once.
-
-        Raises:
-            ArgumentError: the decider failed, or what it returned are not N actions.
-        """
+        """Return actions (N,) and the new state, see `Decider.predict`; of a slow decider the user is told once."""
         if self._trusted:
             return self.decider.predict(seen, state, starts, deterministic=True)
         began = time.perf_counter()
@@ -109,11 +105,7 @@ class Asked:
 
 
 def find_own(name: str) -> Any:
-    """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for a name of another form.
-
-    Raises:
-        ArgumentError: there is no such file, module or name in it, or it cannot be imported.
-    """
+    """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for another form."""
     found = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
     where, colon, attribute = name.rpartition(":")
     if not found and not (colon and attribute.isidentifier() and _is_source(where)):
@@ -139,16 +131,10 @@ def own_names() -> list[str]:
 def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
     """Return a user's decider at any threshold, for the options of an environment.
 
-    Args:
-        model: function `observation -> actions`, object with `predict`, or class of one. With an attribute `thresholds`
-            it is swept: a class is created with a threshold, a function called with it as its second argument, and an
-            object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if
-            they exist, see `Decider`.
-        name: as it was given, for messages.
-        options: of the environment.
-
-    Raises:
-        ArgumentError: it is for another task, or its thresholds are not different numbers.
+    The model is a function `observation -> actions`, an object with `predict`, or a class of one. With an attribute
+    `thresholds` it is swept: a class is created with a threshold, a function called with it as its second argument, and
+    an object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if they
+    exist, see `Decider`. The name is as it was given, for messages.
     """
     task = getattr(model, "task", options.switches)
     if task != options.switches:

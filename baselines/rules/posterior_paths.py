@@ -37,11 +37,8 @@ class Never(RowRule):
 def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
     """Simulate episodes in which every segment is decided at its end, so that most anchors are accurate.
 
-    Args:
-        episodes: number of parallel episodes; their seeds are seed, seed + 1, ...
-        seed: of the first episode.
-        ticks: number of ticks to record of each segment, None for all.
-        options: keywords of the world, see `hybrid_env.WorldOptions`. `undecided` is always "likeliest".
+    The episodes have seeds seed, seed + 1, ...; up to `ticks` of each segment are recorded. `options` are those of
+    `hybrid_env.WorldOptions`.
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})

@@ -45,13 +45,10 @@ class _State:
 
 
 class RefilteringDecider(Decider):
-    """Base class: declares when the posterior error probability of the filters falls to alpha.
+    """Base class: declares when the posterior error probability of the filters falls to alpha, above 0 and at most 1.
 
-    Args:
-        world: options of the world; the filters use its model.
-        alpha: threshold of the error probability, above 0 and at most 1.
-        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different
-            variances, see `ComponentFilters`.
+    Filters use the model of the world. With `robust` they reject outliers, learn whether tails are heavy and allow for
+    axes of different variances, see `ComponentFilters`.
     """
 
     symbol, thresholds, default = "alpha", ALPHAS, 0.02
@@ -125,7 +122,8 @@ class CalibratedAnchorDecider(RefilteringDecider):
     """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
     Args:
-        world, alpha, robust: see `KeptCovarianceDecider`.
+        world, alpha: options of the world, whose model the filters use, and threshold of the error probability.
+        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different variances.
         prior: distribution of the anchor error after correct and after wrong declarations; None uses the covariance
             that the bank states.
     """
@@ -184,8 +182,7 @@ def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust:
 
     Args:
         world: options of the world.
-        episodes: simulated episodes per round.
-        seed: of the first episode.
+        episodes, seed: number of episodes of each round, and seed of the first one.
         robust: see `CalibratedAnchorDecider`.
     """
     prior: AnchorPrior | None = None

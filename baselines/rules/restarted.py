@@ -141,10 +141,7 @@ def _change(filters: RestartedFilters, track: int, live: int, model: RestartMode
 
 @compiled
 def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: RestartModel) -> None:
-    """Advance all tracks by one tick: start filters, correct all, and change statements.
-
-    Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
-    """
+    """Advance all tracks by a tick, with measurements as in `sensing.write_measured`."""
     innovation, measured = filters.innovations[0], filters.measured[0]
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
@@ -179,11 +176,10 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         options: of the environment.
         threshold: of the logarithm of the statistic of the new mode, above 0.
         margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
-        window: number of last ticks at which the switch can be, 1 to 10,000; None is that of the rule. At
-            most the ticks since the last change of the statement are used.
-        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of
-            `hybrid_env.HybridTrackEnv`; None is that of the rule. Their covariance is that of the estimate at
-            which they start.
+        window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last change of the
+            statement; None is that of the rule.
+        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of `hybrid_env.HybridTrackEnv`,
+            from the covariance of the estimate at which they start; None is that of the rule.
     """
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow

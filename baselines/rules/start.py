@@ -26,16 +26,11 @@ def unit_noise(options: ModelOptions) -> FloatArray:
 def line_estimate(
     ticks: IntArray, points: FloatArray, options: ModelOptions, noises: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Fit a straight line to measurements by least squares, and evaluate it at the last one.
+    """Fit a straight line to m measurements (m, 2) [m] by least squares, and evaluate it at the last one.
 
-    The covariance has three parts: the noise of the measurements, the process noise, and the turns of the bank. The
-    acceleration of a turn is across the velocity and constant, and all modes are equally probable.
-
-    Args:
-        ticks: (m,) tick of each measurement, increasing.
-        points: (m, 2) measurements [m].
-        options: of the model.
-        noises: (m, 3) covariance xx, xy, yy of each measurement [m^2]; None is variance R.
+    The covariance has three parts: the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), by default
+    variance R; the process noise; and the turns of the bank. The acceleration of a turn is across the velocity and
+    constant, and all modes are equally probable.
 
     Returns:
         Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about the
@@ -137,19 +132,12 @@ def gate_distance(
     noise: FloatArray,
     ticks: int,
 ) -> float:
-    """Return the distance of a measurement from the nearest predicted position, in standard deviations.
+    """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
 
-    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick.
-
-    Args:
-        measurement: (2,) [m].
-        estimate: (4,) [x, vx, y, vy] one tick before [m, m/s].
-        covariance: (4, 4) of the estimate.
-        radii: (n,) [m].
-        tau: length of a tick [s].
-        noise: (3,) covariance xx, xy, yy of the measurement [m^2].
-        ticks: since the estimate was right for certain. What turns in the ticks before the last one can have added to
-            the distance from a straight line does not count, unless they would be as large.
+    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick, from an estimate
+    (4,) one tick before and its covariance (4, 4). `noise` is the covariance xx, xy, yy of the measurement [m^2]. What
+    turns in the ticks since the estimate was right for certain, before the last one, can have added to the distance
+    from a straight line does not count, unless they would be as large.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

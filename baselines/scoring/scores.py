@@ -144,13 +144,10 @@ class Scores:
         of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
     ) -> Estimate:
-        """Return the difference self - other on the same episodes, with its paired interval.
+        """Return the difference self - other on the same episodes, with its paired interval, or another function
+        `combine`.
 
-        Args:
-            other: scores on the same episodes.
-            statistic: the statistic of both.
-            index, of_other: of the thresholds, see `estimate`.
-            combine: another function of both than the difference.
+        `index` and `of_other` are of the thresholds, see `estimate`.
         """
         mine, theirs = self._rows(statistic, index), other._rows(statistic, of_other)
         split = mine.shape[-1]

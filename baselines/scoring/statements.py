@@ -155,10 +155,7 @@ class Switches(NamedTuple):
 
 
 def find_switches(switched: BoolArray, right: BoolArray) -> Switches:
-    """Return the switches, and when each is detected.
-
-    Both flags are (T, N): `switched` at the first tick of a new mode, `right` where the statement is right.
-    """
+    """Return the switches, and when each is detected, from flags (T, N): new mode begins, statement is right."""
     ticks, tracks = switched.shape
     times = np.arange(ticks)[:, None]
     # for every tick the next one, itself included, with a right statement, and the next with a switch
