@@ -17,8 +17,8 @@ from hybrid_env.durations import (
 from hybrid_env.quickest_options import QuickestOptions
 
 SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform law of the prior
+# longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest
 WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
-"""Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
 OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
 DEFAULT, GEOMETRIC, UNIFORM = 0.5, 0.1, 0.4  # probability of the environment's default law, and of each kind
 USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm

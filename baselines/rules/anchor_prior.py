@@ -15,7 +15,6 @@ from hybrid_env.vector_env import HybridTrackVectorEnv
 
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
 MIRROR = np.array([1.0, 1.0, -1.0, -1.0])  # signs of [x, vx, y, vy] in a frame whose across axis points to the right
-
 FEWEST = 100  # errors to fit a mixture to; with fewer, types and then outcomes are pooled
 STEPS = 50  # of the EM algorithm
 RIDGE = 1e-6  # share of the pooled variances added to the variances of a component

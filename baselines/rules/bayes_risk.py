@@ -18,18 +18,12 @@ from hybrid_env.checks import FloatArray, check_array, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
-KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
-"""Knots of the regression, in units of the log error probability."""
-
+KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])  # log error probabilities
 RIDGE = 1e-6  # ridge penalty of the regression, per path and for columns of unit root mean square
-
 MIN_PATHS = 200  # ticks that fewer paths reach are not regressed
-
 SMOOTHING = 5  # window of the running median over the boundary [ticks]
-
 FITTING_EPISODES = 3000
-COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
-"""Thresholds to sweep, over the delay cost of the environment."""
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # thresholds over the delay cost
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:

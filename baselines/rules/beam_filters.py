@@ -141,15 +141,9 @@ def triangle(entries: FloatArray) -> Triangle4:
 
 @internal
 def _switch(
-    branches: Branches,
-    track: int,
-    weights: FloatArray,
-    parents: tuple[int, int],
-    children: Branches,
-    count: int,
-    free: IntArray,
-    model: BeamModel,
-) -> int:
+    branches: Branches, track: int, weights: FloatArray, parents: tuple[int, int],
+    children: Branches, count: int, free: IntArray, model: BeamModel,
+) -> int:  # fmt: skip
     """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
 
     parents: the first branch that switches, and the end of these branches; weights: (branches,) log probability of a
@@ -242,14 +236,9 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
 
 @compiled
 def step_branches(
-    branches: Branches,
-    children: Branches,
-    innovations: NDArray[Any],
-    measured: NDArray[Any],
-    measurements: FloatArray,
-    log_probability: FloatArray,
-    model: BeamModel,
-) -> None:
+    branches: Branches, children: Branches, innovations: NDArray[Any], measured: NDArray[Any],
+    measurements: FloatArray, log_probability: FloatArray, model: BeamModel,
+) -> None:  # fmt: skip
     """Advance the branches of all tracks by one tick, and write the log probabilities of the modes, (N, M).
 
     `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`, (1,), are memory.

@@ -98,17 +98,9 @@ def free_slots(used: IntArray, habits: Habits) -> IntArray:
 
 @internal
 def merge_habits(
-    habits: Habits,
-    track: int,
-    slot: int,
-    mode: int,
-    weights: FloatArray,
-    slots: IntArray,
-    modes: IntArray,
-    rows: IntArray,
-    ages: IntArray,
-    tables: FloatArray,
-) -> None:
+    habits: Habits, track: int, slot: int, mode: int, weights: FloatArray,
+    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: FloatArray,
+) -> None:  # fmt: skip
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
     laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0

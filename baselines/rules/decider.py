@@ -18,10 +18,8 @@ from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probab
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
+# tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders
 ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
-"""Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders."""
-
-
 DEFINED: list[type["Decider"]] = []  # all subclasses of `Decider`, in the order of their definition
 
 

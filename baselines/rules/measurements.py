@@ -24,7 +24,6 @@ from hybrid_env.world import World
 State = TypeVar("State")
 
 OBSERVED = 2 + 4 + 10  # width of an observation without the probabilities: measurement, estimate and covariance
-
 SENSED = 3 + MOST_RATES  # further columns with sensors: covariance of the measurement over R, and range rates
 OF_SENSORS = (2 + SENSED, 4, 2)  # columns of `sensed_of`: what `sensing.write_measured` reads, anchor, heading
 

@@ -178,8 +178,8 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
         window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last change of the
             statement; None is that of the rule.
-        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of `hybrid_env.HybridTrackEnv`,
-            from the covariance of the estimate at which they start; None is that of the rule.
+        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of the environment, with the
+            covariance of the estimate at which they start; None is that of the rule.
     """
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow

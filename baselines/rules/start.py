@@ -110,7 +110,6 @@ DEVIATIONS = 10.0
 """Default distance from the nearest predicted position, in standard deviations, that is still accepted."""
 
 PATIENCE = 5  # measurements outside of the gate, after which the track begins again: the object is elsewhere
-
 LARGEST_TURN = 1.0  # angle in a tick [rad] above which a turn is no explanation of a measurement
 
 
@@ -124,14 +123,9 @@ def _squared_distance(dx: float, dy: float, xx: float, xy: float, yy: float, all
 
 @compiled
 def gate_distance(
-    measurement: FloatArray,
-    estimate: FloatArray,
-    covariance: FloatArray,
-    radii: FloatArray,
-    tau: float,
-    noise: FloatArray,
-    ticks: int,
-) -> float:
+    measurement: FloatArray, estimate: FloatArray, covariance: FloatArray,
+    radii: FloatArray, tau: float, noise: FloatArray, ticks: int,
+) -> float:  # fmt: skip
     """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
 
     Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick, from an estimate
