@@ -137,12 +137,11 @@ class OnlineTracker:
             covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
             mode: before the first tick; None if it is not known.
         """
-        if mode is not None:
-            mode = check_integer("mode", mode, 0, self.options.hypotheses - 1)
+        known = -1 if mode is None else check_integer("mode", mode, 0, self.options.hypotheses - 1)
         if estimate is None and covariance is not None:
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
-        self._mode = -1 if mode is None else mode
+        self._mode = known
         self._collected: FirstMeasurements | None = None
         if first is None:
             self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW)

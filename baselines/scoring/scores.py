@@ -144,8 +144,7 @@ class Scores:
         of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
     ) -> Estimate:
-        """Return the difference self - other on the same episodes, with its paired interval, or another function
-        `combine`.
+        """Return the difference self - other on the same episodes, or another function, with its paired interval.
 
         `index` and `of_other` are of the thresholds, see `estimate`.
         """

@@ -26,8 +26,7 @@ class Timeline(NamedTuple):
 class TimelineCounts(NamedTuple):
     """Sums over a track or a part of it, from which the figures of any set of tracks follow.
 
-    Switches count if at least half of the moments until the next one are scored, changes of the statement if more than
-    half are.
+    Switches count if at least half of the moments until the next one are scored, changes if more than half are.
     """
 
     scored: float  # time that is scored
@@ -57,13 +56,10 @@ def statistics(period: float) -> dict[str, Statistic]:
     """
     return {
         "agreement": ratio("agreed", "scored"),
-        "delay": Statistic(
-            ("delay", "switches", "missed"), lambda delay, switches, missed: quotient(delay, switches - missed)
-        ),
+        "delay": Statistic(("delay", "switches", "missed"), lambda delay, all_, missed: quotient(delay, all_ - missed)),
         "misses": ratio("missed", "switches"),
         "full_delay": Statistic(
-            ("undetected", "switches", "pending"),
-            lambda undetected, switches, pending: quotient(undetected, switches + pending),
+            ("undetected", "switches", "pending"), lambda time, others, pending: quotient(time, others + pending)
         ),
         "false_changes": ratio("false", "scored", period),
         "false_per_1000": ratio("false", "samples", 1000.0),
