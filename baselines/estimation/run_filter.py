@@ -96,13 +96,14 @@ def run_filter(
     else:
         first = _begin_from(track_filter, start, tracks, moments)
     steps = np.diff(moments, axis=0, prepend=first[None])
-    shape = (total, tracks, track_filter.state.shape[1])
-    kept = keep and track_filter.has_covariance
+    size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
     found, *ahead = (
-        Estimates(np.empty(shape), np.empty((*shape, shape[2])) if kept else None, track_filter.order)
+        Estimates(
+            np.empty((total, tracks, size)), np.empty((total, tracks, size, size)) if kept else None, track_filter.order
+        )
         for _ in range(1 + len(horizons))
     )
-    log_likelihoods, nis = np.empty(shape[:2]), np.empty(shape[:2])
+    log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
     for k in range(total):
         step = steps[k]
         equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks

@@ -140,5 +140,5 @@ def _table(state: BeamState) -> BranchTable:
     branches = state.branches
     weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
     weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
-    copies = [one.copy() for one in (branches.modes, branches.ages, branches.rows)]
-    return BranchTable(*copies, weights, branches.counts.copy())
+    modes, ages, rows = (one.copy() for one in (branches.modes, branches.ages, branches.rows))
+    return BranchTable(modes, ages, rows, weights, branches.counts.copy())

@@ -117,7 +117,8 @@ class Decider:
     @classmethod
     def maker(cls, options: Any) -> Callable[[float], "Decider"]:
         """Return a function from a threshold to the decider, for the options of an environment."""
-        return partial(cls, options) if cls.reads_options else cls
+        make: Any = cls
+        return partial(make, options) if cls.reads_options else make
 
     @classmethod
     def family(cls, options: Any) -> "DeciderFamily":

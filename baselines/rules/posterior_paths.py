@@ -93,5 +93,5 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
     count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
     total = np.maximum(count, 1)
-    sums = (np.bincount(bins, values, minlength=count.size) for values in (stated, correct))
-    return Calibration(*(one / total for one in sums), count, float(1.0 - error.mean()), float(correct.mean()))
+    mean, accuracy = (np.bincount(bins, values, minlength=count.size) / total for values in (stated, correct))
+    return Calibration(mean, accuracy, count, float(1.0 - error.mean()), float(correct.mean()))
