@@ -1,11 +1,10 @@
 """TEASER, a rule of early classification of time series, on the posterior of the bank.
 
-Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge
-Discovery 34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what
-resembles right predictions, and v equal accepted predictions in a row are declared. Here every tick is a
-checkpoint, the bank is the classifier, and its error probability, which tells as much as all its probabilities do, has
-a one-class test in one dimension: a quantile of right predictions. A one-class support vector machine, as
-published, would also refuse predictions that are surer than most.
+Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge Discovery
+34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what resembles right
+predictions, and v equal accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the
+classifier, and the one-class test of its error probability is a quantile of right predictions. A one-class support
+vector machine, as published, would also refuse predictions that are surer than most.
 """
 
 import functools

@@ -57,8 +57,7 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
 class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
-    Between the two thresholds the last statement is kept, so that it does not alternate while two modes are about
-    equally probable.
+    Between the two thresholds the last statement is kept, so that it does not alternate between two probable modes.
 
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.

@@ -59,8 +59,8 @@ class OnlineEstimate(NamedTuple):
 class OnlineTracker:
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
-    Bank, observation and decider are those of the environment: the same measurements, first estimate and switches give
-    the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
+    The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
+    bit for bit, as long as the gate refuses none.
 
     With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the decider
     states a mode at every measurement. Probabilities, estimate and covariance are those of the bank, merged over all
@@ -74,20 +74,19 @@ class OnlineTracker:
     the declared type.
 
     Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
-    ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True, are asked in these
-    ticks: their filters predict, too.
+    ticks without a measurement, in which only deciders with filters of their own, whose `every_tick` is True, are
+    asked.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
     `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between them, the
-    object is elsewhere, and the track begins again with the next measurements. So neither an error of the sensor nor a
-    jump can lead the bank astray. With announced switches the gate is wider, since the mode may be wrong or unknown.
+    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the bank
+    astray. With announced switches the gate is wider, since the mode may be wrong or unknown.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
-        options: of the environment whose model the bank uses. Options of its simulated object, such as speed, noise and
-            scheme, are not used, except `initial_error` if `begin` is given an estimate without a covariance, and by
-            deciders.
+        options: of the environment whose model the bank uses. Those of its simulated object, such as speed, noise and
+            scheme, are used only by deciders, and `initial_error` if `begin` is given an estimate without a covariance.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
         gate: distance from the nearest predicted position above which a measurement is not used, in standard
