@@ -21,8 +21,8 @@ from agents.learned.dimensionless import Scales, ratios, turns_per_tick
 from agents.learned.posterior_decider import PosteriorDecider
 from agents.learned.track_filters import TrackFilters
 from baselines.rules.decider import Observations
+from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import error_and_best, mode_types
-from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions

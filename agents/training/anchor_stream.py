@@ -14,7 +14,7 @@ from agents.learned.track_filters import TrackFilters
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
-from baselines.rules.sensed import sensed_of
+from baselines.rules.measurements import sensed_of
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.vector_env import HybridTrackVectorEnv
 

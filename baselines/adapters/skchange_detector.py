@@ -46,9 +46,7 @@ class ModeDetector(BaseChangeDetector):
     def __init__(
         self, decider: Decider | None = None, radii: tuple[float, ...] | None = None, columns: tuple[int, int] = (0, 1)
     ):
-        self.decider = decider
-        self.radii = radii
-        self.columns = columns
+        self.decider, self.radii, self.columns = decider, radii, columns
 
     def fit(self, X: ArrayLike, y: Any = None) -> "ModeDetector":
         """Find the model of the positions (T, >= 2), one at every tick. y is not used."""
@@ -64,15 +62,12 @@ class ModeDetector(BaseChangeDetector):
         check_is_fitted(self)
         grid, model = self._grid(X, reset=False), self.model_
         options: dict[str, Any] = ModelUnits.of(model).options(model)
-        world = QuickestOptions(
-            **options, durations=GeometricDurations(model.duration), start="random",
-            ticks=min(grid.total, MAX_LENGTH),
-        )  # fmt: skip
+        options |= {"durations": GeometricDurations(model.duration), "ticks": min(grid.total, MAX_LENGTH)}
+        world = QuickestOptions(**options, start="random")
         tracker = OnlineTracker(world, ThresholdDecider(THRESHOLD) if self.decider is None else self.decider)
         return np.concatenate([found.modes for found in decide_recording(grid, model, tracker)])
 
     def _grid(self, X: ArrayLike, reset: bool) -> TickGrid:
-        rows = validate_data(
-            self, X, reset=reset, dtype=np.float64, ensure_min_samples=5, ensure_min_features=1 + reset
-        )
+        least = {"ensure_min_samples": 5, "ensure_min_features": 1 + reset}
+        rows = validate_data(self, X, reset=reset, dtype=np.float64, **least)
         return tick_grid(make_recording(None, rows[:, list(self.columns)]))

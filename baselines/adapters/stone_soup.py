@@ -1,8 +1,7 @@
 """The IMM filter as predictor and updater of Stone Soup, and tracks of Stone Soup in a live tracker.
 
-The state of a track is a Gaussian mixture of Stone Soup: a component for each model of the filter, whose
-weight is the probability of the model. Hypothesisers, data associators, initiators and trackers of Stone Soup
-use its mean and covariance.
+The state of a track is a Gaussian mixture of Stone Soup: a component for each model of the filter, whose weight is the
+probability of the model. Hypothesisers, data associators, initiators and trackers use its mean and covariance.
 
     imm = IMMFilter([steady, manoeuvre], sojourns=5.0)
     predictor, updater = IMMPredictor(imm), IMMUpdater(imm, measurement_model)
@@ -77,11 +76,7 @@ class IMMUpdater(Updater):
         measurement_noise: bool = True,
         **kwargs: Any,
     ) -> GaussianMeasurementPrediction:
-        """Return the predicted position, and its covariance of the merged models.
-
-        Raises:
-            ArgumentError: the measurement model does not measure all positions of the state.
-        """
+        """Return the predicted position, and its covariance of the merged models."""
         model = self._check_measurement_model(measurement_model)
         cross = predicted_state.covar[:, :: self.imm.order]
         noise = _noise(self.imm, model) if measurement_noise else 0.0
@@ -91,11 +86,7 @@ class IMMUpdater(Updater):
         )  # fmt: skip
 
     def update(self, hypothesis: SingleHypothesis, **kwargs: Any) -> GaussianMixtureUpdate:
-        """Return the prediction of a hypothesis, corrected by its measurement.
-
-        Raises:
-            ArgumentError: the measurement model does not measure all positions of the state.
-        """
+        """Return the prediction of a hypothesis, corrected by its measurement."""
         model = self._check_measurement_model(hypothesis.measurement.measurement_model)
         if hypothesis.measurement_prediction is None:
             hypothesis.measurement_prediction = self.predict_measurement(hypothesis.prediction, model)
@@ -106,10 +97,7 @@ class IMMUpdater(Updater):
 
 
 def measured_position(state: Any) -> FloatArray | None:
-    """Return the position, (d,) [m], that a state of a track was updated with; None without a measurement.
-
-    Of several hypotheses it is that of the most probable one.
-    """
+    """Return the position, (d,) [m], that a state was updated with, most probably; None without a measurement."""
     hypothesis = state.hypothesis if isinstance(state, Update) else None
     if isinstance(hypothesis, MultipleHypothesis):
         hypothesis = max(hypothesis, key=lambda one: one.probability)
@@ -126,8 +114,7 @@ def decide_track(track: Track, tracker: OnlineTracker) -> list[OnlineEstimate]:
         tracker: begins a new track.
 
     Raises:
-        ArgumentError: the times do not fit the ticks, or a measurement is missing and the decider cannot do
-            without it.
+        ArgumentError: the times do not fit the ticks, or a measurement is missing and the decider cannot do without it.
     """
     tracker.begin()
     start = track[0].timestamp

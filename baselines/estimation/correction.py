@@ -1,8 +1,7 @@
 """The correction of Kalman filters by measured positions, one component of a measurement after the other.
 
-Along the principal axes of its covariance R the components of a measurement have independent errors, so that
-they can be processed one by one as scalars, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section
-7.4 (sequential processing of measurements).
+Along the principal axes of its covariance the components of a measurement have independent errors, so that each is
+processed as a scalar, without an inverse. Bar-Shalom, Li & Kirubarajan 2001, section 7.4 (sequential processing).
 """
 
 from typing import NamedTuple
@@ -14,37 +13,25 @@ from hybrid_env.checks import BoolArray, FloatArray
 
 
 class PrincipalNoise(NamedTuple):
-    """Covariances of measurements along their principal axes.
+    """Covariances of measurements along their principal axes."""
 
-    Attributes:
-        variances: (d,) or (..., d) [m^2].
-        axes: (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions.
-    """
-
-    variances: FloatArray
-    axes: FloatArray | None
+    variances: FloatArray  # (d,) or (..., d) [m^2]
+    axes: FloatArray | None  # (d, d) or (..., d, d) unit vectors as columns; None if they are the axes of the positions
 
     def of(self, tracks: BoolArray) -> "PrincipalNoise":
-        """The covariances of some tracks; (B,) True for these."""
+        """Return the covariances of the tracks selected by a mask (B,)."""
         variances, axes = self
         variances = variances[tracks] if variances.ndim == 2 else variances
         return PrincipalNoise(variances, axes if axes is None or axes.ndim == 2 else axes[tracks])
 
 
 class Corrected(NamedTuple):
-    """Estimates after a measurement.
+    """Estimates after a measurement."""
 
-    Attributes:
-        state: (..., n).
-        covariance: (..., n, n).
-        log_likelihood: (...) of the measurement.
-        nis: (...) squared innovation in units of its covariance.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    log_likelihood: FloatArray
-    nis: FloatArray
+    state: FloatArray  # (..., n)
+    covariance: FloatArray  # (..., n, n)
+    log_likelihood: FloatArray  # (...) of the measurement
+    nis: FloatArray  # (...) squared innovation in units of its covariance
 
 
 def principal_noise(covariance: FloatArray) -> PrincipalNoise:
@@ -63,14 +50,9 @@ def correct(
     noise: PrincipalNoise,
     robust: Robust | WholeStudentT | None = None,
 ) -> Corrected:
-    """Correct estimates by measured positions.
+    """Correct predicted estimates, (..., n) and (..., n, n), by measured positions (..., d) [m].
 
-    Args:
-        state, covariance: predicted, (..., n) and (..., n, n).
-        measurement: (..., d) [m].
-        noise: of the measurement.
-        robust: how components far from the prediction are used, or whole measurements; None is the Kalman
-            filter.
+    `robust` says how components far from the prediction are used, or whole measurements; None is the Kalman filter.
     """
     state, covariance = state.copy(), covariance.copy()
     lead, d = state.shape[:-1], measurement.shape[-1]

@@ -1,17 +1,7 @@
 """The interacting multiple model (IMM) filter, and its steps for filters of any kind.
 
-Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching
-coefficients": `ModelChain`, `mix_models`, `mixture` and `weigh_models` are its steps, also for the filters of
-turns (`turns`).
-
-`IMMFilter` runs CV, CA and CJ, whose states have different sizes. The derivatives that two models share are
-mixed. A derivative that only one of them has is distributed as at the start of a track, with mean 0 and the
-variance of its `start_deviations`. That is a distribution of the object's motion, so that the filter is
-consistent; a variance of 0 would make it blind to the first seconds of a manoeuvre (Granstrom, Willett &
-Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states").
-
-Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to
-1.
+Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian switching coefficients".
+Logarithms of probabilities are stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
 """
 
 from collections.abc import Sequence
@@ -19,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.kalman import KalmanFilter
+from baselines.estimation.kalman import KalmanFilter, resized
 from baselines.estimation.motion_models import check_per_item
 from baselines.estimation.track_filter import TrackFilter, check_covariance
 from hybrid_env.checks import FloatArray, check_array, reject
@@ -28,11 +18,7 @@ SMALLEST = 1e-300  # smaller probabilities count as this one
 
 
 class ModelChain:
-    """The Markov chain of models in continuous time.
-
-    Args:
-        generator: (M, M) rates of change between the models [1/s]; rows sum to 0.
-    """
+    """The Markov chain of models in continuous time, from rates of change (M, M) [1/s], whose rows sum to 0."""
 
     def __init__(self, generator: FloatArray):
         self._values, self._vectors = np.linalg.eig(generator)
@@ -45,15 +31,10 @@ class ModelChain:
 
 
 def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: float) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities of the models after a step of their chain, and the weights of their mixtures.
+    """Return the log probabilities of the models after a step of their chain, (B, M), and weights of mixtures, (B, M,
+    M).
 
-    Args:
-        log_probability: (B, M) logarithms.
-        transition: (M, M) or (B, M, M).
-        smallest: smaller probabilities count as this one.
-
-    Returns:
-        (B, M) logarithms, and (B, M, M) weights: row j mixes the filters before the step for model j.
+    Row j of the weights mixes the filters before the step for model j. Smaller probabilities count as the smallest.
     """
     with np.errstate(divide="ignore"):
         joint = np.log(transition) + log_probability[:, :, None]  # before, after
@@ -65,12 +46,8 @@ def mix_models(log_probability: FloatArray, transition: FloatArray, smallest: fl
 def weigh_models(
     log_probability: FloatArray, log_likelihood: FloatArray, smallest: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the logarithms of the posterior of the models, (B, M), and of the likelihood of all, (B,).
-
-    Args:
-        log_probability: (B, M) logarithms of the prior.
-        log_likelihood: (B, M) of a measurement in each model.
-        smallest: smaller probabilities count as this one.
+    """Return the log posterior of the models, (B, M), and the log-likelihood of all, (B,), from log prior and
+    likelihoods.
     """
     joint = log_probability + log_likelihood
     total = log_sum(joint, 1)
@@ -78,11 +55,9 @@ def weigh_models(
 
 
 def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n), (B, C, n, n).
+    """Return mean and covariance of C mixtures of the same K normal distributions, (B, C, n) and (B, C, n, n).
 
-    Args:
-        state, covariance: of the distributions, (B, K, n) and (B, K, n, n).
-        weights: (B, C, K), sum over K 1.
+    The distributions are (B, K, n) and (B, K, n, n), the weights (B, C, K).
     """
     mean = weights @ state
     # sum of w (P + x x') less m m', with states relative to one of them, because positions are large
@@ -104,7 +79,7 @@ def squared_innovation(innovation: FloatArray, covariance: FloatArray) -> FloatA
 
 
 def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
-    """Return the logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
+    """Return logarithms of sums of numbers along an axis, without overflow; of nothing but zeros -inf."""
     largest = logarithms.max(axis, keepdims=True)
     finite = np.where(np.isinf(largest), 0.0, largest)
     with np.errstate(divide="ignore"):
@@ -115,17 +90,17 @@ def log_sum(logarithms: FloatArray, axis: int) -> FloatArray:
 class IMMFilter(TrackFilter):
     """The IMM filter: one Kalman filter per model, and a Markov chain of models in continuous time.
 
-    The state has the size of the largest model; derivatives that a model lacks are 0 in it. `nis` is that of
-    the merged prediction.
+    The state has the size of the largest model; derivatives that a model lacks are 0 in it. Derivatives that two models
+    share are mixed. One that only one of them has is distributed as at the start of a track, with mean 0 and the
+    variance of its `start_deviations`: a variance of 0 would make the filter blind to the first seconds of a manoeuvre
+    (Granstrom, Willett & Bar-Shalom 2015, "Systematic approach to IMM mixing for unequal dimension states"). `nis` is
+    that of the merged prediction.
 
     Args:
-        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more derivatives
-            than another one needs `start_deviations`.
-        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the
-            others with equal probability.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
+        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more derivatives than
+            another one needs `start_deviations`.
+        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is any of the others
+            with equal probability.
 
     Attributes:
         probabilities: (B, M) of the models.
@@ -157,7 +132,11 @@ class IMMFilter(TrackFilter):
     @property
     def estimates(self) -> tuple[FloatArray, FloatArray]:
         """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
-        parts = [_resized(one.state, one.covariance, self.axes, self.order, None) for one in self.filters]
+        return self._estimates_with(self.order, None)
+
+    def _estimates_with(self, order: int, variances: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Return the estimates of the models with the same number of values per axis, see `resized`."""
+        parts = [resized(one.state, one.covariance, self.axes, order, variances) for one in self.filters]
         state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
         return state, covariance
 
@@ -168,22 +147,18 @@ class IMMFilter(TrackFilter):
             probabilities: (B, M) of the models.
             states: (B, M, n). Derivatives that a model lacks are not used.
             covariances: (B, M, n, n).
-
-        Raises:
-            ArgumentError: an array has another shape or a value that is not allowed.
         """
-        shape = (None, len(self.filters))
-        weights, size = check_array("probabilities", probabilities, shape), self.axes * self.order
+        count, size = len(self.filters), self.axes * self.order
+        weights = check_array("probabilities", probabilities, (None, count))
         if (weights < 0.0).any() or not np.allclose(weights.sum(-1), 1.0):
             raise reject("probabilities", probabilities, "numbers >= 0 whose sum is 1 for each track")
-        means = check_array("states", states, (len(weights), shape[1], size))
-        matrices = check_covariance(
-            "covariances", check_array("covariances", covariances, (len(weights), shape[1], size, size)), definite=False
-        )
+        means = check_array("states", states, (len(weights), count, size))
+        matrices = check_array("covariances", covariances, (len(weights), count, size, size))
+        matrices = check_covariance("covariances", matrices, definite=False)
         self._begin(len(weights))
         self._log_probabilities = np.log(np.maximum(weights, SMALLEST))
         for j, one in enumerate(self.filters):
-            one._set(*_resized(means[:, j], matrices[:, j], self.axes, one.order, None))
+            one._set(*resized(means[:, j], matrices[:, j], self.axes, one.order, None))
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
@@ -194,35 +169,32 @@ class IMMFilter(TrackFilter):
         for one in self.filters:
             one._begin(tracks)
         self._log_probabilities = np.log(np.broadcast_to(self._stationary, (tracks, len(self.filters)))).copy()
-        self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
         self._merge()
+        self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
         for one in self.filters:
-            one._set(*_resized(state, covariance, self.axes, one.order, None))
+            one._set(*resized(state, covariance, self.axes, one.order, None))
         self._merge()
 
     def _predict(self, dt: float | FloatArray) -> None:
         after, weights = mix_models(self._log_probabilities, self.transition(dt), SMALLEST)
         mixed = [
-            merged(
-                [
-                    _resized(other.state, other.covariance, self.axes, one.order, one.start_variances)
-                    for other in self.filters
-                ],
-                weights[:, j],
-            )
+            mixture(*self._estimates_with(one.order, one.start_variances), weights[:, j, None])
             for j, one in enumerate(self.filters)
         ]
-        for one, start in zip(self.filters, mixed, strict=True):
-            one._set(*start)
+        for one, (state, covariance) in zip(self.filters, mixed, strict=True):
+            one._set(state[:, 0], covariance[:, 0])
             one._predict(dt)
         self._log_probabilities = after
         self._merge()
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
-        self.nis = self._merged_nis(measurement, noise)
+        noises = [one.noise if noise is None else noise for one in self.filters]
+        of_models = sum(p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True))
+        spread = self.covariance[:, :: self.order, :: self.order] + of_models
+        self.nis = squared_innovation(measurement - self.position, spread)
         for one in self.filters:
             one._update(measurement, noise)
         self._log_probabilities, self.log_likelihood = weigh_models(
@@ -230,51 +202,7 @@ class IMMFilter(TrackFilter):
         )
         self._merge()
 
-    def _merged_nis(self, measurement: FloatArray, noise: FloatArray | None) -> FloatArray:
-        """Squared innovation of the merged prediction in units of its covariance, (B,)."""
-        noises = [one.noise if noise is None else noise for one in self.filters]
-        total = self.covariance[:, :: self.order, :: self.order] + sum(
-            p[:, None, None] * one for p, one in zip(self.probabilities.T, noises, strict=True)
-        )
-        return squared_innovation(measurement - self.position, total)
-
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
         state, covariance = mixture(*self.estimates, self.probabilities[:, None])
         self.state, self.covariance = state[:, 0], covariance[:, 0]
-
-
-def _resized(
-    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
-
-    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first,
-    or are 0 without variances.
-    """
-    tracks, size = state.shape
-    m = size // axes
-    if m == order:
-        return state, covariance
-    common = min(m, order)
-    mean = np.zeros((tracks, axes, order))
-    mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
-    matrix = np.zeros((tracks, axes, order, axes, order))
-    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
-    if variances is not None:
-        for k in range(common, order):
-            for axis in range(axes):
-                matrix[:, axis, k, axis, k] = variances[k - 1]
-    return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
-
-
-def merged(parts: Sequence[tuple[FloatArray, FloatArray]], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and covariance of one mixture of normal distributions for each track.
-
-    Args:
-        parts: M means (B, n) and covariances (B, n, n).
-        weights: (B, M), rows that sum to 1.
-    """
-    state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
-    mean, matrix = mixture(state, covariance, weights[:, None])
-    return mean[:, 0], matrix[:, 0]

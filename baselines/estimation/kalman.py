@@ -13,19 +13,16 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, reject
 class KalmanFilter(TrackFilter):
     """The Kalman filter of a kinematic model.
 
-    A track that begins with its first measurement z has the position z with the covariance of the
-    measurement, and derivatives 0 with the variances of `start_deviations`.
+    A track that begins with its first measurement z has the position z with the covariance of the measurement, and
+    derivatives 0 with the variances of `start_deviations`.
 
     Args:
         model: motion and process noise.
-        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d).
-            With a robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
-        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity
-            [m/s], then acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
+        noise: covariance of a measurement [m^2]: a variance, (d,) variances, or a matrix (d, d) or (B, d, d). With a
+            robust update it is the covariance (of a Student-t the scale matrix) of good measurements.
+        start_deviations: (m - 1,) standard deviations of the derivatives at the start of a track: velocity [m/s], then
+            acceleration [m/s^2], then jerk [m/s^3]. None if tracks begin with `begin_from`.
         robust: how measurements far from the prediction are used; None is the plain filter.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
 
     >>> cv = KalmanFilter(MotionModel("CV", axes=2, noise=0.1), noise=25.0, start_deviations=(30.0,))
     >>> cv.begin(tracks=1)
@@ -73,10 +70,6 @@ class KalmanFilter(TrackFilter):
         assert covariance is not None
         self.state, self.covariance = state, covariance
 
-    def _no_measurement(self) -> None:
-        self.log_likelihood = np.zeros(self.tracks)
-        self.nis = np.full(self.tracks, np.nan)
-
     def _matrices(self, dt: float | FloatArray) -> tuple[FloatArray, FloatArray]:
         """Transition and process noise of one axis; those of equal steps are computed once."""
         if isinstance(dt, float):
@@ -95,14 +88,10 @@ class KalmanFilter(TrackFilter):
         """Begin some tracks with their first measurements."""
         if self.start_variances is None:
             raise reject("start_deviations", None, "numbers, or a start of all tracks by begin_from()")
-        self.state[chosen] = 0.0
-        self.state[chosen, :: self.order] = measurement[chosen]
-        matrix = np.zeros((len(chosen), self.axes, self.order, self.axes, self.order))
-        matrix[:, :, 0, :, 0] = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
-        for k, variance in enumerate(self.start_variances, start=1):
-            for axis in range(self.axes):
-                matrix[:, axis, k, axis, k] = variance
-        self.covariance[chosen] = matrix.reshape(len(chosen), self.model.size, self.model.size)
+        noises = np.broadcast_to(noise, (self.tracks, *noise.shape[-2:]))[chosen]
+        self.state[chosen], self.covariance[chosen] = resized(
+            measurement[chosen], noises, self.axes, self.order, self.start_variances
+        )
 
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         noise = self.noise if noise is None else noise
@@ -123,18 +112,36 @@ class KalmanFilter(TrackFilter):
             self._start(first, measurement, noise)
 
 
+def resized(
+    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
+
+    Derivatives that are left out are marginalized; new ones have the variances (order - 1,), velocity first, or are 0.
+    """
+    tracks, size = state.shape
+    m = size // axes
+    if m == order:
+        return state, covariance
+    common = min(m, order)
+    mean = np.zeros((tracks, axes, order))
+    mean[:, :, :common] = state.reshape(tracks, axes, m)[:, :, :common]
+    matrix = np.zeros((tracks, axes, order, axes, order))
+    matrix[:, :, :common, :, :common] = covariance.reshape(tracks, axes, m, axes, m)[:, :, :common, :, :common]
+    if variances is not None:
+        each = np.arange(axes)
+        for k in range(common, order):
+            matrix[:, each, k, each, k] = variances[k - 1]
+    return mean.reshape(tracks, -1), matrix.reshape(tracks, axes * order, axes * order)
+
+
 def propagate(
     state: FloatArray, covariance: FloatArray, transition: FloatArray, step_noise: FloatArray, intensity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Predicted estimates, (..., n), and covariances F P F' + Q, (..., n, n).
+    """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n).
 
-    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ; of a coordinated turn,
-    whose axes depend on each other, there is one block, and m = n.
-
-    Args:
-        state, covariance: (..., n) and (..., n, n).
-        transition, step_noise: of one block, (m, m) or (..., m, m).
-        intensity: (d,) of the process noise.
+    F and Q consist of d equal blocks of m values, one for each axis of CV, CA and CJ, given as (m, m) or (..., m, m),
+    and Q has an intensity (d,) for each. A coordinated turn, whose axes depend on each other, has one block, and m = n.
     """
     size, m = state.shape[-1], transition.shape[-1]
     lead, d = state.shape[:-1], size // m

@@ -1,10 +1,9 @@
-"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated
-turns.
+"""Motion models for real time steps: constant velocity, acceleration and jerk (CV, CA, CJ), and coordinated turns.
 
-The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values with
-m = 2, 3, 4 for CV, CA, CJ. The axes are independent, with the same m x m transition matrix. White noise
-drives the highest derivative. Bar-Shalom, Li & Kirubarajan 2001, "Estimation with Applications to Tracking
-and Navigation", section 6.2 (continuous noise), 6.3 (discrete noise) and 11.7 (turns).
+The state lists position and derivatives axis by axis, [x, vx, y, vy] for CV in the plane: n = d m values. The axes are
+independent, with the same m x m transition matrix. White noise drives the highest derivative. Bar-Shalom, Li &
+Kirubarajan 2001, "Estimation with Applications to Tracking and Navigation", section 6.2 (continuous noise), 6.3
+(discrete noise) and 11.7 (turns).
 """
 
 from dataclasses import dataclass
@@ -25,12 +24,11 @@ from hybrid_env.checks import (
     reject,
 )
 
-ORDERS = {"CV": 2, "CA": 3, "CJ": 4}
-"""Number of values per axis, m, of each model."""
+ORDERS = {"CV": 2, "CA": 3, "CJ": 4}  # number of values per axis, m, of each model
 
 
 def check_scalar(name: str, value: Any) -> float:
-    """Return a finite float of a size whose square does not overflow. Raises `ArgumentError` otherwise."""
+    """Return a checked float of a size whose square does not overflow."""
     number = check_number(name, value)
     if abs(number) > LARGEST_NUMBER:
         raise reject(name, value, f"a number up to {LARGEST_NUMBER:g}")
@@ -38,11 +36,7 @@ def check_scalar(name: str, value: Any) -> float:
 
 
 def check_per_item(name: str, value: float | ArrayLike, count: int, smallest: float = 0.0) -> FloatArray:
-    """Return checked values, (count,), of one number for all or of an array with one for each.
-
-    Raises:
-        ArgumentError: a value is below `smallest` or not finite, or their number is wrong.
-    """
+    """Return checked values >= `smallest`, (count,), of one number for all or of an array with one for each."""
     if dimensions(value) == 0:
         values = np.full(count, check_scalar(name, value))
     else:
@@ -59,16 +53,11 @@ class MotionModel:
     Attributes:
         name: "CV", "CA" or "CJ".
         axes: number of dimensions d.
-        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral
-            density of the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA,
-            [m^2/s^7] for CJ. With discrete noise it is the variance of the acceleration that is constant in
-            a time step for CV [m^2/s^4], and of the increment of the highest derivative in a time step for
-            CA [m^2/s^4] and CJ [m^2/s^6].
-        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete"
-            noise does.
-
-    Raises:
-        ArgumentError: an attribute has a value that is not allowed.
+        noise: intensity of the process noise, one number or (d,). With continuous noise it is the spectral density of
+            the white noise that drives the highest derivative: [m^2/s^3] for CV, [m^2/s^5] for CA, [m^2/s^7] for CJ.
+            With discrete noise it is the variance of the acceleration that is constant in a time step for CV [m^2/s^4],
+            and of the increment of the highest derivative in a time step for CA [m^2/s^4] and CJ [m^2/s^6].
+        discretization: "continuous" noise does not depend on how a time is divided into steps; "discrete" noise does.
     """
 
     name: Literal["CV", "CA", "CJ"]
@@ -120,13 +109,9 @@ class MotionModel:
 
 
 def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
-    """Return the transition matrices (..., 4, 4) of coordinated turns with known turn rates.
+    """Return the transition matrices (..., 4, 4) of coordinated turns, of a state [x, vx, y, vy].
 
-    The state is [x, vx, y, vy]. White acceleration drives a turn as it drives CV, see `turn_noise`.
-
-    Args:
-        rates: turn rates [rad/s], anticlockwise positive, 0 is straight motion.
-        dt: time steps [s], of a shape that broadcasts with the rates.
+    Turn rates [rad/s], anticlockwise positive, 0 is straight motion, and time steps [s] have shapes that broadcast.
     """
     angle = rates * dt
     safe = np.where(rates == 0.0, 1.0, rates)
@@ -142,12 +127,7 @@ def turn_transition(rates: FloatArray, dt: FloatArray) -> FloatArray:
 
 
 def turn_noise(density: float, dt: FloatArray) -> FloatArray:
-    """Return the covariances (..., 4, 4) of the process noise of coordinated turns.
-
-    Args:
-        density: spectral density of the white acceleration [m^2/s^3].
-        dt: (...) time steps [s].
-    """
+    """Return the covariances (..., 4, 4) of the noise of turns in steps (...) [s]: white acceleration, as CV."""
     model = MotionModel("CV", 2, density)
     matrix = np.zeros((*dt.shape, 4, 4))
     matrix[..., :2, :2] = matrix[..., 2:, 2:] = density * model.step_noise(dt)

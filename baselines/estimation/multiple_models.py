@@ -37,9 +37,6 @@ class MultipleModelFilter(TrackFilter):
         transition: (M, M) probabilities of the modes in a step given the mode before (row). None: the mode
             does not change. The attribute may be set before any step, so for switches at known moments.
 
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-
     Attributes:
         probabilities: (B, M) of the modes.
         filters: number of Kalman filters that ran in the last step.
@@ -83,7 +80,7 @@ class MultipleModelFilter(TrackFilter):
             np.repeat(one[:, None, None], self.filters, axis=1) for one in (state, covariance)
         )
         self._log_probability = np.full((len(state), self.filters, 1), -math.log(self.filters))
-        self.log_likelihood, self.nis = np.zeros(len(state)), np.full(len(state), np.nan)
+        self._no_measurement()
 
     def _predict(self, dt: float | FloatArray) -> None:
         prior = imm.log_sum(self._log_probability, 2)

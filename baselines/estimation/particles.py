@@ -12,23 +12,10 @@ from hybrid_env.checks import FloatArray, IntArray, check_array, check_between, 
 class ParticleFilter(TrackFilter):
     """Particles that move as the model does, weighted by the likelihood of the measurements.
 
-    Motion and errors of the axes are independent, so that each axis has particles of its own. They are
-    resampled systematically (Kitagawa 1996) where their effective number falls below half of them.
-
-    Args:
-        model: motion and process noise.
-        deviation: scale of the errors of a measurement on each axis [m], one number or (d,).
-        start_deviations: see `KalmanFilter`.
-        degrees_of_freedom: of Student's t of the errors; None is the normal distribution.
-        particles: P of each axis.
-        seed: of the random numbers; `begin` starts them anew.
-
-    Attributes:
-        particle_states: (B, d, P, m).
-        log_weights: (B, d, P).
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
+    Motion and errors of the axes are independent, so that each axis has P particles of its own, (B, d, P, m). They are
+    resampled systematically (Kitagawa 1996) where their effective number falls below half of them. Errors have a scale
+    `deviation` on each axis [m] and Student's t, or without degrees of freedom the normal distribution. `begin` starts
+    the random numbers anew.
     """
 
     covariance: FloatArray
@@ -60,8 +47,8 @@ class ParticleFilter(TrackFilter):
         shape = tracks, self.axes, self.particles
         self.particle_states = np.full((*shape, self.order), np.nan)
         self.log_weights = np.full(shape, -np.log(self.particles))
-        self.log_likelihood, self.nis = np.zeros(tracks), np.full(tracks, np.nan)
         self._summarise()
+        self._no_measurement()
 
     def _set(self, state: FloatArray, covariance: FloatArray | None) -> None:
         assert covariance is not None
@@ -74,9 +61,8 @@ class ParticleFilter(TrackFilter):
         """Return normal random numbers of covariances (..., m, m), (B, d, P, m)."""
         values, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(values.clip(0.0))[..., None, :]
-        return np.asarray(
-            self.generator.standard_normal(self.particle_states.shape) @ root.swapaxes(-1, -2), np.float64
-        )
+        normal = self.generator.standard_normal(self.particle_states.shape)
+        return np.asarray(normal @ root.swapaxes(-1, -2), np.float64)
 
     def _predict(self, dt: float | FloatArray) -> None:
         steps = np.broadcast_to(dt, (self.tracks,))
@@ -88,15 +74,12 @@ class ParticleFilter(TrackFilter):
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None:
         if noise is not None:
             raise reject("noise", noise, "None for a particle filter")
-        self.log_likelihood, self.nis = np.zeros(self.tracks), np.full(self.tracks, np.nan)
+        self._no_measurement()
         measured, begun = ~np.isnan(measurement[:, 0]), ~np.isnan(self.state[:, 0])
         first, used = np.flatnonzero(measured & ~begun), np.flatnonzero(measured & begun)
         if first.size:
-            variances = np.zeros((self.axes, self.order, self.order))
-            variances[:, 0, 0] = self.deviation**2
-            for k, deviation in enumerate(self.start_deviations, start=1):
-                variances[:, k, k] = deviation**2
-            started = self._normal(variances[None])
+            deviations = np.column_stack([self.deviation, np.tile(self.start_deviations, (self.axes, 1))])
+            started = self._normal((deviations**2)[None, ..., None] * np.eye(self.order))
             started[..., 0] += measurement[..., None]
             self.particle_states[first] = started[first]
         if used.size:

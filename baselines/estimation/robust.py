@@ -1,14 +1,13 @@
 """Corrections by a measurement: that of the Kalman filter, and some that are robust against outliers.
 
-The components of a measurement along the principal axes of its covariance are processed one after the other.
-Let y be the innovation of a component, m the variance of its prediction, r the variance of its error, and c
-the column of the covariance P of the state that belongs to it. Every method adds c y a to the state and
-subtracts c c' b from P; the methods differ in the factors a and b. For the Kalman filter a = b = 1 / (m + r).
-A `Robust` method assumes that outliers of different components are independent; `WholeStudentT` has one
-weight for all components of a measurement.
+The components of a measurement along the principal axes of its covariance are processed one after the other. Let y be
+the innovation of a component, m the variance of its prediction, r the variance of its error, and c the column of the
+covariance P of the state that belongs to it. Every method adds c y a to the state and subtracts c c' b from P; the
+methods differ in the factors a and b. For the Kalman filter a = b = 1 / (m + r). A `Robust` method assumes that
+outliers of different components are independent; `WholeStudentT` has one weight for all components.
 
-Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that
-of the density that belongs to the loss, with the scale of the innovation.
+Each method also gives the log-likelihood of the innovation. For Student-t it is exact; for Huber it is that of the
+density that belongs to the loss, with the scale of the innovation.
 """
 
 from abc import ABC, abstractmethod
@@ -25,21 +24,15 @@ LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 class Factors(NamedTuple):
-    """Correction by one component of a measurement, (B,) each.
+    """Correction by one component of a measurement, (B,) each."""
 
-    Attributes:
-        state: a, of the state [1/m^2].
-        covariance: b, of its covariance [1/m^2].
-        log_likelihood: of the innovation.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    log_likelihood: FloatArray
+    state: FloatArray  # a, of the state [1/m^2]
+    covariance: FloatArray  # b, of its covariance [1/m^2]
+    log_likelihood: FloatArray  # of the innovation
 
 
 def gaussian_factors(innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
-    """Factors of the Kalman filter. Arguments as in `Robust.factors`."""
+    """Return the factors of the Kalman filter, see `Robust.factors`."""
     total = predicted + variance
     precision = 1.0 / total
     log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
@@ -51,29 +44,20 @@ class Robust(ABC):
 
     @abstractmethod
     def factors(self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray) -> Factors:
-        """Return the factors for one component of a measurement.
-
-        Args:
-            innovation: (B,) y [m].
-            predicted: (B,) variance m of the prediction [m^2].
-            variance: (B,) variance r of the measurement [m^2].
-        """
+        """Return the factors for innovations y (B,) [m] of variances predicted m and measured r, (B,) [m^2]."""
 
 
 @dataclass(frozen=True)
 class Huber(Robust):
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
-    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual.
-    The residual grows by the innovation where it exceeds the threshold; the weight of the measurement, by
-    which the covariance is corrected, is threshold / residual.
+    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the residual. The residual
+    grows by the innovation where it exceeds the threshold; the weight of the measurement, by which the covariance is
+    corrected, is threshold / residual.
 
     Attributes:
         threshold: in standard deviations of a measurement, > 0. At 1.345 the mean of a sample has 95 % of the
             efficiency with Gaussian noise.
-
-    Raises:
-        ArgumentError: the threshold is not positive.
     """
 
     threshold: float = 1.345
@@ -113,9 +97,6 @@ class StudentT(Robust):
     Attributes:
         degrees_of_freedom: nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian. The variance
             of a measurement is its squared scale r; that of the noise is nu / (nu - 2) times as large.
-
-    Raises:
-        ArgumentError: nu is out of range.
     """
 
     degrees_of_freedom: float = 4.0
@@ -150,15 +131,9 @@ class StudentT(Robust):
 class Correntropy(Robust):
     """Maximum of the correntropy of prediction and measurement. Chen, Liu, Zhao & Principe 2017, algorithm 1.
 
-    Residuals of prediction and measurement, in their standard deviations, have weights exp(-residual^2 / (2
-    width^2)), which are found by fixed-point iterations. The covariance is that of the resulting gain with
-    the assumed variances, and the likelihood the Gaussian one with the weighted variance of the measurement.
-
-    Attributes:
-        width: of the kernel [standard deviations], > 0. A large one gives the Kalman filter.
-
-    Raises:
-        ArgumentError: the width is not positive.
+    Residuals of prediction and measurement, in their standard deviations, have weights exp(-residual^2 / (2 width^2)),
+    found by fixed-point iterations. The covariance is that of the resulting gain with the assumed variances, and the
+    likelihood the Gaussian one with the weighted variance of the measurement. A large width gives the Kalman filter.
     """
 
     width: float = 3.0
@@ -185,23 +160,16 @@ class Correntropy(Robust):
 class WholeStudentT:
     """Innovations with a Student t distribution in the plane, one weight for all components of a measurement.
 
-    The weight is the expected precision of the measurement, relative to the assumed one, given the
-    innovation, and at most 1: Lange, Little & Taylor 1989, eq. (4).
-
-    Attributes:
-        freedom: degrees of freedom nu.
+    The weight is the expected precision of the measurement, relative to the assumed one, given the innovation, and at
+    most 1: Lange, Little & Taylor 1989, eq. (4).
     """
 
-    freedom: float
+    freedom: float  # degrees of freedom nu
 
     def weigh(self, innovation: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights, log-likelihoods and squared innovations in units of their covariance, (...) each.
+        """Return weights, by which variances are divided, log-likelihoods and squared innovations, (...) each.
 
-        The variances of a measurement are divided by its weight.
-
-        Args:
-            innovation: (..., 2) [m].
-            spread: (..., 2, 2) scale matrices of the innovations [m^2].
+        The innovations are (..., 2), and their scale matrices, the spread, (..., 2, 2).
         """
         a, b, c = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         x, y = innovation[..., 0], innovation[..., 1]

@@ -14,17 +14,11 @@ from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_flag
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B.
+    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B."""
 
-    Attributes:
-        states: (T, B, n) estimates at each tick, NaN before a track begins.
-        covariances: (T, B, n, n) of the estimates; None if there are none or they were not kept.
-        order: number of values per axis of a state, m.
-    """
-
-    states: FloatArray
-    covariances: FloatArray | None
-    order: int
+    states: FloatArray  # (T, B, n) estimates at each tick, NaN before a track begins
+    covariances: FloatArray | None  # (T, B, n, n) of the estimates; None if there are none or they were not kept
+    order: int  # number of values per axis of a state, m
 
     @property
     def positions(self) -> FloatArray:
@@ -36,20 +30,25 @@ class Estimates:
         """(T, B, d) [m/s]."""
         return self.states[..., 1 :: self.order]
 
+    def write(self, k: int, track_filter: TrackFilter) -> None:
+        """Write the present estimates of a filter at tick k."""
+        self.states[k] = track_filter.state
+        if self.covariances is not None:
+            self.covariances[k] = track_filter.covariance
+
+    def of_one(self) -> "Estimates":
+        """Return the estimates of a single track, without the axis B."""
+        covariances = None if self.covariances is None else self.covariances[:, 0]
+        return Estimates(self.states[:, 0], covariances, self.order)
+
 
 @dataclass(frozen=True)
 class Filtered(Estimates):
-    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits.
+    """Output of a filter: estimates after the measurement of each tick, and how well each measurement fits."""
 
-    Attributes:
-        log_likelihoods: (T, B), see `TrackFilter.log_likelihood`.
-        nis: (T, B), see `TrackFilter.nis`.
-        forecasts: estimates of the state some time ahead, see `horizons` of `run_filter`.
-    """
-
-    log_likelihoods: FloatArray
-    nis: FloatArray
-    forecasts: tuple[Estimates, ...] = ()
+    log_likelihoods: FloatArray  # (T, B), see `TrackFilter.log_likelihood`
+    nis: FloatArray  # (T, B), see `TrackFilter.nis`
+    forecasts: tuple[Estimates, ...] = ()  # estimates of the state some time ahead, see `horizons` of `run_filter`
 
 
 def run_filter(
@@ -67,20 +66,12 @@ def run_filter(
     Args:
         track_filter: any filter; it begins anew.
         measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
-        times: (T,) or (T, B) times of the ticks [s], not decreasing. The same time twice has measurements of
-            two sensors.
-        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or
-            (T, B, d, d).
-        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time
-            [s]; None begins each track with its first measurement.
+        times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two sensors.
+        noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d) or (T, B, d, d).
+        start: estimates (B, n), or (n,) of a single track, covariances (n, n) or (B, n, n), and their time [s]; None
+            begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
-
-    Returns:
-        Estimates and likelihoods of all ticks.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
 
     >>> from baselines.estimation.kalman import KalmanFilter
     >>> from baselines.estimation.motion_models import MotionModel
@@ -105,44 +96,33 @@ def run_filter(
     else:
         first = _begin_from(track_filter, start, tracks, moments)
     steps = np.diff(moments, axis=0, prepend=first[None])
-    keep = keep and track_filter.has_covariance
-    size = track_filter.state.shape[1]
-    states = np.empty((total, tracks, size))
-    kept = np.empty((total, tracks, size, size)) if keep else None
-    ahead = [_empty(states, kept, track_filter.order) for _ in horizons]
+    size, kept = track_filter.state.shape[1], keep and track_filter.has_covariance
+    found, *ahead = (
+        Estimates(
+            np.empty((total, tracks, size)), np.empty((total, tracks, size, size)) if kept else None, track_filter.order
+        )
+        for _ in range(1 + len(horizons))
+    )
     log_likelihoods, nis = np.empty((total, tracks)), np.empty((total, tracks))
     for k in range(total):
         step = steps[k]
         equal = step.ndim == 0 or (step == step[0]).all()  # one product of matrices for all tracks
         track_filter._predict(float(step.flat[0]) if equal else step)
         track_filter._update(values[k], None if covariances is None else covariances[k])
-        states[k], log_likelihoods[k], nis[k] = (
-            track_filter.state, track_filter.log_likelihood, track_filter.nis,
-        )  # fmt: skip
-        if kept is not None:
-            kept[k] = track_filter.covariance
+        log_likelihoods[k], nis[k] = track_filter.log_likelihood, track_filter.nis
+        found.write(k, track_filter)
         for horizon, one in zip(horizons, ahead, strict=True):
             later = copy.deepcopy(track_filter)
             later.predict(horizon)
-            one.states[k] = later.state
-            if one.covariances is not None:
-                one.covariances[k] = later.covariance
+            one.write(k, later)
     if single:
-        states, log_likelihoods, nis = states[:, 0], log_likelihoods[:, 0], nis[:, 0]
-        kept = None if kept is None else kept[:, 0]
-        ahead = [
-            Estimates(one.states[:, 0], None if one.covariances is None else one.covariances[:, 0], one.order)
-            for one in ahead
-        ]
-    return Filtered(states, kept, track_filter.order, log_likelihoods, nis, tuple(ahead))
-
-
-def _empty(states: FloatArray, covariances: FloatArray | None, order: int) -> Estimates:
-    return Estimates(np.empty_like(states), None if covariances is None else np.empty_like(covariances), order)
+        found, ahead = found.of_one(), [one.of_one() for one in ahead]
+        log_likelihoods, nis = log_likelihoods[:, 0], nis[:, 0]
+    return Filtered(**vars(found), log_likelihoods=log_likelihoods, nis=nis, forecasts=tuple(ahead))
 
 
 def check_times(times: ArrayLike, total: int, tracks: int) -> FloatArray:
-    """Return checked times, (T,) or (T, B). Raises `ArgumentError` if they decrease."""
+    """Return checked times that do not decrease, (T,) or (T, B)."""
     moments = check_array("times", times, (total,) if dimensions(times) == 1 else (total, tracks))
     if (np.diff(moments, axis=0) < 0.0).any():
         k = int(np.argwhere(np.diff(moments, axis=0) < 0.0)[0][0]) + 1

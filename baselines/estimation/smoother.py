@@ -1,6 +1,4 @@
-"""The fixed-interval smoother of Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear dynamic
-systems".
-"""
+"""Fixed-interval smoother. Rauch, Tung & Striebel 1965, "Maximum likelihood estimates of linear dynamic systems"."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -7,24 +7,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.motion_models import check_per_item, check_scalar
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, check_integer, check_positive, dimensions, reject
+from hybrid_env.checks import FloatArray, check_array, check_integer, check_positive, dimensions, reject
 
 
 class TrackFilter(ABC):
     """A filter for the positions of B tracks in d dimensions.
 
-    A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is
-    NaN. A missing measurement is NaN: that track only predicts.
+    A track begins with its first measurement, or for all tracks with `begin_from`. Until then its state is NaN. A
+    missing measurement is NaN: that track only predicts.
 
     Attributes:
         axes: number of dimensions d.
         order: number of values per axis of the state, m.
         state: (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
         covariance: (B, n, n) of the state; None if the filter has none.
-        log_likelihood: (B,) of the last measurement given those before: ln p(z_k | z_1 .. z_k-1). 0 without a
-            measurement and for the one that begins a track; NaN if the filter has no likelihood.
-        nis: (B,) squared innovation in units of its covariance (normalized innovation squared), chi-square
-            with d degrees of freedom if the model holds; NaN without one.
+        log_likelihood: (B,) of the last measurement given those before. 0 without a measurement and for the one that
+            begins a track; NaN if the filter has no likelihood.
+        nis: (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds; or NaN.
     """
 
     has_covariance: ClassVar[bool] = True
@@ -51,11 +50,7 @@ class TrackFilter(ABC):
         return self.state[:, 1 :: self.order]
 
     def begin(self, tracks: int) -> None:
-        """Forget everything; `tracks` tracks begin with their first measurements.
-
-        Raises:
-            ArgumentError: `tracks` is not an integer >= 1.
-        """
+        """Forget everything; `tracks` tracks begin with their first measurements."""
         self._begin(check_integer("tracks", tracks))
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike | None = None) -> None:
@@ -64,47 +59,42 @@ class TrackFilter(ABC):
         Args:
             state: (B, n).
             covariance: (n, n) or (B, n, n); None for a filter that has none.
-
-        Raises:
-            ArgumentError: an array has another shape or is not finite.
         """
         size = self.axes * self.order
         means = check_array("state", state, (None, size))
-        if not self.has_covariance:
-            if covariance is not None:
-                raise reject("covariance", covariance, "None, because this filter has no covariance")
-            self._begin(len(means))
-            self._set(means, None)
-            return
-        if covariance is None:
-            raise reject("covariance", covariance, "a matrix (n, n) or (B, n, n)")
-        shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
-        matrices = check_covariance("covariance", check_array("covariance", covariance, shape), definite=False)
+        if (covariance is None) == self.has_covariance:
+            allowed = "a matrix (n, n) or (B, n, n)" if self.has_covariance else "None, because this filter has none"
+            raise reject("covariance", covariance, allowed)
+        matrices = None
+        if covariance is not None:
+            shape = (size, size) if dimensions(covariance) == 2 else (len(means), size, size)
+            checked = check_covariance("covariance", check_array("covariance", covariance, shape), definite=False)
+            matrices = np.broadcast_to(checked, (len(means), size, size)).copy()
         self._begin(len(means))
-        self._set(means, np.broadcast_to(matrices, (len(means), size, size)).copy())
+        self._set(means, matrices)
 
     def predict(self, dt: float | ArrayLike) -> None:
-        """Advance by a time step [s], >= 0, one number or (B,).
-
-        Raises:
-            ArgumentError: a time step is negative or not finite, or their number is wrong.
-        """
-        self._predict(check_steps("dt", dt, self.tracks))
+        """Advance by a time step [s], >= 0, one number or (B,)."""
+        if dimensions(dt) == 0:
+            self._predict(check_positive("dt", check_scalar("dt", dt), allow_zero=True))
+        else:
+            self._predict(check_per_item("dt", dt, self.tracks))
 
     def update(self, measurement: ArrayLike, noise: ArrayLike | None = None) -> None:
         """Correct by the measurements of one moment.
 
         Args:
             measurement: (B, d) positions [m], NaN where there is none.
-            noise: covariance of this measurement [m^2] in the place of that of the filter: see
-                `measurement_covariance`.
-
-        Raises:
-            ArgumentError: an argument has a value that is not allowed.
+            noise: covariance of this measurement in the place of that of the filter [m^2]: a number, (d,), (d, d) or
+                (B, d, d).
         """
         values = check_measurements("measurement", measurement, (self.tracks, self.axes))
         covariance = None if noise is None else measurement_covariance("noise", noise, self.axes, self.tracks)
         self._update(values, covariance)
+
+    def _no_measurement(self) -> None:
+        """Set what belongs to a measurement as without one."""
+        self.log_likelihood, self.nis = np.zeros(self.tracks), np.full(self.tracks, np.nan)
 
     @abstractmethod
     def _begin(self, tracks: int) -> None: ...
@@ -119,52 +109,29 @@ class TrackFilter(ABC):
     def _update(self, measurement: FloatArray, noise: FloatArray | None) -> None: ...
 
 
-def check_steps(name: str, value: float | ArrayLike, tracks: int) -> float | FloatArray:
-    """Return checked time steps [s], a float or (B,). Raises `ArgumentError` if one is negative."""
-    if dimensions(value) == 0:
-        return check_positive(name, check_scalar(name, value), allow_zero=True)
-    return check_per_item(name, value, tracks)
-
-
 def check_measurements(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
     """Return a copy as a float64 array; a point with a NaN is missing, with NaN in all its components."""
-    if dimensions(value) != len(shape) or np.ma.is_masked(value):
+    if dimensions(value) != len(shape) or np.ma.is_masked(value) or np.asarray(value).dtype.kind != "f":
         return check_array(name, value, shape)
-    values = np.asarray(value)
-    if values.dtype.kind != "f":
-        return check_array(name, value, shape)
-    missing = np.isnan(values)
-    values = check_array(name, np.where(missing, 0.0, values), shape)
+    missing = np.isnan(value)
+    values = check_array(name, np.where(missing, 0.0, value), shape)
     values[missing.any(-1)] = np.nan
     return values
 
 
 def measurement_covariance(name: str, value: ArrayLike, axes: int, tracks: int | None = None) -> FloatArray:
-    """Return the covariance of a measurement, (d, d) or (B, d, d), checked to be positive definite.
+    """Return the positive definite covariance of a measurement, (d, d) or (B, d, d).
 
-    Args:
-        name: the argument, for the message.
-        value: a variance of every axis [m^2], (d,) of each axis, or a matrix (d, d) or (B, d, d).
-        axes: d.
-        tracks: B; None allows any number.
-
-    Raises:
-        ArgumentError: the value has another shape or is not positive definite.
+    It is given as a variance of every axis [m^2], (d,) of each axis, or a matrix; without `tracks` B is any number.
     """
     ndim = dimensions(value)
-    if ndim in (0, 1):
-        matrix = np.diag(check_per_item(name, value, axes))
-    else:
-        matrix = check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes))
-    return check_covariance(name, matrix)
+    if ndim < 2:
+        return check_covariance(name, np.diag(check_per_item(name, value, axes)))
+    return check_covariance(name, check_array(name, value, (axes, axes) if ndim == 2 else (tracks, axes, axes)))
 
 
 def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> FloatArray:
-    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`.
-
-    Raises:
-        ArgumentError: a matrix is not symmetric or has such an eigenvalue.
-    """
+    """Return symmetric matrices (..., n, n) without negative eigenvalues, and with none 0 if `definite`."""
     deviations = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1).clip(0.0))
     deviations = np.where(deviations > 0.0, deviations, 1.0)
     scaled = matrix / deviations[..., None] / deviations[..., None, :]  # units of the values do not matter
@@ -172,5 +139,5 @@ def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> Fl
     smallest = np.linalg.eigvalsh(scaled).min() if symmetric else -np.inf
     if smallest < -1e-9 or (definite and smallest <= 1e-15):
         kind = "positive definite" if definite else "without negative eigenvalues"
-        raise ArgumentError(f"{name} is not allowed: expected symmetric matrices, {kind}")
+        raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))

@@ -1,8 +1,8 @@
 """A beam of switch histories over turn rates: the semi-Markov posterior, in which short turns are unlikely.
 
-A history is the present turn rate, the age of its mode and a filter (`turns`). At every position it
-goes on or changes, with probabilities by a law of the durations. Histories that change to the same turn rate
-at the same position are merged, and the most probable ones are kept, as in `beam_filters`.
+A history is the present turn rate, the age of its mode and a filter (`turns`). At every position it goes on or changes,
+with probabilities by a law of the durations. Histories that change to the same turn rate at the same position are
+merged, and the most probable ones are kept, as in `beam_filters`.
 """
 
 from dataclasses import dataclass
@@ -20,32 +20,20 @@ class TurnHistories:
     """Settings of the beam; chosen on simulated flights.
 
     The duration of a mode is its shortest one and an exponential time, with the mean of `TurnModel`.
-
-    Attributes:
-        shortest: duration of straight motion and of a turn [s].
-        branches: largest number of histories.
     """
 
-    shortest: tuple[float, float] = (0.0, 6.0)
-    branches: int = 40
+    shortest: tuple[float, float] = (0.0, 6.0)  # duration of straight motion and of a turn [s]
+    branches: int = 40  # largest number of histories
 
 
 class Histories(NamedTuple):
-    """K histories of each of B pieces of flights.
+    """K histories of each of B pieces of flights."""
 
-    Attributes:
-        state: (B, K, n), see `turns.TurnStep`.
-        covariance: (B, K, n, n).
-        model: (B, K) index of the turn rate.
-        age: (B, K) time since the mode began [s].
-        log_weight: (B, K) logarithm of the probability, -inf where there is no history.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    model: IntArray
-    age: FloatArray
-    log_weight: FloatArray
+    state: FloatArray  # (B, K, n), see `turns.TurnStep`
+    covariance: FloatArray  # (B, K, n, n)
+    model: IntArray  # (B, K) index of the turn rate
+    age: FloatArray  # (B, K) time since the mode began [s]
+    log_weight: FloatArray  # (B, K) logarithm of the probability, -inf where there is no history
 
 
 def run_turn_beam(batch: Batch, model: TurnModel | None = None, histories: TurnHistories | None = None) -> FloatArray:

@@ -1,10 +1,9 @@
 """Filters of coordinated turns with known turn rates, and the interacting multiple model of them.
 
-The states are [x, vx, y, vy]; see `motion_models.turn_transition`. With wind they are [x, vx, wx, y, vy, wy]:
-the velocity v in the air turns, and the wind w, a random walk, carries the object along. The covariance of a
-measurement is across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t, see
-`robust.WholeStudentT`. `turn_beam` runs the same filters. The pieces of several flights, between gaps, are
-columns of arrays, so that filters run over all of them at once.
+The states are [x, vx, y, vy]; see `motion_models.turn_transition`. With wind they are [x, vx, wx, y, vy, wy]: the
+velocity v in the air turns, and the wind w, a random walk, carries the object along. The covariance of a measurement is
+across^2 I + timing^2 v v' with the predicted velocity v, and its distribution a Student t. The pieces of several
+flights, between gaps, are columns of arrays, so that filters run over all of them at once.
 """
 
 from collections.abc import Sequence
@@ -29,25 +28,15 @@ SMALLEST = 1e-12  # probability of a model
 
 
 class Batch(NamedTuple):
-    """B pieces of flights of at most T positions, padded at the end.
+    """B pieces of flights of at most T positions, padded at the end."""
 
-    Attributes:
-        pieces: flight, first row and end of each piece.
-        times: (T, B) [s]; the last one of a piece is repeated.
-        positions: (T, B, 2) [m], NaN after its end.
-        across: (B,) standard deviation of a position across the velocity [m].
-        timing: (B,) standard deviation of its time [s].
-        climbs: (T, B) climb rates until each position [m/s], where they are known.
-        own: first row and end of the part of each piece whose results count; None is all of it.
-    """
-
-    pieces: tuple[tuple[int, int, int], ...]
-    times: FloatArray
-    positions: FloatArray
-    across: FloatArray
-    timing: FloatArray
-    climbs: FloatArray | None = None
-    own: tuple[tuple[int, int], ...] | None = None
+    pieces: tuple[tuple[int, int, int], ...]  # flight, first row and end of each piece
+    times: FloatArray  # (T, B) [s]; the last one of a piece is repeated
+    positions: FloatArray  # (T, B, 2) [m], NaN after its end
+    across: FloatArray  # (B,) standard deviation of a position across the velocity [m]
+    timing: FloatArray  # (B,) standard deviation of its time [s]
+    climbs: FloatArray | None = None  # (T, B) climb rates until each position [m/s], where they are known
+    own: tuple[tuple[int, int], ...] | None = None  # first row and end of the part that counts; None: all
 
     @property
     def present(self) -> BoolArray:
@@ -60,11 +49,8 @@ class Batch(NamedTuple):
         return np.diff(self.times, axis=0, prepend=self.times[:1])
 
     def unstack(self, values: NDArray[Any], lengths: Sequence[int]) -> list[NDArray[Any]]:
-        """Return values (T, B, ...) as those of each flight, (n, ...); 0 outside of the pieces.
-
-        Args:
-            values: at every position of every piece.
-            lengths: number n of positions of each flight.
+        """Return values (T, B, ...) as those of each flight, (n, ...), from their numbers n of positions; 0 outside of
+        the pieces.
         """
         flights = [np.zeros((length, *values.shape[2:]), values.dtype) for length in lengths]
         for column, (k, first, end) in enumerate(self.pieces):
@@ -73,10 +59,8 @@ class Batch(NamedTuple):
         return flights
 
     def noise(self, velocities: FloatArray) -> FloatArray:
-        """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2].
-
-        Args:
-            velocities: (..., B, 2) v [m/s].
+        """Return the covariances across^2 I + timing^2 v v' of positions, (..., B, 2, 2) [m^2], of velocities (..., B,
+        2).
         """
         along = (self.timing**2)[:, None, None] * velocities[..., :, None] * velocities[..., None, :]
         return np.asarray((self.across**2)[:, None, None] * np.eye(2) + along)
@@ -84,28 +68,17 @@ class Batch(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class TurnModel:
-    """Settings of the filters; chosen for the largest agreement on simulated flights.
+    """Settings of the filters; chosen for the largest agreement on simulated flights."""
 
-    Attributes:
-        rates: turn rates [deg/s], straight motion first, anticlockwise positive.
-        acceleration: spectral density of the white acceleration [m^2/s^3].
-        straight, turn: mean time in straight motion and in a turn [s].
-        within: mean time between two turn rates of one direction [s].
-        freedom: degrees of freedom nu of the Student t.
-        wind: spectral density of the random walk of the wind [m^2/s^3]; 0 is a state without wind.
-        climb: logarithm of the likelihood of a turn that each metre above the level counts, 0 for none [1/m].
-        climb_level: climb rate that speaks neither for nor against a turn [m/s].
-    """
-
-    rates: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, -0.75, -1.5, -3.0)
-    acceleration: float = 0.2
-    straight: float = 60.0
-    turn: float = 40.0
-    within: float = 15.0
-    freedom: float = 5.0
-    wind: float = 0.0
-    climb: float = 0.0
-    climb_level: float = 0.0
+    rates: tuple[float, ...] = (0.0, 0.75, 1.5, 3.0, -0.75, -1.5, -3.0)  # turn rates [deg/s], the first 0
+    acceleration: float = 0.2  # spectral density of the white acceleration [m^2/s^3]
+    straight: float = 60.0  # mean time in straight motion and in a turn [s]
+    turn: float = 40.0  # mean time in straight motion and in a turn [s]
+    within: float = 15.0  # mean time between two turn rates of one direction [s]
+    freedom: float = 5.0  # degrees of freedom nu of the Student t
+    wind: float = 0.0  # spectral density of the random walk of the wind [m^2/s^3]; 0 is a state without wind
+    climb: float = 0.0  # logarithm of the likelihood of a turn that each metre above the level counts, 0 for none [1/m]
+    climb_level: float = 0.0  # climb rate that speaks neither for nor against a turn [m/s]
 
     @property
     def values(self) -> int:
@@ -131,33 +104,25 @@ class TurnModel:
         matrix = np.zeros((len(modes), len(modes)))
         for i, one in enumerate(modes):
             for j, other in enumerate(modes):
-                if i == j:
-                    continue
                 if one == STRAIGHT:
-                    matrix[i, j] = 1.0 / self.straight / (modes != STRAIGHT).sum()
+                    matrix[i, j] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
                 elif other == one:
                     matrix[i, j] = 1.0 / self.within / max((modes == one).sum() - 1, 1)
                 else:  # most turns end in straight motion
                     share = 0.9 if other == STRAIGHT else 0.1 / (modes == other).sum()
                     matrix[i, j] = share / self.turn
+        np.fill_diagonal(matrix, 0.0)
         return np.asarray(matrix - np.diag(matrix.sum(1)))
 
 
 class TurnStep(NamedTuple):
-    """K filters of each of B pieces after a position; where there is none, they are only predicted.
+    """K filters of each of B pieces after a position; where there is none, they are only predicted."""
 
-    Attributes:
-        state, covariance: (B, K, n) and (B, K, n, n), n = 4 or with wind 6.
-        log_likelihood: (B, K) of the position, 0 without one.
-        mean: (B, n) of all filters before the position.
-        spread: (B, 2, 2) covariance of the innovation of this mean, in each filter on average.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
-    log_likelihood: FloatArray
-    mean: FloatArray
-    spread: FloatArray
+    state: FloatArray  # (B, K, n), n = 4 or with wind 6
+    covariance: FloatArray  # (B, K, n, n)
+    log_likelihood: FloatArray  # (B, K) of the position, 0 without one
+    mean: FloatArray  # (B, n) of all filters before the position
+    spread: FloatArray  # (B, 2, 2) covariance of the innovation of this mean, in each filter on average
 
 
 def start_turns(batch: Batch, count: int, model: TurnModel) -> tuple[FloatArray, FloatArray]:
@@ -175,25 +140,12 @@ def start_turns(batch: Batch, count: int, model: TurnModel) -> tuple[FloatArray,
 
 
 def step_turns(
-    batch: Batch,
-    position: FloatArray,
-    dt: FloatArray,
-    state: FloatArray,
-    covariance: FloatArray,
-    rates: FloatArray,
-    weights: FloatArray,
-    model: TurnModel,
-) -> TurnStep:
-    """Predict the filters to the next position of each piece and correct them by it.
+    batch: Batch, position: FloatArray, dt: FloatArray, state: FloatArray, covariance: FloatArray,
+    rates: FloatArray, weights: FloatArray, model: TurnModel,
+) -> TurnStep:  # fmt: skip
+    """Predict the K filters of each piece by time steps (B,) and correct them by positions (B, 2), NaN without one.
 
-    Args:
-        batch: the pieces.
-        position: (B, 2) [m], NaN after the end of a piece.
-        dt: (B,) time since the last position [s].
-        state, covariance: after the position before, (B, K, n) and (B, K, n, n).
-        rates: (K,) or (B, K) turn rates of the filters [rad/s].
-        weights: (B, K) probabilities of the filters.
-        model: settings.
+    The filters have turn rates (K,) or (B, K) [rad/s] and probabilities `weights`, (B, K).
     """
     step, m = dt[:, None], model.values
     transition, process = turn_transition(rates, step), turn_noise(model.acceleration, step)
@@ -236,21 +188,13 @@ def ground_velocity(state: FloatArray) -> FloatArray:
 
 
 class TurnEstimates(NamedTuple):
-    """Output for T positions of B pieces.
+    """Output for T positions of B pieces."""
 
-    Attributes:
-        probabilities: (T, B, 3) of straight motion, left and right turns.
-        log_likelihoods: (T, B, 3) of each position given its mode and all positions before.
-        rates: (T, B) mean turn rate [rad/s].
-        speeds: (T, B) speed [m/s].
-        innovations: (T, B, 2) along and across the predicted velocity, in standard deviations.
-    """
-
-    probabilities: FloatArray
-    log_likelihoods: FloatArray
-    rates: FloatArray
-    speeds: FloatArray
-    innovations: FloatArray
+    probabilities: FloatArray  # (T, B, 3) of straight motion, left and right turns
+    log_likelihoods: FloatArray  # (T, B, 3) of each position given its mode and all positions before
+    rates: FloatArray  # (T, B) mean turn rate [rad/s]
+    speeds: FloatArray  # (T, B) speed [m/s]
+    innovations: FloatArray  # (T, B, 2) along and across the predicted velocity, in standard deviations
 
 
 def run_turn_imm(batch: Batch, model: TurnModel | None = None) -> TurnEstimates:

@@ -28,7 +28,7 @@ from scipy.special import logsumexp
 from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
 from baselines.recordings.arrays import check_recording, make_filters
 from baselines.rules.measurements import run_compiled
-from baselines.rules.restarted_filters import RestartModel, begin_restarted, restart_arrays, step_restarted
+from baselines.rules.restarted import RestartModel, begin_restarted, restart_arrays, step_restarted
 from baselines.rules.sprt import sprt_thresholds
 from hybrid_env.checks import FloatArray, IntArray, check_flag, check_integer, check_positive, dimensions, reject
 from hybrid_env.core.banks.bank import IDENTITY, FilterModel

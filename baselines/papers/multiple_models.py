@@ -25,7 +25,7 @@ from baselines.papers.golubkov2020 import BOOTSTRAP_INTERVAL
 from baselines.papers.reproduction import Cell, Finding, Reproduction
 from baselines.recordings.ate import track_ate
 from baselines.rules.measurements import run_compiled
-from baselines.rules.restarted_filters import RestartModel, begin_restarted, restart_arrays, step_restarted
+from baselines.rules.restarted import RestartModel, begin_restarted, restart_arrays, step_restarted
 from baselines.rules.sprt import sprt_thresholds
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic, mean

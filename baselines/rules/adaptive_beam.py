@@ -1,7 +1,7 @@
 """The beam that learns the rhythm of an object: the law of its durations and the order of its modes."""
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from hybrid_env.durations import (
 from hybrid_env.quickest_options import QuickestOptions
 
 SHORTEST, LONGEST = 10.2, 400.0  # ticks, of the shortest duration of a uniform law of the prior
+# longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest
 WIDTHS = {1.06: 0.04, 1.13: 0.07, 1.3: 0.15, 1.7: 0.3, 2.5: 0.5}
-"""Longest over shortest duration of the uniform laws, and the distance of the logarithms of the shortest."""
 OFFSETS, MEANS = (0, 5, 10, 20, 40, 80, 160), (10, 20, 40, 80, 160)  # of the geometric laws
 DEFAULT, GEOMETRIC, UNIFORM = 0.5, 0.1, 0.4  # probability of the environment's default law, and of each kind
 USUAL, SPREAD = 70.0, 0.6  # median mean duration [ticks] of both kinds, and deviation of its logarithm
@@ -29,22 +29,14 @@ OLDEST = 1200  # ticks, largest age of the tables
 
 
 class Prior(NamedTuple):
-    """Laws of the durations with their probabilities.
+    """Laws of the durations, with numbers in proportion to their probabilities."""
 
-    Attributes:
-        laws: L laws.
-        weights: L numbers in proportion to their probabilities.
-        different: probability that straight motion and turns have laws of their own.
-        habitual: probability that the next modes are not equally likely.
-        floor, ceiling: smallest and largest hazard.
-    """
-
-    laws: tuple[SimpleDurations, ...]
-    weights: tuple[float, ...]
-    different: float = DIFFERENT
-    habitual: float = HABITUAL
-    floor: float = 0.0
-    ceiling: float = 1.0
+    laws: tuple[SimpleDurations, ...]  # L laws
+    weights: tuple[float, ...]  # L numbers in proportion to their probabilities
+    different: float = DIFFERENT  # probability that straight motion and turns have laws of their own
+    habitual: float = HABITUAL  # probability that the next modes are not equally likely
+    floor: float = 0.0  # smallest and largest hazard
+    ceiling: float = 1.0  # smallest and largest hazard
 
 
 @functools.cache
@@ -68,34 +60,20 @@ def default_prior() -> Prior:
 class AdaptiveBeamDecider(BeamDecider):
     """The beam averaged over laws of durations by their evidence, with the order of the modes by counts.
 
-    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam.
-
-    Args:
-        options: of the environment.
-        threshold, release, branches: see `BeamDecider`.
-        prior: laws and their probabilities; None is `default_prior`.
-
-    Raises:
-        ArgumentError: an argument is out of range.
+    It is told neither. Histories carry beliefs, see `beam_habits`; the filters are those of one beam. Arguments as for
+    `BeamDecider`, and laws with their probabilities; None is `default_prior`.
     """
 
     name, title, default, informed = "beam-adaptive", "beam, adaptive", 0.65, False
     colour, marker = "#0f961e", "8"
 
-    def __init__(
-        self,
-        options: QuickestOptions,
-        threshold: float = 0.65,
-        release: float = 1.0,
-        branches: int = 64,
-        *,
-        prior: Prior | None = None,
-    ):
-        super().__init__(options, threshold, release, branches)
+    def __init__(self, options: QuickestOptions, threshold: float = 0.65, *, prior: Prior | None = None, **others: Any):
+        super().__init__(options, threshold, **others)
         known = default_prior() if prior is None else prior
+        shares = 1.0 - known.different, known.different, known.different  # of the rows of `beam_habits.Habits`
         self.model = self.model._replace(
             tables=_tables(known, min(options.ticks, OLDEST), options.start == "random"),
-            prior=_beliefs(known),
+            prior=np.outer(shares, known.weights) / np.sum(known.weights),
             habitual=known.habitual,
         )
 
@@ -111,10 +89,3 @@ def _tables(prior: Prior, ages: int, random_start: bool) -> FloatArray:
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
     return tables
-
-
-def _beliefs(prior: Prior) -> FloatArray:
-    """Return the prior of the three rows of `beam_habits.Habits`, (3, L)."""
-    shares = np.array([1.0 - prior.different, prior.different, prior.different])
-    weights = np.array(prior.weights)
-    return np.asarray(shares[:, None] * weights / weights.sum())

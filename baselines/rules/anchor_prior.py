@@ -1,9 +1,8 @@
 """Distribution of the error of the anchor, the estimate at a switch, as found in simulated episodes.
 
-The error after a correct and after a wrong declaration is described by a mixture of two normal distributions
-each: most anchors are accurate, but an error can last for several segments. The distributions are given in
-the heading frame of the anchor and depend on the declared type of motion. Left and right turns are mirror
-images.
+The error after a correct and after a wrong declaration is a mixture of two normal distributions each: most anchors are
+accurate, but an error can last for several segments. The distributions are in the heading frame of the anchor and
+depend on the declared type of motion. Left and right turns are mirror images.
 """
 
 from dataclasses import dataclass
@@ -15,10 +14,7 @@ from hybrid_env.core.records import TRACE_COLUMNS
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
-MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-"""Signs of [x, vx, y, vy] in a frame whose across axis points to the right."""
-
-COMPONENTS = 2  # of each mixture
+MIRROR = np.array([1.0, 1.0, -1.0, -1.0])  # signs of [x, vx, y, vy] in a frame whose across axis points to the right
 FEWEST = 100  # errors to fit a mixture to; with fewer, types and then outcomes are pooled
 STEPS = 50  # of the EM algorithm
 RIDGE = 1e-6  # share of the pooled variances added to the variances of a component
@@ -28,25 +24,16 @@ RIDGE = 1e-6  # share of the pooled variances added to the variances of a compon
 class AnchorPrior:
     """Mixtures of (true state - anchor) in the heading frame, [x, vx, y, vy] [m, m/s].
 
-    The first axis is the declared type (straight, turn), the second the outcome of the declaration (correct,
-    wrong), the third the component. Errors after right turns are mirrored.
-
-    Attributes:
-        weight: (2, 2, 2), the sum over components is 1.
-        mean: (2, 2, 2, 4).
-        covariance: (2, 2, 2, 4, 4).
+    The axes are the declared type (straight, turn), the outcome of the declaration (correct, wrong) and the component.
+    Errors after right turns are mirrored.
     """
 
-    weight: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
+    weight: FloatArray  # (2, 2, 2), the sum over components is 1
+    mean: FloatArray  # (2, 2, 2, 4)
+    covariance: FloatArray  # (2, 2, 2, 4, 4)
 
     def after(self, types: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of N types.
-
-        Args:
-            types: (N,) 0 straight, 1 left, 2 right.
-        """
+        """Return weights (N, 2, 2), means (N, 2, 2, 4) and covariances after declarations of `mode_types`, (N,)."""
         turn = np.minimum(types, 1)
         signs = np.where((types == 2)[:, None], MIRROR, 1.0)[:, None, None]
         covariance = self.covariance[turn] * signs[..., None] * signs[..., None, :]
@@ -56,10 +43,7 @@ class AnchorPrior:
 def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArray) -> FloatArray:
     """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading frame.
 
-    Args:
-        env: with a trace that is longer than the longest segment.
-        tracks: (n,) indices.
-        before: (n, 4) true state before the step.
+    `env` has a trace longer than the longest segment; `before` are the true states before the step, (n, 4).
     """
     last = env.world.field("trace_length")[tracks] - 2  # the last tick of the segment
     anchor = env.world.field("anchor")[tracks]
@@ -72,13 +56,7 @@ def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArra
 
 
 def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) -> AnchorPrior:
-    """Fit the mixtures to observed errors.
-
-    Args:
-        errors: (n, 4) errors in the heading frame.
-        types: (n,) declared types.
-        correct: (n,) whether each declaration was correct.
-    """
+    """Fit the mixtures to errors (n, 4) in the heading frame, by declared types (n,) and their correctness (n,)."""
     mirrored = errors * np.where((types == 2)[:, None], MIRROR, 1.0)
     fits = []
     for turn in (False, True):
@@ -95,10 +73,7 @@ def fit_anchor_prior(errors: FloatArray, types: IntArray, correct: BoolArray) ->
 
 
 def _fit_mixture(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit weights (2,), means (2, 4) and covariances (2, 4, 4) to (n, 4) values by the EM algorithm.
-
-    It starts with the tenth of the values that is largest as one component.
-    """
+    """Fit a mixture to (n, 4) values by the EM algorithm, from the tenth that is largest as one component."""
     pooled = np.diag(np.median(values**2, axis=0) + 1e-300)
     size = (values**2 / np.diag(pooled)).sum(-1)
     large = size > np.quantile(size, 0.9)

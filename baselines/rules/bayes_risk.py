@@ -1,10 +1,9 @@
 """Optimal stopping of the posterior: declare when one more observation is not worth its cost.
 
-The state of the problem is the tick and the posterior error probability of the best declaration. The
-stopping boundary comes from simulated segments by backward induction: the values of declaring and of waiting
-are regressed on the error probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing
-American options by simulation"). The method considers each segment separately. It ignores that a wrong
-decision spoils the anchor of the next segment.
+The state of the problem is the tick and the posterior error probability of the best declaration. The stopping boundary
+comes from simulated segments by backward induction: the values of declaring and of waiting are regressed on the error
+probability (least-squares Monte Carlo; Longstaff & Schwartz 2001, "Valuing American options by simulation"). Each
+segment is considered separately: that a wrong decision spoils the anchor of the next one is ignored.
 """
 
 import functools
@@ -19,39 +18,19 @@ from hybrid_env.checks import FloatArray, check_array, check_positive, reject
 from hybrid_env.observation import LOG_FLOOR
 from hybrid_env.options import WorldOptions
 
-KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])
-"""Knots of the regression, in units of the log error probability."""
-
-RIDGE = 1e-6
-"""Ridge penalty of the regression, per path and for columns of unit root mean square."""
-
-MIN_PATHS = 200
-"""Ticks that fewer paths reach are not regressed."""
-
-SMOOTHING = 5
-"""Window of the running median over the boundary [ticks]."""
-
+KNOTS = np.array([-20.0, -12.0, -8.0, -6.0, -4.5, -3.5, -2.5, -1.8, -1.2, -0.7, -0.3])  # log error probabilities
+RIDGE = 1e-6  # ridge penalty of the regression, per path and for columns of unit root mean square
+MIN_PATHS = 200  # ticks that fewer paths reach are not regressed
+SMOOTHING = 5  # window of the running median over the boundary [ticks]
 FITTING_EPISODES = 3000
-COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)
-"""Thresholds to sweep, over the delay cost of the environment."""
+COST_FACTORS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # thresholds over the delay cost
 
 
 def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
-    """Largest log error probability at which to declare, by tick.
+    """Return the largest log error probability at which to declare, (T,) by tick.
 
-    A correct declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick
-    less the cost of a tick. Backward induction regresses the difference of the two values on the error
-    probability, over all paths that reach the tick.
-
-    Args:
-        paths: simulated segments, at least 1000.
-        delay_cost: cost of a tick, in units of the reward of a correct decision.
-
-    Returns:
-        (T,) boundary; T is the number of ticks of the longest path.
-
-    Raises:
-        ArgumentError: there are too few paths, or the cost is negative.
+    A correct declaration is worth +1, a wrong one -1; waiting is worth the best value of the next tick less the cost of
+    a tick. Backward induction regresses the difference of the two values over all paths that reach the tick.
     """
     delay_cost = check_positive("delay_cost", delay_cost, allow_zero=True)
     last = paths.log_error_probability.shape[1]
@@ -67,9 +46,7 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
         value[alive] -= delay_cost  # cost of the next tick
         value[ending] = declared[ending]
         running = alive & ~ending
-        if running.sum() < MIN_PATHS:
-            boundary[k] = 0.0  # few segments are this long, and they end soon
-        else:
+        if running.sum() >= MIN_PATHS:  # the others are few, and end soon
             log_error_probability = paths.log_error_probability[running, k]
             # advantage of declaring over waiting, evaluated only in the range that the paths cover
             gain = _ridge_regression(_basis_functions(log_error_probability), declared[running] - value[running])
@@ -77,24 +54,19 @@ def stopping_boundary(paths: PosteriorPaths, delay_cost: float) -> FloatArray:
             waits = np.flatnonzero(_basis_functions(inside) @ gain < 0.0)
             if waits.size:
                 boundary[k] = inside[waits[0] - 1] if waits[0] else LOG_FLOOR
-            else:
-                boundary[k] = 0.0
         declares = running & (paths.log_error_probability[:, k] <= boundary[k])
         value[declares] = declared[declares]
     return _smooth(boundary)
 
 
 def _basis_functions(log_error_probability: FloatArray) -> FloatArray:
-    """Basis of the regression, (N, F).
-
-    A constant, the error probability, and piecewise linear functions of its logarithm.
-    """
+    """Return a constant, the error probability, and piecewise linear functions of its logarithm, (N, F)."""
     hinges = [np.maximum(log_error_probability - knot, 0.0) for knot in KNOTS]
     return np.stack([np.ones_like(log_error_probability), np.exp(log_error_probability), *hinges], axis=-1)
 
 
 def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
-    """(F,) coefficients for a design (N, F) and a target (N,)."""
+    """Return (F,) coefficients for a design (N, F) and a target (N,)."""
     scale = np.sqrt((design**2).mean(0)) + 1e-12
     scaled = design / scale
     normal = scaled.T @ scaled + RIDGE * len(target) * np.eye(design.shape[1])
@@ -102,7 +74,7 @@ def _ridge_regression(design: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _smooth(boundary: FloatArray) -> FloatArray:
-    """Running median of the boundary, which removes the noise of single regressions."""
+    """Return the running median of the boundary, which removes the noise of single regressions."""
     padded = np.pad(np.maximum(boundary, LOG_FLOOR), SMOOTHING // 2, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING), axis=-1))
 
@@ -111,12 +83,9 @@ class BayesRiskDecider(PosteriorRule):
     """Declares when the log error probability falls to the stopping boundary of the tick.
 
     Args:
-        boundary: (T,) log error probability by tick, from `stopping_boundary`. The last value holds for
-            all later ticks.
+        boundary: (T,) log error probability by tick, from `stopping_boundary`; the last value holds for all later
+            ticks.
         by: what has to be correct, as in the paths that the boundary was fitted to.
-
-    Raises:
-        ArgumentError: the boundary is not an array of finite numbers, or `by` is unknown.
     """
 
     name, title, symbol = "bayes", "Bayes risk", "cost"

@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.beam_filters import BeamModel, Branches, begin_branches, branch_arrays, step_branches, step_memory
 from baselines.rules.decider import Actions, Decider, DeciderFamily, SeveralThresholds
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import ThresholdDecider, reachable_probabilities
-from hybrid_env.checks import FloatArray, check_flag, check_integer
+from hybrid_env.checks import BoolArray, FloatArray, check_flag, check_integer
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -24,10 +23,8 @@ HISTORIES_PER_MODE = 16  # twice as many gain less than 0.001 of the share of ri
 
 
 def hazards(laws: FloatArray) -> FloatArray:
-    """Return the probability that a segment ends after each age, (rows, ticks).
-
-    Args:
-        laws: (rows, ticks) probabilities of 1, 2, ... ticks, as `QuickestOptions.duration_laws`.
+    """Return the probability that a segment ends after each age, (rows, ticks), of laws as
+    `QuickestOptions.duration_laws`.
     """
     table = np.empty_like(laws)
     for row, ends in enumerate(laws):
@@ -39,17 +36,11 @@ def hazards(laws: FloatArray) -> FloatArray:
 
 
 class BeamState(NamedTuple):
-    """State of N tracks between two calls of `predict`, changed in place.
+    """State of N tracks between two calls of `predict`, changed in place."""
 
-    Attributes:
-        branches: the histories.
-        log_probability: (N, M) logarithms of the probabilities of the modes.
-        stated: (N,) last statements.
-    """
-
-    branches: Branches
-    log_probability: FloatArray
-    stated: Actions
+    branches: Branches  # the histories
+    log_probability: FloatArray  # (N, M) logarithms of the probabilities of the modes
+    stated: Actions  # (N,) last statements
 
 
 class BeamDecider(MeasurementDecider[BeamState]):
@@ -62,9 +53,6 @@ class BeamDecider(MeasurementDecider[BeamState]):
         merged: whether histories that switch to the same mode at the same tick are merged into one.
         durations: law of the durations that the decider assumes; None is the true one of the options.
         order: law of the next mode that it assumes, likewise.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     name, title, symbol, default, informed = "beam", "beam", "probability", 0.6, True
@@ -80,16 +68,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
         durations: str | Durations | None = None,
         order: Any = None,
     ):
-        model = filter_model(options)
         self.rule = ThresholdDecider(threshold, release)
         self.hypotheses = options.hypotheses
         self.branches = check_integer("branches", branches, options.hypotheses, MOST_BRANCHES)
         assumed = {"durations": durations, "order": order}
         options = dataclasses.replace(options, **{name: law for name, law in assumed.items() if law is not None})
-        merged, sensors = check_flag("merged", merged), sensors_of(options)
         self.model = BeamModel(
-            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, merged,
-            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, model, sensors,
+            np.array(options.radii), hazards(options.duration_laws), options.order_matrix, check_flag("merged", merged),
+            np.zeros((2, 1, 2, 0)), np.zeros((3, 0)), 0.0, filter_model(options), sensors_of(options),
         )  # fmt: skip
 
     @classmethod
@@ -111,15 +97,14 @@ class BeamDecider(MeasurementDecider[BeamState]):
 
     @classmethod
     def together(cls, deciders: Sequence[Self]) -> "Beams":
-        """Return beams that differ in their thresholds only, computed once."""
+        """See `Decider.together`."""
         return Beams(deciders)
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
         branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
         branches.counts[:] = 1
-        log_probability = np.zeros((tracks, self.hypotheses))
-        return BeamState(branches, log_probability, np.zeros(tracks, np.int64))
+        return BeamState(branches, np.zeros((tracks, self.hypotheses)), np.zeros(tracks, np.int64))
 
     def begin_track(self, state: BeamState, track: int, start: FloatArray) -> None:
         """Begin one branch of every mode; see `MeasurementDecider.begin_track`."""
@@ -131,7 +116,7 @@ class BeamDecider(MeasurementDecider[BeamState]):
         memory = step_memory(self.hypotheses, state.branches)
         run_compiled(step_branches, state.branches, *memory, measurements, state.log_probability, self.model)
 
-    def statements(self, state: BeamState, starts: NDArray[np.bool_]) -> Actions:
+    def statements(self, state: BeamState, starts: BoolArray) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         state.stated[:] = self.rule.choose(state.log_probability, state.stated, ~starts)
         return state.stated.copy()
@@ -172,11 +157,7 @@ class DefaultBeamDecider(BeamDecider):
 
 
 class Beams(SeveralThresholds):
-    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements.
-
-    Args:
-        beams: deciders with the same model.
-    """
+    """Beams that differ in their thresholds only, computed once: the posterior does not depend on statements."""
 
     observes = "tracks"
 
@@ -192,8 +173,6 @@ class Beams(SeveralThresholds):
         """See `MeasurementDecider.decide`."""
         _, state = self.beam.decide(observation, state, episode_start)
         last = self.chosen or [np.zeros(len(observation), np.int64)] * len(self.rules)
-        started = ~np.asarray(episode_start)
-        self.chosen = [
-            rule.choose(state.log_probability, stated, started) for rule, stated in zip(self.rules, last, strict=True)
-        ]
+        logs, started, pairs = state.log_probability, ~np.asarray(episode_start), zip(self.rules, last, strict=True)
+        self.chosen = [rule.choose(logs, stated, started) for rule, stated in pairs]
         return self.chosen[0], state

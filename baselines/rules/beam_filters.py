@@ -1,18 +1,15 @@
 """The posterior of a semi-Markov mode over histories of switches, with pruning; compiled code.
 
 A branch is one history: the present mode, the age of its segment, and an anchor-aware filter
-(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At
-every tick a branch continues or switches to one of the other modes, with the probabilities that the law of
-the durations gives for its age. Every continuation predicts, is weighted by the likelihood of the
-measurement, and the most probable ones are kept. Without pruning the weights are the exact posterior of all
-histories, up to the linearization in the filters.
+(`hybrid_env.core.banks.anchor_aware`) that started from the estimate of the branch at its last switch. At every tick a
+branch continues or switches to one of the other modes, with the probabilities that the law of the durations gives for
+its age. Every continuation predicts, is weighted by the likelihood of the measurement, and the most probable ones are
+kept. Without pruning the weights are the exact posterior of all histories, up to the linearization in the filters.
 
-Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be
-merged into one branch, whose filter starts from the mean and the covariance of their mixture. Then a branch
-is a pair of mode and age, and far fewer of them are needed.
-
-A branch may also carry what its history says about the law of the durations and of the next mode; see
-`beam_habits`.
+Most of the continuations that switch at one tick to one mode have nearly the same estimate. They can be merged into one
+branch, whose filter starts from the mean and the covariance of their mixture. Then a branch is a pair of mode and age,
+and far fewer of them are needed. A branch may also carry what its history says about the law of the durations and of
+the next mode; see `beam_habits`.
 """
 
 import math
@@ -22,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.beam_habits import Habits, begin_habits, expected_hazard, free_slots, merge_habits, next_mode
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
 from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, estimate_of, signed_radius
@@ -33,61 +31,40 @@ FIRST, LATER = 0, 1  # rows of the table of hazards: the first segment of an epi
 
 
 class Branches(NamedTuple):
-    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES.
+    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b // LANES."""
 
-    Attributes:
-        filters: (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
-        modes: (N, B) present mode.
-        ages: (N, B) ticks of the present segment so far, 1 at its first measurement.
-        rows: (N, B) `FIRST` or `LATER`.
-        slots: (N, B) index of the habits of the branch in `habits`.
-        counts: (N,) number of branches.
-        evidence: (N,) log-likelihood of all measurements so far.
-        habits: what the branches know of durations and order.
-    """
-
-    filters: NDArray[Any]
-    modes: NDArray[np.int64]
-    ages: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    evidence: NDArray[np.float64]
-    habits: Habits
+    filters: NDArray[Any]  # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch
+    modes: IntArray  # (N, B) present mode
+    ages: IntArray  # (N, B) ticks of the present segment so far, 1 at its first measurement
+    rows: IntArray  # (N, B) `FIRST` or `LATER`
+    slots: IntArray  # (N, B) index of the habits of the branch in `habits`
+    counts: IntArray  # (N,) number of branches
+    evidence: FloatArray  # (N,) log-likelihood of all measurements so far
+    habits: Habits  # what the branches know of durations and order
 
 
 class BeamModel(NamedTuple):
     """What the branches assume.
 
-    Attributes:
-        radii: (n,) turn radii [m].
-        hazards: (4, ages) probability that a segment ends after each age; rows 2 `FIRST` and 2 `LATER`, of
-            straight motion and of turns. Older segments have the last one. Without meaning if learned.
-        order: (M, M) probability of the next mode (column) by the present one. Without meaning if learned.
-        merged: whether branches that switch to the same mode at the same tick become one.
-        tables: (2, ages, 2, L) for the laws among which a beam learns, probabilities that a segment lasts to
-            each age, and that it ends after it; rows `FIRST` and `LATER`. Without laws, L is 0.
-        prior: (3, L) of the laws, see `Habits`.
-        habitual: prior probability that the next modes are not equally likely, likewise.
-        filters: model of the filters.
-        sensors: (k,) records `records.SENSOR`.
+    Rows of `hazards` are 2 `FIRST` and 2 `LATER`, of straight motion and of turns; older segments have its last column.
+    Rows of `tables` are `FIRST` and `LATER`: probabilities that a segment lasts to each age, and that it ends after it.
+    A beam that learns the laws uses neither `hazards` nor `order`.
     """
 
-    radii: NDArray[np.float64]
-    hazards: NDArray[np.float64]
-    order: NDArray[np.float64]
-    merged: bool
-    tables: NDArray[np.float64]
-    prior: NDArray[np.float64]
-    habitual: float
-    filters: FilterModel
-    sensors: NDArray[Any]
+    radii: FloatArray  # (n,) turn radii [m]
+    hazards: FloatArray  # (4, ages) probability that a segment ends after each age, see above
+    order: FloatArray  # (M, M) probability of the next mode (column) by the present one. Without meaning if learned
+    merged: bool  # whether branches that switch to the same mode at the same tick become one
+    tables: FloatArray  # (2, ages, 2, L) of the laws among which a beam learns, see above; L is 0 if it does not
+    prior: FloatArray  # (3, L) of the laws, see `Habits`
+    habitual: float  # prior probability that the next modes are not equally likely, likewise
+    filters: FilterModel  # model of the filters
+    sensors: NDArray[Any]  # (k,) records `records.SENSOR`
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
-    """Return `branches` empty branches for each track, rounded up to a multiple of LANES.
-
-    modes, laws: numbers of modes, and of laws among which each branch learns; without laws it does not.
+    """Return `branches` empty branches for each track, rounded up to a multiple of LANES; they learn if there are
+    `laws`.
     """
     groups = -(-branches // LANES)
     present, ages, rows, places = (np.zeros((tracks, groups * LANES), np.int64) for _ in range(4))
@@ -102,28 +79,27 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
     return Branches(filters, present, ages, rows, places, counts, evidence, habits)
 
 
-@compiled
-def begin_branches(branches: Branches, track: int, start: NDArray[np.float64], model: BeamModel) -> None:
-    """Start one branch of every mode in the first segment.
+@internal
+def _begin_branch(
+    branches: Branches, track: int, b: int, mode: int, row: int,
+    anchor: State, covariance: Triangle4, log_weight: float, model: BeamModel,
+) -> None:  # fmt: skip
+    """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
+    kalman, lane = branches.filters[track, b // LANES], b % LANES
+    begin_hypothesis(kalman, lane, anchor, covariance, signed_radius(mode, model.radii), model.filters.tau)
+    kalman.log_likelihood[lane] = log_weight
+    branches.modes[track, b] = mode
+    branches.ages[track, b] = 1
+    branches.rows[track, b] = row
 
-    Args:
-        branches: of all tracks; those of the track are replaced.
-        track: index of the track.
-        start: (14 + M,) estimate [x, vx, y, vy], its covariance, upper triangle row by row, and
-            the logarithms of the mode probabilities.
-        model: of the branches.
-    """
+
+@compiled
+def begin_branches(branches: Branches, track: int, start: FloatArray, model: BeamModel) -> None:
+    """Replace the branches of a track by one of every mode; `start` as in `MeasurementDecider.begin_track`."""
     modes = 2 * model.radii.size + 1
     anchor = (start[0], start[1], start[2], start[3])
-    covariance = triangle(start[4:14])
     for mode in range(modes):
-        kalman, lane = branches.filters[track, mode // LANES], mode % LANES
-        radius = signed_radius(mode, model.radii)
-        begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
-        kalman.log_likelihood[lane] = start[14 + mode]
-        branches.modes[track, mode] = mode
-        branches.ages[track, mode] = 1
-        branches.rows[track, mode] = FIRST
+        _begin_branch(branches, track, mode, mode, FIRST, anchor, triangle(start[4:14]), start[14 + mode], model)
         branches.slots[track, mode] = mode
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
@@ -155,7 +131,7 @@ def _copy_branch(source: Branches, source_track: int, b: int, target: Branches, 
 
 
 @internal
-def triangle(entries: NDArray[np.float64]) -> Triangle4:
+def triangle(entries: FloatArray) -> Triangle4:
     """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
     return (
         entries[0], entries[1], entries[2], entries[3], entries[4],
@@ -164,32 +140,14 @@ def triangle(entries: NDArray[np.float64]) -> Triangle4:
 
 
 @internal
-def _begin_child(children: Branches, c: int, mode: int, anchor: State, covariance: Triangle4, model: BeamModel) -> None:
-    """Begin child c with a segment of a mode, from an estimate and its covariance."""
-    radius = signed_radius(mode, model.radii)
-    kalman = children.filters[0, c // LANES]
-    begin_hypothesis(kalman, c % LANES, anchor, covariance, radius, model.filters.tau)
-    children.modes[0, c] = mode
-    children.ages[0, c] = 1
-    children.rows[0, c] = LATER
-
-
-@internal
 def _switch(
-    branches: Branches,
-    track: int,
-    weights: NDArray[np.float64],
-    parents: tuple[int, int],
-    children: Branches,
-    count: int,
-    free: NDArray[np.int64],
-    model: BeamModel,
-) -> int:
-    """Write one child for every mode, after `count` others: the mixture of parents in other modes.
+    branches: Branches, track: int, weights: FloatArray, parents: tuple[int, int],
+    children: Branches, count: int, free: IntArray, model: BeamModel,
+) -> int:  # fmt: skip
+    """Write one child for every mode, after `count` others: the mixture of parents in other modes. Return their number.
 
-    parents: the first branch that switches, and the end of these branches; weights: (branches,) log
-    probability of a branch and its end; free: (M,) slots for the habits of the children. Returns the number
-    of children.
+    parents: the first branch that switches, and the end of these branches; weights: (branches,) log probability of a
+    branch and its end; free: (M,) slots for the habits of the children.
     """
     mean, difference, covariance = np.empty(4), np.empty(4), np.empty(10)
     shares = np.zeros(weights.size)  # probability of each parent
@@ -230,8 +188,8 @@ def _switch(
                         covariance[k] += probability * (entries[k] + difference[row] * difference[column])
                         k += 1
         anchor = (mean[0], mean[1], mean[2], mean[3])
-        _begin_child(children, count, mode, anchor, triangle(covariance), model)
-        children.filters[0, count // LANES].log_likelihood[count % LANES] = largest + math.log(total)
+        log_weight = largest + math.log(total)
+        _begin_branch(children, 0, count, mode, LATER, anchor, triangle(covariance), log_weight, model)
         if learns:
             children.slots[0, count] = free[mode]
             merge_habits(
@@ -244,7 +202,7 @@ def _switch(
 
 @internal
 def _extend(branches: Branches, track: int, children: Branches, model: BeamModel) -> int:
-    """Write the continuations of all branches of a track to `children`, (1, ...). Returns their number."""
+    """Write the continuations of all branches of a track to `children`, (1, ...). Return their number."""
     count = 0
     learns = model.prior.size > 0
     switches = np.full(branches.counts[track], -np.inf)
@@ -278,23 +236,13 @@ def _extend(branches: Branches, track: int, children: Branches, model: BeamModel
 
 @compiled
 def step_branches(
-    branches: Branches,
-    children: Branches,
-    innovations: NDArray[Any],
-    measured: NDArray[Any],
-    measurements: NDArray[np.float64],
-    log_probability: NDArray[np.float64],
-    model: BeamModel,
-) -> None:
-    """Advance the branches of all tracks by one tick.
+    branches: Branches, children: Branches, innovations: NDArray[Any], measured: NDArray[Any],
+    measurements: FloatArray, log_probability: FloatArray, model: BeamModel,
+) -> None:  # fmt: skip
+    """Advance the branches of all tracks by one tick, and write the log probabilities of the modes, (N, M).
 
-    Args:
-        branches: of all tracks.
-        children: of one track, (1, ...), with room for M times as many branches; overwritten.
-        innovations, measured: (1,) records `INNOVATION` and `MEASURED`, overwritten.
-        measurements: (N, 2) or (N, 9), see `sensing.write_measured`.
-        log_probability: (N, M) logarithms of the probabilities of the modes, written.
-        model: of the branches.
+    `children`, (1, ...), with room for M times as many branches, and `innovations` and `measured`, (1,), are memory.
+    Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     capacity = branches.modes.shape[1]
     for track in range(measurements.shape[0]):

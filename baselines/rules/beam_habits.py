@@ -1,11 +1,10 @@
 """What a branch of the beam learns of an object's habits: durations and order of its segments; compiled code.
 
-The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another
-for turns, independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are
-exact by Bayes' rule: a segment that ends multiplies the belief in each law by the probability of its
-duration. The filters of a branch do not depend on the laws, so that all laws share them. The next modes are
-equally likely, or they have a Dirichlet prior, whose posterior follows from counts. Branches that merge
-average their habits.
+The law of the durations is one of L laws: one for all modes ("same"), or one for straight motion and another for turns,
+independent of each other ("straight", "turns"). Given the history of a branch, these beliefs are exact by Bayes' rule:
+a segment that ends multiplies the belief in each law by the probability of its duration. The filters of a branch do not
+depend on the laws, so that all laws share them. The next modes are equally likely, or they have a Dirichlet prior,
+whose posterior follows from counts. Branches that merge average their habits.
 """
 
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import internal
 
 SAME = 0  # row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns
@@ -24,20 +24,16 @@ PSEUDO_COUNT = 0.5  # of each next mode, if they are not equally likely
 class Habits(NamedTuple):
     """Habits of N tracks, S slots for each.
 
-    Attributes:
-        laws: (N, S, 3, L) joint probabilities of law and kind when the present segment began. Rows "straight"
-            and "turns" have the same sum, the probability that the two differ.
-        orders: (N, S, M, M) expected number of switches from a mode (row) to another.
-        habitual: (N, S) probability that the next modes are not equally likely.
+    Rows of `laws` are "same", "straight" and "turns". The last two have the same sum, the probability that they differ.
     """
 
-    laws: NDArray[np.float32]
-    orders: NDArray[np.float32]
-    habitual: NDArray[np.float32]
+    laws: NDArray[np.float32]  # (N, S, 3, L) joint probabilities of law and kind when the present segment began
+    orders: NDArray[np.float32]  # (N, S, M, M) expected number of switches from a mode (row) to another
+    habitual: NDArray[np.float32]  # (N, S) probability that the next modes are not equally likely
 
 
 @internal
-def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float64], habitual: float) -> None:
+def begin_habits(habits: Habits, track: int, slots: int, prior: FloatArray, habitual: float) -> None:
     """Give the first slots of a track the prior of the laws, (3, L), and of habits."""
     for slot in range(slots):
         habits.laws[track, slot] = prior
@@ -46,15 +42,10 @@ def begin_habits(habits: Habits, track: int, slots: int, prior: NDArray[np.float
 
 
 @internal
-def expected_hazard(
-    laws: NDArray[np.float32], turns: int, lasted: NDArray[np.float64], ended: NDArray[np.float64]
-) -> float:
-    """Return the probability that a segment ends after its present tick.
+def expected_hazard(laws: NDArray[np.float32], turns: int, lasted: FloatArray, ended: FloatArray) -> float:
+    """Return the probability that a segment ends after its present tick, given beliefs (3, L) when it began.
 
-    Args:
-        laws: (3, L) beliefs when the segment began.
-        turns: 1 if it is a turn.
-        lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it.
+    lasted, ended: (L,) probabilities that it lasts to this tick, and that it ends after it; turns: 1 if it is a turn.
     """
     total, ends = 0.0, 0.0
     own = laws[1 + turns]
@@ -66,9 +57,7 @@ def expected_hazard(
 
 
 @internal
-def _add_posterior(
-    target: NDArray[np.float64], laws: NDArray[np.float32], weight: float, turns: int, ended: NDArray[np.float64]
-) -> None:
+def _add_posterior(target: FloatArray, laws: NDArray[np.float32], weight: float, turns: int, ended: FloatArray) -> None:
     """Add the beliefs (3, L) after the end of a segment, times a weight; see `expected_hazard`."""
     same, own, before = 0.0, 0.0, 0.0
     for law in range(ended.size):
@@ -99,7 +88,7 @@ def next_mode(habits: Habits, track: int, slot: int, mode: int, other: int) -> t
 
 
 @internal
-def free_slots(used: NDArray[np.int64], habits: Habits) -> NDArray[np.int64]:
+def free_slots(used: IntArray, habits: Habits) -> IntArray:
     """Return M slots of a track that none of its branches uses. used: those of its branches."""
     taken = np.zeros(habits.laws.shape[1], np.bool_)
     for k in range(used.size):
@@ -109,28 +98,10 @@ def free_slots(used: NDArray[np.int64], habits: Habits) -> NDArray[np.int64]:
 
 @internal
 def merge_habits(
-    habits: Habits,
-    track: int,
-    slot: int,
-    mode: int,
-    weights: NDArray[np.float64],
-    slots: NDArray[np.int64],
-    modes: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    ages: NDArray[np.int64],
-    tables: NDArray[np.float64],
-) -> None:
-    """Write the habits of a branch that begins with a switch to a mode, the mixture of its parents.
-
-    Args:
-        habits: of all tracks.
-        track: index of the track.
-        slot: of the branch.
-        mode: of the branch.
-        weights: (branches,) of the parents, 0 if they are none.
-        slots, modes, rows, ages: of all branches of the track.
-        tables: as in `beam_filters.BeamModel`.
-    """
+    habits: Habits, track: int, slot: int, mode: int, weights: FloatArray,
+    slots: IntArray, modes: IntArray, rows: IntArray, ages: IntArray, tables: FloatArray,
+) -> None:  # fmt: skip
+    """Write the habits of a branch that begins with a switch to a mode: the mixture of its parents."""
     laws, orders = np.zeros((3, tables.shape[3])), np.zeros(habits.orders[track, slot].shape)
     least, total, habitual = NEGLIGIBLE * weights.max(), 0.0, 0.0
     for b in range(weights.size):

@@ -1,10 +1,10 @@
 """The posterior of the mode some ticks ago, by fixed-lag smoothing on the beam of switch histories.
 
-A branch of the beam is a pair of mode and age, so its history before its last switch is a mixture. Here every
-branch also carries the probabilities of the modes at the last ticks, given that the branch is right. A branch
-that continues keeps them; one that begins has the mean of its parents, weighted by the probabilities with
-which they switched. Later measurements change the weights of the branches and nothing else, so by Bayes' rule
-the mean over the branches is the posterior of the mode at an earlier tick, given all measurements so far.
+A branch of the beam is a pair of mode and age, so its history before its last switch is a mixture. Here every branch
+also carries the probabilities of the modes at the last ticks, given that the branch is right. A branch that continues
+keeps them; one that begins has the mean of its parents, weighted by the probabilities with which they switched. Later
+measurements change the weights of the branches and nothing else, so by Bayes' rule the mean over the branches is the
+posterior of the mode at an earlier tick, given all measurements so far.
 """
 
 import math
@@ -24,51 +24,29 @@ LONGEST_LAG = 10_000  # ticks
 
 
 class BranchTable(NamedTuple):
-    """The branches of N tracks, at most B for each, without their filters.
+    """The branches of N tracks without their filters; no two of a track have the same mode, age and row."""
 
-    Attributes:
-        modes, ages, rows: (N, B) as in `beam_filters.Branches`. No two branches of a track have the same
-            three.
-        log_weights: (N, B) logarithms of the probabilities of the branches.
-        counts: (N,) number of branches.
-    """
-
-    modes: IntArray
-    ages: IntArray
-    rows: IntArray
-    log_weights: FloatArray
-    counts: IntArray
+    modes: IntArray  # (N, B) as in `beam_filters.Branches`
+    ages: IntArray  # (N, B)
+    rows: IntArray  # (N, B)
+    log_weights: FloatArray  # (N, B) logarithms of the probabilities of the branches
+    counts: IntArray  # (N,) number of branches
 
 
 class SmootherState(NamedTuple):
-    """State of N tracks between two calls of `BeamSmoother.predict`.
+    """State of N tracks between two calls of `BeamSmoother.predict`."""
 
-    Attributes:
-        beam: of the beam.
-        table: its branches.
-        past: (N, B, K + 1, M) probability of each mode 0, ..., K ticks ago, given each branch.
-        spare: memory of the same shape for the next tick.
-    """
-
-    beam: BeamState
-    table: BranchTable
-    past: FloatArray
-    spare: FloatArray
+    beam: BeamState  # of the beam
+    table: BranchTable  # its branches
+    past: FloatArray  # (N, B, K + 1, M) probability of each mode 0, ..., K ticks ago, given each branch
+    spare: FloatArray  # memory of the same shape for the next tick
 
 
 @compiled
 def carry_past(
     before: BranchTable, now: BranchTable, past: FloatArray, carried: FloatArray, hazards: FloatArray, order: FloatArray
 ) -> None:
-    """Give the branches of a tick the probabilities of the modes at the last ticks.
-
-    Args:
-        before, now: branches at the tick before and at this one.
-        past: (N, B, K + 1, M) of the tick before, see `SmootherState`.
-        carried: the same of this tick, written.
-        hazards: (4, ages) as in `beam_filters.BeamModel`.
-        order: (M, M), likewise.
-    """
+    """Write the probabilities of the modes at the last ticks, `carried`, from those `past` at the tick before."""
     weights = np.empty(before.modes.shape[1])
     for track in range(now.counts.size):
         for c in range(now.counts[track]):
@@ -78,11 +56,8 @@ def carry_past(
             target[0, mode] = 1.0
             if age > 1:
                 for b in range(before.counts[track]):
-                    if (
-                        before.modes[track, b] == mode
-                        and before.ages[track, b] == age - 1
-                        and before.rows[track, b] == row
-                    ):
+                    same = before.modes[track, b] == mode and before.rows[track, b] == row
+                    if same and before.ages[track, b] == age - 1:
                         target[1:] = past[track, b, :-1]
                         break
             elif row != FIRST:
@@ -106,17 +81,11 @@ def carry_past(
 
 
 class BeamSmoother(Decider):
-    """A beam that also gives the posterior of the mode at each tick, given measurements of later ticks.
+    """A beam that also gives the posterior of the mode at each tick, given measurements of numbers of later ticks,
+    `lags`.
 
-    It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits
-    could know. Every track has one episode, and all begin together.
-
-    Args:
-        beam: a beam whose histories are merged.
-        lags: numbers of ticks.
-
-    Raises:
-        ArgumentError: a lag is out of range, or the histories are not merged.
+    It decides as the beam, on line. The posteriors are for afterwards: they tell what a decider that waits could know.
+    Every track has one episode, and all begin together.
     """
 
     task = UNKNOWN
@@ -146,9 +115,8 @@ class BeamSmoother(Decider):
             shape = *now.modes.shape, max(self.lags) + 1, self.beam.hypotheses
             state = SmootherState(beam_state, now, np.zeros(shape), np.zeros(shape))
             self._found = {lag: [] for lag in self.lags}
-        run_compiled(
-            carry_past, state.table, now, state.past, state.spare, self.beam.model.hazards, self.beam.model.order
-        )
+        model = self.beam.model
+        run_compiled(carry_past, state.table, now, state.past, state.spare, model.hazards, model.order)
         self._state = SmootherState(beam_state, now, state.spare, state.past)
         for lag, found in self._found.items():
             found.append(self._posterior(lag))  # without meaning before there are so many ticks
@@ -161,11 +129,7 @@ class BeamSmoother(Decider):
         return np.einsum("nb,nbm->nm", weights, self._state.past[:, :, lag])
 
     def posterior(self, lag: int) -> FloatArray:
-        """Return the posteriors of all ticks so far, (T, N, M).
-
-        Args:
-            lag: one of the lags; fewer ticks later for the last ticks.
-        """
+        """Return the posteriors of all ticks so far, (T, N, M), one of the lags later; the last ones less later."""
         found = self._found[lag]
         last = [self._posterior(later) for later in reversed(range(min(lag, len(found))))]
         return np.array(found[lag:] + last)
@@ -176,6 +140,5 @@ def _table(state: BeamState) -> BranchTable:
     branches = state.branches
     weights = branches.filters["log_likelihood"].reshape(len(branches.counts), -1).copy()
     weights[np.arange(weights.shape[1]) >= branches.counts[:, None]] = -np.inf
-    return BranchTable(
-        branches.modes.copy(), branches.ages.copy(), branches.rows.copy(), weights, branches.counts.copy()
-    )
+    modes, ages, rows = (one.copy() for one in (branches.modes, branches.ages, branches.rows))
+    return BranchTable(modes, ages, rows, weights, branches.counts.copy())

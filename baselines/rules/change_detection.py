@@ -1,8 +1,8 @@
 """Classical tests for a change of the stated mode, CUSUM and Shiryaev-Roberts, and the rules on flights.
 
-Every rule compares each mode with the stated one by the log-likelihood ratios of single ticks, l = ln p(z |
-mode) - ln p(z | stated mode), which the running bank gives. When a statistic reaches the threshold, the
-statement changes to its mode and all statistics of the track begin anew.
+Every rule compares each mode with the stated one by the log-likelihood ratios of single ticks, l = ln p(z | mode) - ln
+p(z | stated mode), which the running bank gives. When a statistic reaches the threshold, the statement changes to its
+mode and all statistics of the track begin anew.
 """
 
 from abc import ABC, abstractmethod
@@ -17,16 +17,8 @@ from hybrid_env.observation import QuickestLayout
 
 
 class ChangeDecider(Decider, ABC):
-    """A rule that changes its statement when the statistic of another mode reaches a threshold.
-
-    Args:
-        threshold: of the statistic, above 0; None is the default of the rule.
-
-    Attributes:
-        start: statistic of every mode before the first ratio.
-
-    Raises:
-        ArgumentError: an argument is out of range.
+    """A rule that changes its statement when the statistic of another mode reaches a threshold, > 0, by default its
+    own.
     """
 
     task = UNKNOWN
@@ -42,14 +34,9 @@ class ChangeDecider(Decider, ABC):
     def decide(
         self, observation: Observations, state: FloatArray | None, episode_start: Any
     ) -> tuple[Actions, FloatArray]:
-        """See `Decider.decide`; action i states mode i.
+        """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M).
 
-        The first statement of an episode is the most probable mode.
-
-        Args:
-            observation: (N, 6 M + 2) rows of `hybrid_env.HybridTrackQuickestEnv`.
-            state: statistics, (N, M); None begins anew.
-            episode_start: not used; rows tell where an episode begins.
+        The first statement of an episode is the most probable mode; rows tell where an episode begins.
         """
         layout = QuickestLayout.of_rows(observation)
         stated, started = read_statement(observation)

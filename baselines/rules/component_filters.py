@@ -1,9 +1,9 @@
 """Filters that run on the measurements of an observation, one bank for each component of the anchor.
 
-The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this
-frame the anchor is at the origin and its velocity is (speed, 0), so that the observation determines
-everything that a filter needs except the model, which is that of the world. With several sensors it does not
-contain the covariance of the measurement: then the filters also read what the sensors measured (`sensed`).
+The environment reports the measurement relative to the anchor, in the heading frame of the anchor. In this frame the
+anchor is at the origin and its velocity is (speed, 0), so that the observation determines everything that a filter
+needs except the model, which is that of the world. With several sensors it does not contain the covariance of the
+measurement: then the filters also read what the sensors measured.
 """
 
 import math
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from baselines.rules.measurements import sensors_of
-from baselines.rules.sensed import in_heading_frame, in_rows, in_world
+from baselines.rules.decider import Observations
+from baselines.rules.measurements import in_heading_frame, in_rows, in_world, sensors_of
 from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.core.arrays import aligned_zeros
 from hybrid_env.core.banks import operations
@@ -24,35 +24,25 @@ from hybrid_env.core.banks.sensing import write_measured
 from hybrid_env.core.compilation import compiled, internal, prepare
 from hybrid_env.core.records import LANES, MEASURED
 from hybrid_env.core.state import BANKS
+from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-Observations = NDArray[np.float32]
-TRIANGLE = np.triu_indices(4)
-ANCHOR_COLUMNS = 14
-"""Columns of an anchor: the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row."""
+ANCHOR_COLUMNS = 14  # the estimate [x, vx, y, vy], and the upper triangle of its covariance row by row
 
 
 class NoiseLaw(NamedTuple):
-    """What filters assume of the noise.
+    """What filters assume of the noise."""
 
-    Attributes:
-        log_prior: logarithm of the probability of the law before the first measurement, up to a constant.
-        variance: of most measurements, relative to R.
-        outlier_variance: of outliers, relative to R.
-        log_outlier_odds: logarithm of the share of outliers.
-        distance: squared whitened innovation from which a measurement counts as an outlier.
-    """
-
-    log_prior: float
-    variance: float
-    outlier_variance: float
-    log_outlier_odds: float
-    distance: float
+    log_prior: float  # logarithm of the probability of the law before the first measurement, up to a constant
+    variance: float  # of most measurements, relative to R
+    outlier_variance: float  # of outliers, relative to R
+    log_outlier_odds: float  # logarithm of the share of outliers
+    distance: float  # squared whitened innovation from which a measurement counts as an outlier
 
 
+# normal errors with an outlier in thirty, and heavy tails
 LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
-"""Normal errors with an outlier in thirty, and heavy tails."""
 
 
 class _Assumption(NamedTuple):
@@ -96,29 +86,17 @@ def _any_outlier(bank: Any, lanes: int, distance: float, outlier: BoolArray) -> 
 
 @compiled
 def _filter_tick(
-    banks: Any,
-    begins: BoolArray,
-    anchors: FloatArray,
-    measurements: FloatArray,
-    radii: FloatArray,
-    sensors: NDArray[Any],
-    model: FilterModel,
-    outlier_model: FilterModel,
-    log_outlier_odds: float,
-    distance: float,
-    log_likelihood: FloatArray,
-    innovations: FloatArray,
-    saved: NDArray[Any],
-    measured: NDArray[Any],
-    outlier: BoolArray,
-) -> None:
+    banks: Any, begins: BoolArray, anchors: FloatArray, measurements: FloatArray, radii: FloatArray,
+    sensors: NDArray[Any], model: FilterModel, outlier_model: FilterModel, log_outlier_odds: float, distance: float,
+    log_likelihood: FloatArray, innovations: FloatArray,
+    saved: NDArray[Any], measured: NDArray[Any], outlier: BoolArray,
+) -> None:  # fmt: skip
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
 
-    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with
-    sensors (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and
-    `innovations`, (C, N, M, 3), are written. `saved` is memory for the hypotheses of a block, (M,), or (0,)
-    if outliers do not have a model of their own. Of its lanes, `measured`, (1,) record, and `outlier`,
-    (LANES,), are memory too.
+    The C N lanes of the banks have the tracks of one component after the other. Measurements, (N, 2) or with sensors
+    (N, 9), see `sensing.write_measured`, are NaN if a tick has none. `log_likelihood`, (C, N, M), and `innovations`,
+    (C, N, M, 3), are written. `saved`, (M,) hypotheses, or (0,) if outliers do not have a model of their own,
+    `measured`, (1,) record, and `outlier`, (LANES,), are memory.
     """
     tracks = begins.size
     lanes_total = log_likelihood.shape[0] * tracks
@@ -160,23 +138,17 @@ def _filter_tick(
 
 
 class ComponentFilters:
-    """One bank for each track and component of the distribution of its anchor.
+    """One bank for each of N tracks and of C components of the distribution of its anchor.
 
-    Args:
-        bank: key of `hybrid_env.core.state.BANKS`.
-        components: C.
-        tracks: N.
-        world: options of the world, whose model the filters use. They have one measurement variance, the
-            geometric mean of the axes, because the orientation of the heading frame is unknown.
-        robust: a measurement that no hypothesis explains is treated as an outlier, with a larger variance.
-            There are filters for every law of `LAWS`, weighted by the likelihood of all measurements of the
-            episode. If the axes have different variances, there are filters for three orientations of the
-            heading frame.
+    With `robust` a measurement that no hypothesis explains is treated as an outlier, with a larger variance. There are
+    filters for every law of `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
+    orientations of the heading frame if the axes have different variances. Otherwise the filters have one measurement
+    variance, the geometric mean of the axes, because the orientation of the heading frame is unknown.
 
     Attributes:
         log_likelihood: (C, N, M) of all measurements since the start of the filters.
-        innovations: (C, N, M, 3) innovation of the last tick: whitened, along and across the heading, and
-            the logarithm of its variance [m^2].
+        innovations: (C, N, M, 3) of the last tick: whitened, along and across the heading, and the logarithm of its
+            variance [m^2].
         log_laws: (laws, N) logarithms of the weights of the laws before the present segment.
     """
 
@@ -197,9 +169,7 @@ class ComponentFilters:
             _Assumption(
                 bank_arrays(kind, self.radii.size, 1 if x == y else 2, blocks),
                 FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
-                FilterModel(
-                    variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields
-                ),
+                FilterModel(variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y, **fields),
                 law.log_outlier_odds, law.distance, np.zeros(shape), np.zeros((*shape, 3)),
             )
             for law in laws
@@ -224,18 +194,11 @@ class ComponentFilters:
         first: BoolArray,
         sensed: FloatArray | None = None,
     ) -> None:
-        """Start the filters of some tracks, then advance all by the measurement of their rows.
+        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by the measurements of
+        rows.
 
-        Args:
-            rows: (N, width).
-            begins: (N,) tracks whose filters start.
-            anchors: (C, N, 14), see `ANCHOR_COLUMNS`.
-            log_weights: (N, C) of the components of the last segment, where filters start.
-            first: (N,) True where an episode starts.
-            sensed: (N, 15) from `sensed_of`; None without sensors.
-
-        Raises:
-            ArgumentError: the world has sensors, and `sensed` is None.
+        `log_weights`, (N, C), are of the components of the last segment; `first`, (N,), is True where an episode
+        starts; `sensed` is from `sensed_of`.
         """
         if len(self.log_laws) > 1 and begins.any():
             self._weigh_laws(begins, log_weights, first)
@@ -306,26 +269,14 @@ class ComponentFilters:
 
 
 def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
-    """Return the joint posterior of components and hypotheses, (C, N, M); hypotheses have equal priors.
-
-    Args:
-        log_likelihood: (C, N, M).
-        log_weights: (N, C) logarithms of the prior probabilities of the components.
-    """
+    """Return the posterior of components and equally likely hypotheses, (C, N, M), by logarithms of weights (N, C)."""
     joint = log_likelihood + log_weights.T[..., None]
     share = np.exp(joint - joint.max((0, 2), keepdims=True))
     return np.asarray(share / share.sum((0, 2), keepdims=True))
 
 
 def anchor_rows(layout: Layout, rows: Observations, mean: FloatArray | float, covariance: FloatArray) -> FloatArray:
-    """Return the estimate in the heading frame with its covariance, (N, 14).
-
-    Args:
-        layout: layout of the rows.
-        rows: (N, width).
-        mean: (N, 4) mean error.
-        covariance: (N, 4, 4).
-    """
+    """Return anchors (N, 14): estimates of rows in the heading frame, with mean errors and covariances (N, 4, 4)."""
     anchors = np.zeros((len(rows), ANCHOR_COLUMNS))
     anchors[:, 1] = layout.read(rows, "speed")
     anchors[:, :4] += mean

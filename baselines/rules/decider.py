@@ -5,23 +5,22 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.checks import BoolArray, FloatArray
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
+# tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders
 ANNOUNCED, UNKNOWN, FLIGHTS, GLIDERS = "announced", "unknown", "flights", "gliders"
-"""Tasks: announced switches, unknown switches, recorded flights of aircraft and of gliders."""
-
-
-DEFINED: list[type["Decider"]] = []
-"""All subclasses of `Decider`, in the order of their definition."""
+DEFINED: list[type["Decider"]] = []  # all subclasses of `Decider`, in the order of their definition
 
 
 class Decider:
@@ -36,12 +35,11 @@ class Decider:
         symbol: of its threshold.
         thresholds: to sweep, in order of increasing decision time.
         default: threshold used when none is given.
-        options: options of the environment that it needs, if they differ: another bank that follows the same
-            object.
+        options: of the environment that it needs, if they differ: another bank that follows the same object.
         colour, marker: in figures, "#rrggbb" and a Matplotlib marker; empty for any.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the environment.
-        every_tick: it has filters of its own that predict, so it is also asked in ticks without a
-            measurement.
+        every_tick: it has filters of its own that predict, so it is also asked in ticks without a measurement.
+        reads_options: its first argument are the options of the environment.
         informed: it is told what a user does not know, as a bound: the true anchor, the law of the durations.
     """
 
@@ -56,6 +54,7 @@ class Decider:
     marker: ClassVar[str] = ""
     observes: Literal["rows", "tracks"] = "rows"
     every_tick: ClassVar[bool] = False
+    reads_options: ClassVar[bool] = False
     informed: ClassVar[bool] = False
 
     def __init_subclass__(cls, **keywords: Any):
@@ -63,15 +62,9 @@ class Decider:
         DEFINED.append(cls)
 
     def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
-        """Return the actions of N tracks for one step.
-
-        A classical rule, whose actions are never random, has `decide` instead.
+        """Return the actions of N tracks for one step. A rule whose actions are never random has `decide` instead.
 
         Args:
             observation: (N, width) rows of the environment, see its docstring, or what `observe` returned.
@@ -89,11 +82,6 @@ class Decider:
         """Return the actions (N,) and the new state; arguments as in `predict`."""
         raise NotImplementedError
 
-    @property
-    def class_name(self) -> str:
-        """Name of the user's class, for messages."""
-        return type(self).__name__
-
     def observe(self, tracks: Any) -> NDArray[Any]:
         """Return what `predict` reads, (N, width), from the arrays of the environment."""
         return np.asarray(tracks.take_rows())
@@ -104,20 +92,17 @@ class Decider:
             return posterior_panel("Kalman filters")
         return probability_panel("bank")
 
-    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+    def evidence(self, observation: Any, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return what is compared with the threshold for each hypothesis, (N, M); the state stays as it is.
 
-        By default it is the posterior of the filters of the environment.
-
-        Args:
-            observation, state, episode_start: as in `predict`.
+        By default it is the posterior of the filters of the environment. Arguments as in `predict`.
         """
         if self.task == ANNOUNCED:
             values = np.exp(Layout.of_rows(observation).read(observation, "log_ratio"))
             return np.asarray(values / values.sum(-1, keepdims=True))
         return np.exp(QuickestLayout.of_rows(observation).read(observation, "log_probability"))
 
-    def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         """Return the state of the tracks selected by a mask (N,), so that finished tracks can be dropped.
 
         `NotImplemented`, the default, keeps all tracks.
@@ -132,7 +117,8 @@ class Decider:
     @classmethod
     def maker(cls, options: Any) -> Callable[[float], "Decider"]:
         """Return a function from a threshold to the decider, for the options of an environment."""
-        return cls
+        make: Any = cls
+        return partial(make, options) if cls.reads_options else make
 
     @classmethod
     def family(cls, options: Any) -> "DeciderFamily":
@@ -155,11 +141,7 @@ class RowRule(Decider, ABC):
 
 
 class SeveralThresholds(Decider):
-    """Deciders of one rule that are computed together; its actions are those of the first.
-
-    Attributes:
-        chosen: actions (N,) of every decider at the present tick.
-    """
+    """Deciders of one rule that are computed together; its actions are those of the first."""
 
     chosen: list[Actions]
 

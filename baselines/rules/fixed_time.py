@@ -17,9 +17,6 @@ class FixedTimeDecider(RowRule):
 
     Args:
         ticks: tick of the decision, at least 1. The environment decides shorter segments at their end.
-
-    Raises:
-        ArgumentError: `ticks` is not an integer >= 1.
     """
 
     name, title, symbol, default = "fixed", "fixed time", "ticks", 25

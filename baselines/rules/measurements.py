@@ -1,4 +1,8 @@
-"""Deciders that filter the measurements of the environment themselves, instead of reading its rows."""
+"""What deciders observe that filter the measurements of the environment themselves, instead of reading its rows.
+
+With announced switches a row has the measurement, but with sensors not its covariance. Then these deciders also observe
+covariance, range rates, and the anchor, so that their filters run in the frame of the world.
+"""
 
 from typing import Any, Generic, TypeVar
 
@@ -10,6 +14,8 @@ from hybrid_env.checks import BoolArray, FloatArray, reject
 from hybrid_env.core.banks.bank import FilterModel
 from hybrid_env.core.compilation import prepare
 from hybrid_env.core.records import MOST_RATES
+from hybrid_env.live import SQUARE, TRIANGLE
+from hybrid_env.observation import Layout
 from hybrid_env.options import ModelOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import sensor_table
@@ -17,11 +23,9 @@ from hybrid_env.world import World
 
 State = TypeVar("State")
 
-OBSERVED = 2 + 4 + 10
-"""Width of an observation without the probabilities: measurement, estimate and covariance."""
-
-SENSED = 3 + MOST_RATES
-"""Further columns with sensors: covariance of the measurement over R, and range rates."""
+OBSERVED = 2 + 4 + 10  # width of an observation without the probabilities: measurement, estimate and covariance
+SENSED = 3 + MOST_RATES  # further columns with sensors: covariance of the measurement over R, and range rates
+OF_SENSORS = (2 + SENSED, 4, 2)  # columns of `sensed_of`: what `sensing.write_measured` reads, anchor, heading
 
 
 def filter_model(options: QuickestOptions) -> FilterModel:
@@ -39,9 +43,8 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its first call.
-
-    To find the types of records takes far longer than one tick of one track.
+    """Call a `compiled` function whose arguments always have the same types, prepared at its first call: that is
+    faster.
     """
     if function not in _prepared:
         prepare(function, *arguments)
@@ -50,17 +53,14 @@ def run_compiled(function: Any, *arguments: Any) -> Any:
 
 
 class MeasurementDecider(Decider, Generic[State]):
-    """A decider that observes the measurements, and the first estimate and probabilities of the bank.
+    """A decider for M modes that observes the measurements, and the first estimate and probabilities of the bank.
 
     Its state describes N tracks and is changed in place.
-
-    Attributes:
-        hypotheses: M, number of modes.
     """
 
     task = UNKNOWN
     observes = "tracks"
-    every_tick = True
+    every_tick = reads_options = True
     hypotheses: int
 
     def begin(self, tracks: int) -> State:
@@ -70,11 +70,8 @@ class MeasurementDecider(Decider, Generic[State]):
     def begin_track(self, state: State, track: int, start: FloatArray) -> None:
         """Begin an episode of a track.
 
-        Args:
-            state: of all tracks.
-            track: index of the track.
-            start: (14 + M,) estimate [x, vx, y, vy] after the first measurement, its covariance, upper
-                triangle row by row, and the logarithms of the mode probabilities.
+        `start`, (14 + M,), has the estimate [x, vx, y, vy] after the first measurement, its covariance, upper triangle
+        row by row, and the logarithms of the mode probabilities.
         """
         raise NotImplementedError
 
@@ -87,10 +84,9 @@ class MeasurementDecider(Decider, Generic[State]):
         raise NotImplementedError
 
     def observe(self, tracks: World) -> FloatArray:
-        """Return what the decider observes, (N, 16 + M) or with sensors (N, 23 + M).
+        """Return measurement, merged estimate, covariance, and log probabilities of the modes, (N, 16 + M).
 
-        Measurement, merged estimate, its covariance, and logarithms of the probabilities of the modes; with
-        sensors the covariance of the measurement and the range rates.
+        With sensors the covariance of the measurement and the range rates follow, (N, 23 + M).
         """
         parts = [tracks.field(name) for name in ("measurement", "estimate", "covariance")]
         sensed = [tracks.field(name) for name in ("noise", "rates")] if tracks.options.sensors else []
@@ -99,12 +95,10 @@ class MeasurementDecider(Decider, Generic[State]):
     def decide(
         self, observation: FloatArray, state: State | None, episode_start: BoolArray | None
     ) -> tuple[Actions, State]:
-        """See `Decider.decide`; action i states mode i.
+        """See `Decider.decide`; action i states mode i. The state is changed in place.
 
-        Args:
-            observation: from `observe`. Estimate and probabilities are used where an episode begins.
-            state: returned by the previous call and changed in place; None begins anew.
-            episode_start: (N,) True where an episode begins; None means nowhere, except without a state.
+        `observation` is from `observe`. Its estimate and probabilities are used where an episode begins: without
+        `episode_start` nowhere, except without a state.
         """
         width = OBSERVED + self.hypotheses
         if observation.ndim != 2 or observation.shape[1] not in (width, width + SENSED):
@@ -123,3 +117,55 @@ class MeasurementDecider(Decider, Generic[State]):
     def evidence(self, observation: FloatArray, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""
         return np.asarray(np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses]))
+
+
+def sensed_of(tracks: Any) -> FloatArray | None:
+    """Return what the sensors of a `World` measured, anchors and headings, (N, 15); None without sensors."""
+    names = ("measurement", "noise", "rates", "anchor", "heading")
+    return np.hstack([tracks.field(name) for name in names]) if tracks.options.sensors else None
+
+
+def observe_sensed(tracks: Any) -> NDArray[Any]:
+    """Return the rows of a `World`, with sensors followed by `sensed_of`."""
+    rows, sensed = tracks.take_rows(), sensed_of(tracks)
+    return np.asarray(rows if sensed is None else np.hstack([rows, sensed]))
+
+
+def split_sensed(layout: Layout, observation: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
+    """Return the rows of an observation, and `sensed_of` if it has it."""
+    longer = observation.ndim == 2 and observation.shape[1] == layout.width + sum(OF_SENSORS)
+    return (observation[:, : layout.width], observation[:, layout.width :]) if longer else (observation, None)
+
+
+def in_rows(layout: Layout, rows: NDArray[Any], missed: bool) -> FloatArray:
+    """Return the measurements of rows in the heading frame, (N, 2), NaN where one is `missed`."""
+    deviation = np.exp(0.5 * layout.read(rows, "log_noise"))[:, None]
+    axes = ("along", "across")
+    measurements = deviation * np.stack([layout.read(rows, f"displacement_{axis}") for axis in axes], axis=-1)
+    if missed:  # then all innovations are exactly zero
+        measured = np.any([layout.read(rows, f"innovation_{axis}").any(-1) for axis in axes], axis=0)
+        measurements[~measured] = np.nan
+    return np.asarray(measurements)
+
+
+def in_world(sensed: FloatArray | None, anchors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N, 2)."""
+    if sensed is None:
+        raise reject("observation", "a row of the environment", "what `observe` returns, with sensors")
+    measurements, origin, heading = np.split(sensed, np.cumsum(OF_SENSORS[:2]), axis=1)
+    c, s = heading.T
+    turn = np.zeros((len(heading), 4, 4))
+    turn[:, range(4), range(4)] = c[:, None]
+    turn[:, (0, 1), (2, 3)], turn[:, (2, 3), (0, 1)] = -s[:, None], s[:, None]
+    turned = np.empty_like(anchors)
+    turned[..., :4] = (turn @ anchors[..., :4, None])[..., 0] + origin * [1.0, 0.0, 1.0, 0.0]
+    P = turn @ anchors[..., 4:][..., SQUARE] @ turn.swapaxes(1, 2)
+    turned[..., 4:] = P[..., TRIANGLE[0], TRIANGLE[1]]
+    return np.ascontiguousarray(measurements), turned, heading
+
+
+def in_heading_frame(innovations: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return innovations (C, N, M, 3) along and across headings (N, 2)."""
+    c, s = heading.T[..., None]
+    x, y = innovations[..., 0], innovations[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x, innovations[..., 2]], axis=-1)

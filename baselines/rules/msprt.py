@@ -1,10 +1,9 @@
 """Sequential tests between all hypotheses. ATE tests only against the hypothesis that is currently active.
 
-With equal priors, the posterior of a hypothesis is its likelihood divided by the sum of all likelihoods.
-The MSPRT declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential
-procedure for multihypothesis testing"). The gap rule declares a hypothesis when its likelihood ratio to
-every other hypothesis is large enough (Armitage 1950). If only the type of motion is rewarded (straight,
-left or right), the test should use the posterior of the type: neighbouring radii share it.
+With equal priors, the posterior of a hypothesis is its likelihood divided by the sum of all likelihoods. The MSPRT
+declares a hypothesis when its posterior is large enough (Baum & Veeravalli 1994, "A sequential procedure for
+multihypothesis testing"), the gap rule when its likelihood ratio to every other hypothesis is (Armitage 1950). If only
+the type of motion is rewarded, the test should use the posterior of the type: neighbouring radii share it.
 """
 
 from abc import ABC, abstractmethod
@@ -30,8 +29,7 @@ ALPHAS = (
 """Thresholds of the posterior error probability to sweep."""
 FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many environments."""
-ROBUST = {"likelihood": "student_t 50"}
-"""Options of the bank with the robust likelihood."""
+ROBUST = {"likelihood": "student_t 50"}  # options of the bank with the robust likelihood
 
 
 def rewarded(options: WorldOptions) -> By:
@@ -40,26 +38,26 @@ def rewarded(options: WorldOptions) -> By:
 
 
 def mode_types(hypotheses: int) -> IntArray:
-    """Type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
+    """Return the type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
     n = hypotheses // 2
     return np.repeat([0, 1, 2], [1, n, n])
 
 
 def type_sums(values: NDArray[Any]) -> FloatArray:
-    """Sums of (..., M) values over the hypotheses of each type, (..., 3): straight, left, right."""
+    """Return sums of (..., M) values over the hypotheses of each type, (..., 3)."""
     n = values.shape[-1] // 2
     parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
     return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
 
 
 def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatArray:
-    """Posterior of each hypothesis or of its type, (N, M), from likelihoods or posteriors (N, M)."""
+    """Return the posterior of each hypothesis or of its type, (N, M), from likelihoods or posteriors (N, M)."""
     sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(np.float64)
     return np.asarray(sums / values.sum(-1, dtype=np.float64, keepdims=True))
 
 
 def type_posteriors(log_ratio: FloatArray) -> FloatArray:
-    """Posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
+    """Return the posterior of each type, (..., 3), from log-likelihood ratios (..., M) and equal priors."""
     types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
     return np.asarray(types / types.sum(-1, keepdims=True))
 
@@ -76,12 +74,10 @@ def _other_types_sum(types: FloatArray, chosen: IntArray) -> FloatArray:
 
 
 def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -> tuple[FloatArray, IntArray]:
-    """Posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
+    """Return the posterior error probability of the best declaration, and the hypothesis to declare, each (N,).
 
-    Args:
-        posterior: (N, M).
-        by_type: only hypotheses of other types are errors, and the best one is the most likely one of the
-            most likely type; one value for all tracks, or (N,).
+    `by_type` counts only hypotheses of other types as errors, and the best one is the most likely one of the most
+    likely type; one value for all tracks, or (N,). The posterior is (N, M).
     """
     types = type_sums(posterior)
     best = np.where(by_type, _likeliest_of_type(types, posterior), posterior.argmax(-1))
@@ -90,14 +86,9 @@ def error_and_best(posterior: NDArray[np.floating], by_type: bool | BoolArray) -
 
 
 def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
-    """Log error probability of the best declaration, and the hypothesis to declare.
+    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its hypothesis, each (N,).
 
-    Args:
-        observation: (N, 6 M + 10) rows of the environment.
-        by: "hypothesis" counts every other hypothesis as an error, "type" only hypotheses of other types.
-
-    Returns:
-        (N,) natural logarithm of the posterior error probability, at least `LOG_FLOOR`, and (N,) hypothesis.
+    By "hypothesis" every other hypothesis is an error, by "type" only those of other types.
     """
     layout = Layout.of_rows(observation)
     log_ratio = layout.read(observation, "log_ratio")
@@ -110,14 +101,7 @@ def read_error_probability(observation: Observations, by: By) -> tuple[FloatArra
 
 
 class PosteriorRule(RowRule, ABC):
-    """Declares the best hypothesis when its posterior error probability falls to the limit of the tick.
-
-    Args:
-        by: what has to be correct, see `read_error_probability`.
-
-    Raises:
-        ArgumentError: `by` is unknown.
-    """
+    """Declares the best hypothesis when its posterior error probability falls to the limit of the tick."""
 
     def __init__(self, by: By):
         check_choice("by", by, ("hypothesis", "type"))
@@ -152,9 +136,6 @@ class MSPRTDecider(PosteriorRule):
         alpha: threshold of the error probability, above 1e-13 (the resolution of the observation), at most 1.
         by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
             hypothesis of the most likely type and counts only other types as errors.
-
-    Raises:
-        ArgumentError: an argument is out of range.
     """
 
     name, title, symbol, thresholds, default = "msprt", "MSPRT", "alpha", ALPHAS, 0.02
@@ -215,9 +196,6 @@ class GapDecider(RowRule):
 
     Args:
         gap: threshold ln A, above 0 and below 30, where the observation clips ratios.
-
-    Raises:
-        ArgumentError: `gap` is out of range.
     """
 
     name, title, symbol, default = "gap", "gap rule", "gap", 4.6

@@ -9,7 +9,6 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -18,56 +17,36 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import InvalidAction
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, DeciderFamily
-from hybrid_env.checks import ArgumentError, check_number, reject
+from hybrid_env.checks import ArgumentError, BoolArray, check_number, reject
 
-ENTRY_POINTS = "hybridtrack.deciders"
-"""Group of entry points by which packages name deciders."""
+ENTRY_POINTS = "hybridtrack.deciders"  # group of entry points by which packages name deciders
 SLOW_CALL, SLOW_TOTAL = 0.05, 20.0  # seconds; above both the user is told
 OURS = ("agents.", "baselines.")
 
 
 class Adapted(Decider):
-    """An object with Stable-Baselines3's `predict`, or a function of the observations, as a decider.
-
-    Args:
-        model: object, or function `observation -> actions` of (N, width) rows, with actions (N,).
-    """
+    """An object with Stable-Baselines3's `predict`, or a function of rows (N, width) to actions (N,), as a decider."""
 
     def __init__(self, model: Any):
         self.model = model
         self._call = getattr(model, "predict", model)
         self._rows_only = not _accepts(self._call, "state")
 
-    @property
-    def class_name(self) -> str:
-        """Name of the class or of the function."""
-        return str(getattr(self.model, "__name__", type(self.model).__name__))
-
     def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Any, state: Any = None, episode_start: BoolArray | None = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """See `Decider.predict`; a model that returns actions only has no state."""
         if self._rows_only:
             answer = self._call(observation)
         else:
             answer = self._call(observation, state=state, episode_start=episode_start, deterministic=deterministic)
-        actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
-        return actions, state
+        return answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
 
 
 def as_decider(model: Any) -> Decider:
-    """Return a decider, any object with its `predict`, or a function of the observations, as a decider.
-
-    Raises:
-        ArgumentError: it is none of these.
-    """
+    """Return a decider, any object with its `predict`, or a function of the observations, as a decider."""
     if isinstance(model, Decider):
         return model
     if isinstance(model, type) or not callable(getattr(model, "predict", model)):
@@ -76,27 +55,15 @@ def as_decider(model: Any) -> Decider:
 
 
 class Asked:
-    """Asks a decider for actions, and checks those of a decider that is not of this package.
-
-    Args:
-        decider: the decider.
-        action_count: number of actions of a track.
-    """
+    """Asks a decider for actions, and checks those of a decider that is not of this package."""
 
     def __init__(self, decider: Decider, action_count: int):
         self.decider, self.action_count = decider, action_count
         self._trusted = type(decider).__module__.startswith(OURS) and not isinstance(decider, Adapted)
         self._seconds, self._calls, self._told = 0.0, 0, False
 
-    def __call__(self, seen: Any, state: Any, starts: NDArray[np.bool_]) -> tuple[Actions, Any]:
-        """Return actions (N,) and the new state, see `Decider.predict`.
-
-        Raises:
-            ArgumentError: the decider failed, or what it returned are not N actions.
-
-        Warns:
-            UserWarning: it is slow.
-        """
+    def __call__(self, seen: Any, state: Any, starts: BoolArray) -> tuple[Actions, Any]:
+        """Return actions (N,) and the new state, see `Decider.predict`; of a slow decider the user is told once."""
         if self._trusted:
             return self.decider.predict(seen, state, starts, deterministic=True)
         began = time.perf_counter()
@@ -138,24 +105,14 @@ class Asked:
 
 
 def find_own(name: str) -> Any:
-    """Return the object of "mine.py:MyRule", "package.module:Rule" or the name of an entry point.
-
-    Returns:
-        The object; None if the name has none of these forms.
-
-    Raises:
-        ArgumentError: there is no such file, module or name in it, or it cannot be imported.
-    """
+    """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for another form."""
     found = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
     where, colon, attribute = name.rpartition(":")
     if not found and not (colon and attribute.isidentifier() and _is_source(where)):
         return None
-    if found:
-        place, load = name, found[0].load
-    else:
-        place, load = where, functools.partial(_load, where, attribute)
+    place = name if found else where
     try:
-        return load()
+        return found[0].load() if found else _load(where, attribute)
     except AttributeError as error:
         if isinstance(error.__context__, ImportError) or (attribute and attribute in str(error)):
             raise reject("decider", name, f"a name that {place} defines") from error
@@ -174,16 +131,10 @@ def own_names() -> list[str]:
 def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
     """Return a user's decider at any threshold, for the options of an environment.
 
-    Args:
-        model: function `observation -> actions`, object with `predict`, or class of one. With an attribute
-            `thresholds` it is swept: a class is created with a threshold, a function called with it as its
-            second argument, and an object gets it as its attribute `threshold`. `default`, `title`, `symbol`,
-            `task` and `options` are read if they exist, see `Decider`.
-        name: as it was given, for messages.
-        options: of the environment.
-
-    Raises:
-        ArgumentError: it is for another task, or its thresholds are not different numbers.
+    The model is a function `observation -> actions`, an object with `predict`, or a class of one. With an attribute
+    `thresholds` it is swept: a class is created with a threshold, a function called with it as its second argument, and
+    an object gets it as its attribute `threshold`. `default`, `title`, `symbol`, `task` and `options` are read if they
+    exist, see `Decider`. The name is as it was given, for messages.
     """
     task = getattr(model, "task", options.switches)
     if task != options.switches:
@@ -195,7 +146,7 @@ def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
         raise reject("thresholds", given, f"a sequence of numbers in {name}") from None
     if len(set(thresholds)) < len(thresholds):
         raise reject("thresholds", given, f"different numbers in {name}")
-    title = str(getattr(model, "title", "") or getattr(model, "__name__", type(model).__name__))
+    title = str(getattr(model, "title", "") or name_of(model))
     if rule and thresholds:
         return replace(model.family(options), name=title)
     default = getattr(model, "default", None)
@@ -216,8 +167,8 @@ def own_family(model: Any, name: str, options: Any) -> DeciderFamily:
         return decider
 
     symbol = str(getattr(model, "symbol", Decider.symbol)) if thresholds else ""
-    needs: Mapping[str, Any] = getattr(model, "options", {})
-    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=dict(needs))
+    needs = dict(getattr(model, "options", {}))
+    return DeciderFamily(title, symbol, thresholds or (0.0,), float(default), make, options=needs)
 
 
 def _at_threshold(model: Any, threshold: float) -> Any:
@@ -237,10 +188,14 @@ def _at_threshold(model: Any, threshold: float) -> Any:
 
 def where_defined(model: Any) -> str:
     """Return class or function, file and line of a decider, for messages."""
-    code = _code(model)
-    inner = getattr(model, "model", model)
-    title = str(getattr(inner, "__name__", type(inner).__name__))
+    code, title = _code(model), name_of(model)
     return title if code is None else f"{title}, {Path(code.co_filename).name} line {code.co_firstlineno}"
+
+
+def name_of(model: Any) -> str:
+    """Return the name of a user's class or function, for messages."""
+    own = model.model if isinstance(model, Adapted) else model
+    return str(getattr(own, "__name__", type(own).__name__))
 
 
 def _code(model: Any) -> Any:
@@ -261,7 +216,7 @@ def _failure(decider: Any, error: BaseException) -> ArgumentError:
     outside = [one for one in frames if not one.filename.startswith(hidden)]
     own = [one for one in outside if code is not None and one.filename == code.co_filename]
     places = [f" in {Path(one.filename).name} line {one.lineno}" for one in own or outside]
-    name = decider if isinstance(decider, str) else where_defined(decider).partition(",")[0]
+    name = decider if isinstance(decider, str) else name_of(decider)
     return ArgumentError(f"decider {name} failed{(places or [''])[-1]}: {type(error).__name__}: {error}")
 
 
@@ -280,22 +235,20 @@ def _is_source(where: str) -> bool:
         return True
     if not all(part.isidentifier() for part in where.split(".")):
         return False
-    if "." in where:
-        return True
-    _search_here()
-    return importlib.util.find_spec(where) is not None
+    _search(Path.cwd())
+    return "." in where or importlib.util.find_spec(where) is not None
 
 
-def _search_here() -> None:
-    """Let modules of the present folder be imported, as `python` does."""
-    if str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))
+def _search(folder: Path) -> None:
+    """Let modules of a folder be imported, as `python` does with the present one."""
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
 
 
 def _load(where: str, attribute: str) -> Any:
     """Return an attribute of a Python file or a module."""
     if not where.endswith(".py"):
-        _search_here()
+        _search(Path.cwd())
         return getattr(importlib.import_module(where), attribute)
     path = Path(where).resolve()
     if not path.is_file():
@@ -311,8 +264,7 @@ def _module(path: Path, changed: int) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    _search(path.parent)
     sys.modules[name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module

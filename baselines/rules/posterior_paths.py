@@ -12,29 +12,18 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_integer, re
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
-BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
-"""Edges of the calibration bins of the stated probability."""
-
-MIN_COUNT = 1000
-"""Smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points."""
+BIN_EDGES = (0.0, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)  # of the calibration, of the stated probability
+MIN_COUNT = 1000  # smaller bins are ignored: their accuracy has a standard error of up to 1.6 percentage points
 
 
 @dataclass(frozen=True)
 class PosteriorPaths:
-    """Error probabilities of S segments over up to T ticks, when nobody decides before the end.
+    """Error probabilities of S segments over up to T ticks, when nobody decides before the end."""
 
-    Attributes:
-        log_error_probability: (S, T) natural logarithm of the posterior error probability of the best
-            declaration.
-        correct: (S, T) whether that declaration would have been correct.
-        length: (S,) number of recorded ticks; later entries are meaningless.
-        by: what has to be correct, the hypothesis or only its type.
-    """
-
-    log_error_probability: FloatArray
-    correct: BoolArray
-    length: IntArray
-    by: By
+    log_error_probability: FloatArray  # (S, T) natural logarithms of the error probability of the best declaration
+    correct: BoolArray  # (S, T) whether that declaration would have been correct
+    length: IntArray  # (S,) number of recorded ticks; later entries are meaningless
+    by: By  # what has to be correct, the hypothesis or only its type
 
 
 class Never(RowRule):
@@ -48,23 +37,15 @@ class Never(RowRule):
 def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None, **options: Any) -> PosteriorPaths:
     """Simulate episodes in which every segment is decided at its end, so that most anchors are accurate.
 
-    Args:
-        episodes: number of parallel episodes; their seeds are seed, seed + 1, ...
-        seed: seed of the first episode.
-        ticks: number of ticks to record of each segment, None for all.
-        options: keyword options of the world, see `hybrid_env.WorldOptions`. `undecided` is always
-            "likeliest".
-
-    Raises:
-        ArgumentError: an argument is out of range.
+    The episodes have seeds seed, seed + 1, ...; up to `ticks` of each segment are recorded. `options` are those of
+    `hybrid_env.WorldOptions`.
     """
     check_integer("seed", seed, minimum=0)
     world = WorldOptions.of(**options | {"undecided": "likeliest"})
     env = HybridTrackVectorEnv(check_integer("episodes", episodes), tick_info=False, **vars(world))
     last = world.longest_segment if ticks is None else min(check_integer("ticks", ticks), world.longest_segment)
     by = rewarded(world)
-    n = len(world.radii)
-    kind = mode_types(2 * n + 1) if by == "type" else np.arange(2 * n + 1)
+    kind = mode_types(world.hypotheses) if by == "type" else np.arange(world.hypotheses)
     shape = (episodes * world.segments, last)
     log_error_probability, correct = np.zeros(shape), np.zeros(shape, np.bool_)
     length = np.zeros(shape[0], np.int64)
@@ -74,32 +55,24 @@ def simulate_posterior_paths(episodes: int, seed: int, ticks: int | None = None,
         running &= ~(now.terminated & (now.step > 0))
         if not running.any():
             break
-        rows = first + env.world.field("segment")
         tick = env.world.field("tick")
-        value, best = read_error_probability(now.observation, by)
-        best_correct = kind[best] == kind[env.world.field("true_mode")]
         recorded = running & (tick <= last)
-        log_error_probability[rows[recorded], tick[recorded] - 1] = value[recorded]
-        correct[rows[recorded], tick[recorded] - 1] = best_correct[recorded]
-        length[rows[recorded]] = tick[recorded]
+        rows, tick = (first + env.world.field("segment"))[recorded], tick[recorded]
+        value, best = read_error_probability(now.observation, by)
+        log_error_probability[rows, tick - 1] = value[recorded]
+        correct[rows, tick - 1] = (kind[best] == kind[env.world.field("true_mode")])[recorded]
+        length[rows] = tick
     return PosteriorPaths(log_error_probability, correct, length, by)
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Stated probability and accuracy of the best declaration, in B bins of the stated probability.
+    """Stated probability and accuracy of the best declaration, in B bins of the stated probability."""
 
-    Attributes:
-        stated: (B,) mean stated probability of each bin, 0 where the bin is empty.
-        accuracy: (B,) share of correct declarations in each bin, 0 where the bin is empty.
-        count: (B,) number of segments in each bin.
-        mean_stated, mean_accuracy: over all segments.
-    """
-
-    stated: FloatArray
-    accuracy: FloatArray
-    count: IntArray
-    mean_stated: float
+    stated: FloatArray  # (B,) mean stated probability of each bin, 0 where the bin is empty
+    accuracy: FloatArray  # (B,) share of correct declarations in each bin, 0 where the bin is empty
+    count: IntArray  # (B,) number of segments in each bin
+    mean_stated: float  # over all segments
     mean_accuracy: float
 
     @property
@@ -110,11 +83,7 @@ class Calibration:
 
 
 def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
-    """Calibration of the posterior at a tick, over the segments that reach it.
-
-    Raises:
-        ArgumentError: no segment reaches the tick.
-    """
+    """Return the calibration of the posterior at a tick, over the segments that reach it."""
     if check_integer("tick", tick) > paths.length.max():
         raise reject("tick", tick, f"at most {paths.length.max()}, the longest of the segments")
     reached = paths.length >= tick
@@ -124,10 +93,5 @@ def calibration(paths: PosteriorPaths, tick: int) -> Calibration:
     bins = np.clip(np.digitize(stated, BIN_EDGES) - 1, 0, len(BIN_EDGES) - 2)
     count = np.bincount(bins, minlength=len(BIN_EDGES) - 1)
     total = np.maximum(count, 1)
-    return Calibration(
-        np.bincount(bins, stated, minlength=count.size) / total,
-        np.bincount(bins, correct, minlength=count.size) / total,
-        count,
-        float(1.0 - error.mean()),
-        float(correct.mean()),
-    )
+    mean, accuracy = (np.bincount(bins, values, minlength=count.size) / total for values in (stated, correct))
+    return Calibration(mean, accuracy, count, float(1.0 - error.mean()), float(correct.mean()))

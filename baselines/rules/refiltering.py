@@ -1,9 +1,9 @@
 """Deciders that run filters of their own on the measurements, see `component_filters`.
 
-`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the
-switch, not from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the
-uncertainty of the anchor in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of
-the anchor error that was found in simulated episodes (see `anchor_prior`).
+`KeptCovarianceDecider` starts the filters of the published bank from the covariance of the estimate at the switch, not
+from the identity. `CalibratedAnchorDecider` starts extended Kalman filters, which include the uncertainty of the anchor
+in the state (see `hybrid_env.core.banks.anchor_aware`), from the distribution of the anchor error in simulated
+episodes.
 """
 
 import functools
@@ -22,16 +22,17 @@ from baselines.rules.component_filters import (
     stated_covariance,
 )
 from baselines.rules.decider import Actions, Decider, Observations
+from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best, mode_types
 from baselines.rules.rollout import rollout
 from baselines.rules.seeds import FITTING
-from baselines.rules.sensed import observe_sensed, split_sensed
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.vector_env import HybridTrackVectorEnv
 
 CALIBRATION_EPISODES = 2000
+FITTED_ALPHA = 0.05  # error probability at which the decider declares in these episodes
 
 
 @dataclass
@@ -44,20 +45,14 @@ class _State:
 
 
 class RefilteringDecider(Decider):
-    """Base class: declares when the posterior error probability of the filters falls to alpha.
+    """Base class: declares when the posterior error probability of the filters falls to alpha, above 0 and at most 1.
 
-    Args:
-        world: options of the world; the filters use its model.
-        alpha: threshold of the error probability, above 0 and at most 1.
-        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different
-            variances, see `ComponentFilters`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
+    Filters use the model of the world. With `robust` they reject outliers, learn whether tails are heavy and allow for
+    axes of different variances, see `ComponentFilters`.
     """
 
     symbol, thresholds, default = "alpha", ALPHAS, 0.02
-    every_tick = True
+    every_tick = reads_options = True
     bank: ClassVar[str]
     components: ClassVar[int]
 
@@ -75,12 +70,9 @@ class RefilteringDecider(Decider):
         return observe_sensed(tracks)
 
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C).
+        """Return initial estimates with covariances, (C, N, 14), and weights, (N, C), from first rows of a segment.
 
-        Args:
-            rows: (N, width) first rows of a segment.
-            first: (N,) True for the first segment of an episode.
-            correct: (N,) probability that the last declaration was correct.
+        first: (N,) True for the first segment of an episode; correct: (N,) probability of a correct last declaration.
         """
         raise NotImplementedError
 
@@ -89,12 +81,11 @@ class RefilteringDecider(Decider):
         layout = self.layout
         rows, sensed = split_sensed(layout, np.asarray(observation))
         tracks = len(rows)
-        ticks = np.rint(layout.read(rows, "ticks")).astype(np.int64)
-        begins = ticks == 1
+        begins = np.rint(layout.read(rows, "ticks")) == 1
         if state is None:
             filters = ComponentFilters(self.bank, self.components, tracks, self.world, self.robust)
-            shape = (tracks, self.world.hypotheses)
-            state = _State(filters, np.zeros((tracks, self.components)), np.full(shape, 1.0 / shape[1]))
+            M = self.world.hypotheses
+            state = _State(filters, np.zeros((tracks, self.components)), np.full((tracks, M), 1.0 / M))
             begins[:] = True
         first = np.zeros(tracks, np.bool_) if episode_start is None else np.asarray(episode_start)
         anchors, log_weights = np.zeros((self.components, tracks, ANCHOR_COLUMNS)), state.log_weights.copy()
@@ -121,11 +112,6 @@ class KeptCovarianceDecider(RefilteringDecider):
     bank = "published"
     components = 1
 
-    @classmethod
-    def maker(cls, options: WorldOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        return lambda alpha: cls(options, alpha)
-
     def anchors(self, rows: Observations, first: BoolArray, correct: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `RefilteringDecider.anchors`."""
         covariance = stated_covariance(self.layout, rows)
@@ -136,10 +122,10 @@ class CalibratedAnchorDecider(RefilteringDecider):
     """MSPRT of extended Kalman filters, one bank per component of the distribution of the anchor error.
 
     Args:
-        world: see `RefilteringDecider`.
-        prior: distribution of the anchor error after correct and after wrong declarations; None uses the
-            covariance that the bank states.
-        alpha, robust: see `RefilteringDecider`.
+        world, alpha: options of the world, whose model the filters use, and threshold of the error probability.
+        robust: the filters reject outliers, learn whether tails are heavy and allow for axes of different variances.
+        prior: distribution of the anchor error after correct and after wrong declarations; None uses the covariance
+            that the bank states.
     """
 
     name, title = "calibrated", "calibrated anchor"
@@ -159,7 +145,7 @@ class CalibratedAnchorDecider(RefilteringDecider):
 
         @functools.cache
         def prior() -> AnchorPrior:
-            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust=robust)
+            return fit_calibrated_anchor(options, CALIBRATION_EPISODES, FITTING, robust)
 
         return lambda alpha: CalibratedAnchorDecider(options, prior(), alpha, robust)
 
@@ -189,23 +175,20 @@ class RobustCalibratedAnchorDecider(CalibratedAnchorDecider):
     rejects_outliers = True
 
 
-def fit_calibrated_anchor(
-    world: WorldOptions, episodes: int, seed: int, rounds: int = 2, alpha: float = 0.05, robust: bool = False
-) -> AnchorPrior:
+def fit_calibrated_anchor(world: WorldOptions, episodes: int, seed: int, robust: bool = False) -> AnchorPrior:
     """Fit the distribution of the anchor error to simulated episodes, in which the decider itself declares.
+
+    The first of two rounds declares with the stated covariance, the second with the first fit.
 
     Args:
         world: options of the world.
-        episodes: simulated episodes per round.
-        seed: of the first episode.
-        rounds: the first round declares with the stated covariance, later rounds with the last fit.
-        alpha: error probability at which the decider declares.
-        robust: see `RefilteringDecider`.
+        episodes, seed: number of episodes of each round, and seed of the first one.
+        robust: see `CalibratedAnchorDecider`.
     """
     prior: AnchorPrior | None = None
-    for k in range(rounds):
-        decider = CalibratedAnchorDecider(world, prior, alpha, robust)
-        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, seed + k * episodes))
+    for first in (seed, seed + episodes):
+        decider = CalibratedAnchorDecider(world, prior, FITTED_ALPHA, robust)
+        prior = fit_anchor_prior(*_anchor_errors(decider, episodes, first))
     assert prior is not None
     return prior
 

@@ -1,30 +1,172 @@
-"""Classical tests for a switch with filters that start at every possible moment of the switch.
+"""Classical tests for a switch with filters that start at every possible moment of the switch; compiled.
 
-The rules of `change_detection` read the likelihood ratios of a bank that runs on over the switches. Here
-every moment of the switch has a filter of its own. The filters follow the statements: after a wrong one they
-start from the estimate of a wrong mode.
+Every track has the filter of its stated mode. At every tick one new filter of every other mode starts from the estimate
+and covariance that the filter of the stated mode has before the measurement of the tick: the hypothesis that the object
+switches to that mode here. Its likelihood ratio compares all measurements since its start with the filter of the stated
+mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement changes, the most likely filter
+of the new mode becomes the filter of the stated mode, and all others are dropped. So after a wrong statement the
+filters start from the estimate of a wrong mode.
+
+The filters are those of `hybrid_env.core.banks.anchor_aware`. With an exact anchor their centre and turn rate have no
+variance, so that they are the Kalman filters of `hybrid_env.core.banks.published`.
 """
 
-from collections.abc import Callable
-from typing import ClassVar, Literal
+import math
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.rules.decider import Actions, Decider
+from baselines.rules.beam_filters import copy_filter, triangle
+from baselines.rules.decider import Actions
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
-from baselines.rules.restarted_filters import (
-    RestartedFilters,
-    RestartModel,
-    begin_restarted,
-    restart_arrays,
-    step_restarted,
-)
-from hybrid_env.checks import FloatArray, check_choice, check_integer, check_positive
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_choice, check_integer, check_positive
+from hybrid_env.core.arrays import aligned_zeros
+from hybrid_env.core.banks.anchor_aware import AWARE_HYPOTHESIS, begin_hypothesis, covariance_of, sense_hypothesis
+from hybrid_env.core.banks.bank import INNOVATION, FilterModel, State, Triangle4, signed_radius
+from hybrid_env.core.banks.sensing import write_measured
+from hybrid_env.core.compilation import compiled, internal
+from hybrid_env.core.records import LANES, MEASURED, SENSOR
 from hybrid_env.quickest_options import QuickestOptions
 
 LONGEST_WINDOW = 10_000  # ticks
 Bank = Literal["published", "anchor_aware"]
+
+
+class RestartedFilters(NamedTuple):
+    """The filters of N tracks with M modes, and W start ticks of each mode in G = W / LANES groups.
+
+    Start k = 0, 1, ... since the last change of the statement is number k % W: lane k % W % LANES of group k % W //
+    LANES. The log-likelihood of its filter is that of all measurements since the change, with the stated mode before.
+    """
+
+    stated_filters: NDArray[Any]  # (N,) records `AWARE_HYPOTHESIS`, of which lane 0 is used: filter of the stated mode
+    started: NDArray[Any]  # (N, M, G) records `AWARE_HYPOTHESIS`, see above
+    counts: IntArray  # (N,) ticks since the last change of the statement
+    stated: IntArray  # (N,) stated modes
+    log_ratios: FloatArray  # (N, M) statistics of the last tick; 0 for the stated mode
+    innovations: NDArray[Any]  # (1,) record `INNOVATION`, temporary memory
+    measured: NDArray[Any]  # (1,) record `MEASURED`, temporary memory
+
+
+class RestartModel(NamedTuple):
+    """The rule and what its filters assume."""
+
+    radii: FloatArray  # (n,) turn radii [m]
+    window: int  # W, number of start ticks
+    exact_anchor: bool  # whether centre and turn rate of a turn are certain
+    mean: bool  # whether the statistic is the mean of the likelihood ratios of all start ticks, or the largest
+    threshold: float  # of the logarithm of the statistic, at which the statement changes
+    margin: float  # smallest difference of this logarithm to that of the other modes that are not stated
+    filters: FilterModel  # model of the filters
+    sensors: NDArray[Any] = np.zeros(0, SENSOR)  # (k,) records `records.SENSOR`
+
+
+def restart_arrays(tracks: int, modes: int, window: int) -> RestartedFilters:
+    """Return filters of zeros."""
+    groups = -(-window // LANES)
+    return RestartedFilters(
+        aligned_zeros((tracks,), AWARE_HYPOTHESIS),
+        aligned_zeros((tracks, modes, groups), AWARE_HYPOTHESIS),
+        np.zeros(tracks, np.int64),
+        np.zeros(tracks, np.int64),
+        np.zeros((tracks, modes)),
+        aligned_zeros((1,), INNOVATION),
+        aligned_zeros((1,), MEASURED),
+    )
+
+
+@internal
+def _begin_filter(kalman: Any, lane: int, anchor: State, covariance: Triangle4, mode: int, model: RestartModel) -> None:
+    """Start the filter of a mode from an estimate and its covariance."""
+    radius, exact = signed_radius(mode, model.radii), model.exact_anchor
+    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau, exact)
+
+
+@compiled
+def begin_restarted(filters: RestartedFilters, track: int, mode: int, start: FloatArray, model: RestartModel) -> None:
+    """Begin an episode of a track with a first statement; `start` as in `MeasurementDecider.begin_track`."""
+    anchor = (start[0], start[1], start[2], start[3])
+    _begin_filter(filters.stated_filters[track], 0, anchor, triangle(start[4:14]), mode, model)
+    filters.counts[track] = 0
+    filters.stated[track] = mode
+    filters.log_ratios[track] = 0.0
+
+
+@internal
+def _likeliest_start(started: NDArray[Any], live: int) -> int:
+    """Return the number of the most likely one of the first `live` filters of a mode. started: (G,)."""
+    best = 0
+    for k in range(1, live):
+        value = started[k // LANES].log_likelihood[k % LANES]
+        if value > started[best // LANES].log_likelihood[best % LANES]:
+            best = k
+    return best
+
+
+@internal
+def _log_ratio(started: NDArray[Any], live: int, reference: float, mean: bool) -> float:
+    """Return the logarithm of the largest or `mean` likelihood ratio of the first `live` filters to a reference."""
+    best = _likeliest_start(started, live)
+    largest = started[best // LANES].log_likelihood[best % LANES]
+    if not mean:
+        return largest - reference
+    total = 0.0
+    for k in range(live):
+        total += math.exp(started[k // LANES].log_likelihood[k % LANES] - largest)
+    return largest - reference + math.log(total / live)
+
+
+@internal
+def _change(filters: RestartedFilters, track: int, live: int, model: RestartModel) -> None:
+    """Change the statement of a track, if one mode reaches the threshold and exceeds all others."""
+    best, second = -1, -1
+    for mode in range(filters.log_ratios.shape[1]):
+        if mode != filters.stated[track]:
+            value = filters.log_ratios[track, mode]
+            if best < 0 or value > filters.log_ratios[track, best]:
+                best, second = mode, best
+            elif second < 0 or value > filters.log_ratios[track, second]:
+                second = mode
+    largest = filters.log_ratios[track, best]
+    if largest < model.threshold or largest - filters.log_ratios[track, second] < model.margin:
+        return
+    start = _likeliest_start(filters.started[track, best], live)
+    stated_filter = filters.stated_filters[track]
+    copy_filter(filters.started[track, best, start // LANES], start % LANES, stated_filter, 0)
+    stated_filter.log_likelihood[0] = 0.0
+    filters.stated[track] = best
+    filters.counts[track] = 0
+
+
+@compiled
+def step_restarted(filters: RestartedFilters, measurements: FloatArray, model: RestartModel) -> None:
+    """Advance all tracks by a tick, with measurements as in `sensing.write_measured`."""
+    innovation, measured = filters.innovations[0], filters.measured[0]
+    for track in range(measurements.shape[0]):
+        for lane in range(LANES):
+            write_measured(measured, lane, measurements[track])
+        stated_filter = filters.stated_filters[track]
+        before = stated_filter.log_likelihood[0]
+        anchor = (stated_filter.x[0], stated_filter.vx[0], stated_filter.y[0], stated_filter.vy[0])
+        covariance = covariance_of(stated_filter, 0)
+        sense_hypothesis(stated_filter, innovation, 0, 1, measured, model.sensors, model.filters)
+        new = filters.counts[track] % model.window
+        filters.counts[track] += 1
+        live = min(filters.counts[track], model.window)
+        for mode in range(filters.log_ratios.shape[1]):
+            filters.log_ratios[track, mode] = 0.0
+            if mode == filters.stated[track]:
+                continue
+            started = filters.started[track, mode]
+            _begin_filter(started[new // LANES], new % LANES, anchor, covariance, mode, model)
+            started[new // LANES].log_likelihood[new % LANES] = before
+            for group in range((live + LANES - 1) // LANES):
+                kalman = started[group]
+                sense_hypothesis(kalman, innovation, 0, LANES, measured, model.sensors, model.filters)
+            reference = stated_filter.log_likelihood[0]
+            filters.log_ratios[track, mode] = _log_ratio(started, live, reference, model.mean)
+        _change(filters, track, live, model)
 
 
 class RestartDecider(MeasurementDecider[RestartedFilters]):
@@ -34,14 +176,10 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         options: of the environment.
         threshold: of the logarithm of the statistic of the new mode, above 0.
         margin: smallest difference of this logarithm to that of every other mode except the stated one, >= 0.
-        window: number of last ticks at which the switch can be, 1 to 10,000; None is that of the rule. At
-            most the ticks since the last change of the statement are used.
-        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of
-            `hybrid_env.HybridTrackEnv`; None is that of the rule. Their covariance is that of the estimate at
-            which they start.
-
-    Raises:
-        ArgumentError: an argument is out of range.
+        window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last change of the
+            statement; None is that of the rule.
+        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of the environment, with the
+            covariance of the estimate at which they start; None is that of the rule.
     """
 
     thresholds, default = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0), 5.0  # few: a filter for every start is slow
@@ -57,24 +195,14 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         window: int | None = None,
         bank: Bank | None = None,
     ):
-        model = filter_model(options)
+        chosen = check_choice("bank", self.own_bank if bank is None else bank, ("published", "anchor_aware"))
+        window = check_integer("window", self.own_window if window is None else window, maximum=LONGEST_WINDOW)
+        threshold, margin = check_positive("threshold", threshold), check_positive("margin", margin, allow_zero=True)
         self.hypotheses = options.hypotheses
-        chosen = self.own_bank if bank is None else bank
         self.model = RestartModel(
-            np.array(options.radii),
-            check_integer("window", self.own_window if window is None else window, maximum=LONGEST_WINDOW),
-            check_choice("bank", chosen, ("published", "anchor_aware")) == "published",
-            self.mean,
-            check_positive("threshold", threshold),
-            check_positive("margin", margin, allow_zero=True),
-            model,
-            sensors_of(options),
-        )
-
-    @classmethod
-    def maker(cls, options: QuickestOptions) -> Callable[[float], Decider]:
-        """See `Decider.maker`."""
-        return lambda threshold: cls(options, threshold)
+            np.array(options.radii), window, chosen == "published", self.mean, threshold, margin,
+            filter_model(options), sensors_of(options),
+        )  # fmt: skip
 
     def begin(self, tracks: int) -> RestartedFilters:
         """Return filters without meaning; see `MeasurementDecider.begin`."""
@@ -88,7 +216,7 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
         """Advance filters and statements; see `MeasurementDecider.step`."""
         run_compiled(step_restarted, state, measurements, self.model)
 
-    def statements(self, state: RestartedFilters, starts: NDArray[np.bool_]) -> Actions:
+    def statements(self, state: RestartedFilters, starts: BoolArray) -> Actions:
         """Return the statements; see `MeasurementDecider.statements`."""
         return state.stated.copy()
 
@@ -96,16 +224,13 @@ class RestartDecider(MeasurementDecider[RestartedFilters]):
 class GLRDecider(RestartDecider):
     """The generalized likelihood ratio of a switch at one of the last ticks, with its own filter each.
 
-    The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones 1976, "A
-    generalized likelihood ratio approach to the detection and estimation of jumps in linear systems"; the
-    window as in Lai 1995, "Sequential changepoint detection in quality control and dynamical systems".
-
-    Without a margin wrong changes are frequent, because the measurements after a switch contradict the stated
-    mode before they tell the other modes apart.
+    The statistic of a mode is the largest likelihood ratio over the start ticks. Willsky and Jones 1976, "A generalized
+    likelihood ratio approach to the detection and estimation of jumps in linear systems"; the window as in Lai 1995,
+    "Sequential changepoint detection in quality control and dynamical systems". Without a margin wrong changes are
+    frequent, because the measurements after a switch contradict the stated mode before they tell the other modes apart.
 
     Args:
-        options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and
-            "anchor_aware".
+        options, threshold, margin, window, bank: see `RestartDecider`; by default 60 ticks and "anchor_aware".
     """
 
     name, title, symbol = "glr", "GLR", "ln GLR"

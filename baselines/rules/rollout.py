@@ -1,11 +1,11 @@
 """The loop around an environment and a decider: all rollouts of the project go through it."""
 
-import dataclasses
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,12 @@ from baselines.rules.decider import Actions, Observations
 from baselines.rules.own import Asked, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import BoolArray, FloatArray, check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_track_vector_env, make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 
-DROPPED_BELOW = 0.8
-"""Finished tracks are no longer passed to the decider once fewer than this fraction are unfinished."""
+DROPPED_BELOW = 0.8  # finished tracks are no longer passed to the decider once fewer than this fraction are unfinished
 LARGEST_BATCH = 700_000_000  # bytes
 LARGEST_RESULT = 10_000_000  # segments, which need half a gigabyte
 
@@ -32,78 +31,43 @@ DECIDED = {
 """What `info` tells of a decision."""
 
 
-class VectorEnvironment(Protocol):
-    """What a rollout needs of an environment of N tracks: Gymnasium's `VectorEnv` with its arrays."""
-
-    num_envs: int
-
-    @property
-    def single_action_space(self) -> Any:
-        """Discrete actions of one track."""
-
-    @property
-    def world(self) -> Any:
-        """Arrays of the tracks, for deciders that observe more than rows."""
-
-    def reset(self, *, seed: int | None = None) -> tuple[Observations, dict[str, Any]]:
-        """Begin an episode on every track."""
-
-    def step(self, actions: Actions) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Step every track."""
-
-
 @dataclass
 class Now:
-    """The present tick of a rollout, before the decider is asked.
+    """The present tick of a rollout, before the decider is asked."""
 
-    Attributes:
-        step: number of steps so far.
-        observation: (N, width) rows of the present tick.
-        seen: what the decider will read: the rows, or what it observes of the arrays.
-        state: of the decider.
-        starts: (N,) True where an episode begins.
-        terminated: (N,) True where the last step ended an episode.
-        actions: (N,) of the last step; zeros before the first.
-        rewards: (N,) of the last step.
-        info: of the last step or the reset.
-    """
-
-    step: int
-    observation: Observations
-    seen: NDArray[Any]
-    state: Any
-    starts: NDArray[np.bool_]
-    terminated: NDArray[np.bool_]
-    actions: Actions
-    rewards: NDArray[np.float64]
-    info: dict[str, Any]
+    step: int  # number of steps so far
+    observation: Observations  # (N, width) rows of the present tick
+    seen: NDArray[Any]  # what the decider will read: the rows, or what it observes of the arrays
+    state: Any  # of the decider
+    starts: BoolArray  # (N,) True where an episode begins
+    terminated: BoolArray  # (N,) True where the last step ended an episode
+    actions: Actions  # (N,) of the last step; zeros before the first
+    rewards: FloatArray  # (N,) of the last step
+    info: dict[str, Any]  # of the last step or the reset
 
 
-def rollout(
-    env: VectorEnvironment, model: Any, seed: int, unfinished: NDArray[np.bool_] | None = None
-) -> Iterator[Now]:
+def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Now]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
-    In the body of the loop the environment is at the tick that was yielded, with the results of the last
-    step; the decider is asked and the environment stepped when the loop goes on.
+    In the body of the loop the environment is at the tick that was yielded, with the results of the last step; the
+    decider is asked and the environment stepped when the loop goes on.
 
     Args:
-        env: environment of N tracks; its autoreset mode says what follows an episode.
-        model: a decider, see `as_decider`.
+        env: Gymnasium's `VectorEnv` of N tracks, with their arrays as `world`; its autoreset mode says what follows an
+            episode.
+        model: a decider, any object with its `predict`, or a function of the observations.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
-        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no
-            longer passed to deciders that can drop tracks. Without it all count.
+        unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others are no longer passed
+            to deciders that can drop tracks. Without it all count.
     """
     decider = as_decider(model)
     ask = Asked(decider, int(env.single_action_space.n))
     rows, info = env.reset(seed=seed)
     running = np.arange(env.num_envs)  # tracks passed to the decider
     drops = unfinished is not None
-    actions = np.zeros(env.num_envs, np.int64)
-    now = Now(
-        0, rows, rows, None, np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_), actions,
-        np.zeros(env.num_envs), info,
-    )  # fmt: skip
+    actions, rewards = np.zeros(env.num_envs, np.int64), np.zeros(env.num_envs)
+    starts, terminated = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
+    now = Now(0, rows, rows, None, starts, terminated, actions, rewards, info)
     while True:
         now.seen = now.observation if decider.observes == "rows" else decider.observe(env.world)
         yield now
@@ -134,30 +98,20 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
         tracks: N, number of episodes.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
         options: see `hybrid_env.QuickestOptions`.
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
     """
     return record_together([decider], tracks, seed, **options)[0]
 
 
 def record_together(deciders: Sequence[Any], tracks: int, seed: int, **options: Any) -> list[Statements]:
     """Return `record_statements` of each of some deciders of one rule, computed together if they can be."""
-    first = check_integer("seed", seed, minimum=0)
-
-    def make() -> HybridTrackQuickestVectorEnv:
-        return HybridTrackQuickestVectorEnv(tracks, autoreset_mode="Disabled", tick_info=False, **options)
-
-    return record_in(make, deciders, first)
+    make = partial(HybridTrackQuickestVectorEnv, tracks, autoreset_mode="Disabled", tick_info=False, **options)
+    return record_in(make, deciders, check_integer("seed", seed, minimum=0))
 
 
 def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> list[Statements]:
-    """Return the statements of deciders of one rule on one episode of every track of an environment.
+    """Return the statements of deciders of one rule, together if they can be, on one episode of every track.
 
-    Args:
-        make: returns the environment, whose world has the field `true_mode`.
-        deciders: computed together if they can be.
-        seed: of the first track.
+    `make` returns the environment, whose world has the field `true_mode`; the first track has the seed.
     """
     several = type(deciders[0]).together(deciders) if len(deciders) > 1 else None
     if several is None and len(deciders) > 1:
@@ -167,8 +121,7 @@ def record_in(make: Callable[[], Any], deciders: Sequence[Any], seed: int) -> li
     stated_modes = np.empty((len(deciders), *true_modes.shape), np.int64)
     for now in rollout(env, decider, seed):
         if now.step:
-            chosen = [now.actions] if several is None else several.chosen
-            stated_modes[:, now.step - 1] = chosen
+            stated_modes[:, now.step - 1] = [now.actions] if several is None else several.chosen
         if now.step == len(true_modes):
             break
         true_modes[now.step] = env.world.field("true_mode")
@@ -188,7 +141,7 @@ def evaluate(
     All deciders face the same episodes: trajectories and noise do not depend on the decisions.
 
     Args:
-        decider: see `baselines.rules.decider.Decider`.
+        decider: a decider, any object with its `predict`, or a function of the observations.
         env_id: registered id.
         episodes: E; they run in parallel, one per track, in batches that need less than a gigabyte.
         seed: of the first episode.
@@ -196,8 +149,8 @@ def evaluate(
         options: environment options that override those of the id.
 
     Raises:
-        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was
-            trained on observations of another shape.
+        ArgumentError: the actions of the environment are not declarations of hypotheses, or the decider was trained on
+            observations of another shape.
 
     Warns:
         UserWarning: a model of Stable-Baselines3 was trained in an environment of another id.
@@ -214,11 +167,8 @@ def evaluate(
                 on_progress((finished + width * share) / episodes)
 
         batches.append(evaluate_batch(decider, env_id, count, seed + first, show, options))
-    arrays = {
-        field.name: np.concatenate([getattr(batch, field.name) for batch in batches])
-        for field in dataclasses.fields(Decisions)
-        if field.name != "delay_cost"
-    }
+    names = [name for name in vars(batches[0]) if name != "delay_cost"]
+    arrays = {name: np.concatenate([getattr(batch, name) for batch in batches]) for name in names}
     return Decisions(**arrays, delay_cost=given.delay_cost)
 
 

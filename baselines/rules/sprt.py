@@ -9,11 +9,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.msprt import CLIPPED_RATIO, ROBUST
-from hybrid_env.checks import check_between, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_between, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
@@ -27,9 +26,6 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
     Args:
         alpha: type I error probability, in (0, 1).
         beta: type II error probability, in (0, 1), with alpha + beta < 1; None uses alpha.
-
-    Raises:
-        ArgumentError: alpha, beta or their sum is outside its range.
     """
     alpha = check_between("alpha", alpha, 0.0, 1.0)
     if beta is None:
@@ -41,15 +37,12 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 
 
 @compiled
-def sprt_test(
-    log_likelihood: NDArray[np.float64], running: NDArray[np.bool_], reference: int, upper: float, lower: float
-) -> int:
+def sprt_test(log_likelihood: FloatArray, running: BoolArray, reference: int, upper: float, lower: float) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
     Args:
         log_likelihood: (M,) cumulative log-likelihoods since the switch, up to a common constant.
-        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in
-            place.
+        running: (M,) True for hypotheses not yet rejected; those with a ratio <= `lower` are rejected in place.
         reference: the active hypothesis q_A.
         upper: threshold A. If several ratios are >= A, the hypothesis with the largest is decided.
         lower: threshold B.
@@ -78,12 +71,7 @@ def sprt_test(
 
 @compiled
 def _test_tracks(
-    log_likelihood: NDArray[np.float64],
-    reference: NDArray[np.int64],
-    running: NDArray[np.bool_],
-    upper: float,
-    lower: float,
-    actions: NDArray[np.int64],
+    log_likelihood: FloatArray, reference: IntArray, running: BoolArray, upper: float, lower: float, actions: IntArray
 ) -> None:
     for i in range(reference.size):
         actions[i] = sprt_test(log_likelihood[i], running[i], reference[i], upper, lower) + 1
@@ -92,17 +80,13 @@ def _test_tracks(
 class SPRTDecider(Decider):
     """The test of ATE as a decider on observations.
 
-    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and
-    they are clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the
-    innovations and their variances. Its decisions differ from `ate.track` only where a ratio is within
-    float32 precision of a threshold.
+    The ratios in an observation refer to the most likely hypothesis, which the test may have rejected, and they are
+    clipped. Where a ratio is clipped, the decider accumulates the log-likelihood from the innovations and their
+    variances. Its decisions differ from `ate.track` only where a ratio is within float32 precision of a threshold.
 
     Args:
         alpha: type I error probability.
         beta: type II error probability; None uses alpha.
-
-    Raises:
-        ArgumentError: alpha, beta or their sum is outside its range.
     """
 
     name, title, symbol, default = "ate", "ATE (SPRT)", "alpha", 1e-3
@@ -117,11 +101,11 @@ class SPRTDecider(Decider):
 
     def decide(
         self, observation: Observations, state: Any, episode_start: Any
-    ) -> tuple[Actions, tuple[NDArray[np.float64], NDArray[np.bool_]]]:
+    ) -> tuple[Actions, tuple[FloatArray, BoolArray]]:
         """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected), both (N, M).
 
-        If there is no state after the first tick of a segment, the test starts from the clipped ratios with
-        all hypotheses.
+        If there is no state after the first tick of a segment, the test starts from the clipped ratios with all
+        hypotheses.
         """
         layout = Layout.of_rows(observation)
         along, across = (layout.read(observation, f"innovation_{axis}") for axis in ("along", "across"))
@@ -148,7 +132,7 @@ class SPRTDecider(Decider):
         lower, upper = math.exp(self.lower), math.exp(self.upper)
         return sprt_panel((1.0 - lower) / (upper - lower))  # Wald's thresholds solved for alpha
 
-    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
         log_likelihood = self.decide(observation, state, episode_start)[1][0]
         active = Layout.of_rows(observation).read(observation, "previous").argmax(-1)

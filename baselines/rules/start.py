@@ -1,8 +1,7 @@
 """The first estimate of a live track, from its first measurements, and the gate of the later ones.
 
-A measurement that no motion of a track explains is an error of the sensor, or a new track: it would move the
-estimate by any distance, and its velocity with it. The filters of turns are linearised there, and need not
-come back.
+A measurement that no motion of a track explains is an error of the sensor, or a new track: it would move the estimate
+by any distance, and its velocity with it. The filters of turns are linearised there, and need not come back.
 """
 
 import math
@@ -14,11 +13,8 @@ from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.core.compilation import compiled, inlined
 from hybrid_env.options import ModelOptions
 
-FEW = 3
-"""Measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it."""
-
-MANY = 10
-"""Measurements for a bank that starts at a switch: the centre of its turns follows from the estimate."""
+FEW = 3  # measurements for a bank that runs on: it knows how inaccurate its estimate is, and corrects it
+MANY = 10  # measurements for a bank that starts at a switch: the centre of its turns follows from the estimate
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -30,20 +26,15 @@ def unit_noise(options: ModelOptions) -> FloatArray:
 def line_estimate(
     ticks: IntArray, points: FloatArray, options: ModelOptions, noises: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Fit a straight line to measurements by least squares, and evaluate it at the last one.
+    """Fit a straight line to m measurements (m, 2) [m] by least squares, and evaluate it at the last one.
 
-    The covariance has three parts: the noise of the measurements, the process noise, and the turns of the
-    bank. The acceleration of a turn is across the velocity and constant, and all modes are equally probable.
-
-    Args:
-        ticks: (m,) tick of each measurement, increasing.
-        points: (m, 2) measurements [m].
-        options: of the model.
-        noises: (m, 3) covariance xx, xy, yy of each measurement [m^2]; None is variance R.
+    The covariance has three parts: the noise of the measurements, xx, xy, yy [m^2] in `noises`, (m, 3), by default
+    variance R; the process noise; and the turns of the bank. The acceleration of a turn is across the velocity and
+    constant, and all modes are equally probable.
 
     Returns:
-        Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about
-        the velocity: it is 0, with an infinite variance.
+        Estimate [x, vx, y, vy] [m, m/s] and its covariance, (4, 4). A single measurement tells nothing about the
+        velocity: it is 0, with an infinite variance.
     """
     noises = np.tile(unit_noise(options), (len(ticks), 1)) if noises is None else noises
     matrices = noises[:, [[0, 1], [1, 2]]]
@@ -74,16 +65,9 @@ def line_estimate(
 class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
 
-    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the
-    object turns by a large angle in a tick, many if the measurements are noisy.
-
-    Args:
-        options: of the model.
-        most: largest number of measurements.
-
-    Attributes:
-        estimate, covariance: see `line_estimate`; NaN and infinite before the first measurement.
-        complete: whether a track can begin with the estimate.
+    The line is fitted to the last of them, as many as give the smallest variance of the velocity: few if the object
+    turns by a large angle in a tick, many, up to `most`, if the measurements are noisy. `estimate` and `covariance` are
+    NaN and infinite before the first measurement; `complete` tells whether a track can begin with them.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -125,9 +109,7 @@ class FirstMeasurements:
 DEVIATIONS = 10.0
 """Default distance from the nearest predicted position, in standard deviations, that is still accepted."""
 
-PATIENCE = 5
-"""Measurements outside of the gate, after which the track begins again: the object is elsewhere."""
-
+PATIENCE = 5  # measurements outside of the gate, after which the track begins again: the object is elsewhere
 LARGEST_TURN = 1.0  # angle in a tick [rad] above which a turn is no explanation of a measurement
 
 
@@ -141,27 +123,15 @@ def _squared_distance(dx: float, dy: float, xx: float, xy: float, yy: float, all
 
 @compiled
 def gate_distance(
-    measurement: FloatArray,
-    estimate: FloatArray,
-    covariance: FloatArray,
-    radii: FloatArray,
-    tau: float,
-    noise: FloatArray,
-    ticks: int,
-) -> float:
-    """Return the distance of a measurement from the nearest predicted position, in standard deviations.
+    measurement: FloatArray, estimate: FloatArray, covariance: FloatArray,
+    radii: FloatArray, tau: float, noise: FloatArray, ticks: int,
+) -> float:  # fmt: skip
+    """Return the distance of a measurement (2,) from the nearest predicted position, in standard deviations.
 
-    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick.
-
-    Args:
-        measurement: (2,) [m].
-        estimate: (4,) [x, vx, y, vy] one tick before [m, m/s].
-        covariance: (4, 4) of the estimate.
-        radii: (n,) [m].
-        tau: length of a tick [s].
-        noise: (3,) covariance xx, xy, yy of the measurement [m^2].
-        ticks: since the estimate was right for certain. What turns in the ticks before the last one can have
-            added to the distance from a straight line does not count, unless they would be as large.
+    Predicted are straight motion and the turns of the bank, but no turn by a large angle in a tick, from an estimate
+    (4,) one tick before and its covariance (4, 4). `noise` is the covariance xx, xy, yy of the measurement [m^2]. What
+    turns in the ticks since the estimate was right for certain, before the last one, can have added to the distance
+    from a straight line does not count, unless they would be as large.
     """
     P = covariance
     xx = P[0, 0] + 2.0 * tau * P[0, 1] + tau * tau * P[1, 1] + noise[0]

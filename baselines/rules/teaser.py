@@ -1,11 +1,10 @@
 """TEASER, a rule of early classification of time series, on the posterior of the bank.
 
-Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge
-Discovery 34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what
-resembles right predictions, and v equal accepted predictions in a row are declared. Here every tick is a
-checkpoint, the bank is the classifier, and its error probability, which tells as much as all its probabilities do, has
-a one-class test in one dimension: a quantile of right predictions. A one-class support vector machine, as
-published, would also refuse predictions that are surer than most.
+Schaefer & Leser (2020), "TEASER: early and accurate time series classification", Data Mining and Knowledge Discovery
+34. A classifier predicts at each of some checkpoints, a one-class test of the checkpoint accepts what resembles right
+predictions, and v equal accepted predictions in a row are declared. Here every tick is a checkpoint, the bank is the
+classifier, and the one-class test of its error probability is a quantile of right predictions. A one-class support
+vector machine, as published, would also refuse predictions that are surer than most.
 """
 
 import functools
@@ -21,22 +20,13 @@ from hybrid_env.checks import BoolArray, FloatArray, check_array, check_integer,
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-ACCEPTED = 0.95
-"""Share of the right predictions of a checkpoint that its test accepts; 1 less the published nu."""
-FEWEST = 100
-"""Checkpoints with fewer right predictions have the limit of the last one before."""
+ACCEPTED = 0.95  # share of the right predictions of a checkpoint that its test accepts; 1 less the published nu
+FEWEST = 100  # checkpoints with fewer right predictions have the limit of the last one before
 FITTING_EPISODES = 1000
 
 
 def accepted_errors(paths: PosteriorPaths) -> FloatArray:
-    """Return the largest log error probability that the test of each tick accepts, (T,).
-
-    Args:
-        paths: simulated segments without early decisions.
-
-    Raises:
-        ArgumentError: there are too few of them.
-    """
+    """Return the largest log error probability that the test of each tick accepts, (T,), from simulated segments."""
     limits: list[float] = []
     for tick in range(paths.log_error_probability.shape[1]):
         right = paths.correct[:, tick] & (paths.length > tick)
@@ -55,9 +45,6 @@ class TeaserDecider(PosteriorRule):
         limits: (T,) from `accepted_errors`. The last value holds for all later ticks.
         predictions: v, number of equal accepted predictions.
         by: what has to be correct, as in the paths of the limits.
-
-    Raises:
-        ArgumentError: the limits are not finite numbers, or v is not a positive integer.
     """
 
     name, title, symbol, default = "teaser", "TEASER", "predictions", 12

@@ -5,10 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.rules.decider import UNKNOWN, Actions, DeciderFamily, Observations, RowRule
-from hybrid_env.checks import check_number, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_number, reject
 from hybrid_env.core.compilation import compiled
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
@@ -16,12 +15,7 @@ from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
 @compiled
 def _choose(
-    log_probability: NDArray[np.float64],
-    stated: Actions,
-    started: NDArray[np.bool_],
-    threshold: float,
-    release: float,
-    actions: Actions,
+    log_probability: FloatArray, stated: Actions, started: BoolArray, threshold: float, release: float, actions: Actions
 ) -> None:
     """Write the next statements; see `ThresholdDecider.choose`. The thresholds are logarithms."""
     for i in range(stated.size):
@@ -33,14 +27,9 @@ def _choose(
 
 @compiled
 def _choose_by_rows(
-    observation: Observations,
-    modes: int,
-    columns: tuple[int, int],
-    scale: float,
-    threshold: float,
-    release: float,
-    actions: Actions,
-) -> None:
+    observation: Observations, modes: int, columns: tuple[int, int], scale: float,
+    threshold: float, release: float, actions: Actions,
+) -> None:  # fmt: skip
     """Write the next statements from rows. columns: the first of the log probabilities, of the statement."""
     tracks = observation.shape[0]
     log_probability = np.empty((tracks, modes))
@@ -68,16 +57,11 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
 class ThresholdDecider(RowRule):
     """Changes its statement to the most probable mode when that is probable enough.
 
-    Between the two thresholds the last statement is kept, so that it does not alternate while two modes are
-    about equally probable.
+    Between the two thresholds the last statement is kept, so that it does not alternate between two probable modes.
 
     Args:
         threshold: smallest probability of a mode to which the statement changes, 0 to 1.
-        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no
-            effect.
-
-    Raises:
-        ArgumentError: an argument is out of range.
+        release: largest probability of the stated mode at which the statement may change, 0 to 1; 1 has no effect.
     """
 
     name, task, title = "threshold", UNKNOWN, "IMM threshold"
@@ -109,19 +93,17 @@ class ThresholdDecider(RowRule):
         """Return the panel of `evidence`."""
         return probability_panel("bank", self.threshold)
 
-    def choose(self, log_probability: NDArray[np.float64], stated: Actions, started: NDArray[np.bool_]) -> Actions:
-        """Return the next statements of N tracks, (N,).
+    def choose(self, log_probability: FloatArray, stated: Actions, started: BoolArray) -> Actions:
+        """Return the next statements of N tracks, (N,), from log probabilities of the modes, (N, M), and the last ones,
+        (N,).
 
-        Args:
-            log_probability: (N, M) logarithms of the probabilities of the modes.
-            stated: (N,) last statements.
-            started: (N,) whether there has been a statement; the first one is the most probable mode.
+        Where none has `started`, it is the most probable mode.
         """
         actions = np.empty(len(stated), np.int64)
         _choose(log_probability, stated, started, self._log_threshold, self._log_release, actions)
         return actions
 
-    def statements(self, log_probability: NDArray[np.float64]) -> NDArray[np.int64]:
+    def statements(self, log_probability: FloatArray) -> IntArray:
         """Return the statements (T, N) at every tick, from log probabilities (T, N, M)."""
         stated = np.zeros(log_probability.shape[:2], np.int64)
         for tick, values in enumerate(log_probability):
@@ -129,7 +111,7 @@ class ThresholdDecider(RowRule):
         return stated
 
 
-def read_statement(observation: Observations) -> tuple[Actions, NDArray[np.bool_]]:
+def read_statement(observation: Observations) -> tuple[Actions, BoolArray]:
     """Return the last stated mode of N tracks, (N,), and whether there has been a statement, (N,)."""
     stated = QuickestLayout.of_rows(observation).read(observation, "stated")
     return stated.argmax(-1), stated.max(-1) > 0.0

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baselines.estimation.track_filter import check_covariance
 from baselines.rules.decider import Decider
-from baselines.rules.own import Asked, as_decider
-from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance
+from baselines.rules.own import Asked, as_decider, name_of
+from baselines.rules.start import DEVIATIONS, FEW, MANY, PATIENCE, FirstMeasurements, gate_distance, unit_noise
 from hybrid_env.checks import (
     LARGEST_NUMBER,
     FloatArray,
@@ -28,26 +29,22 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, fuse
 
 LONGEST_GAP = 1000  # ticks between two measurements
-ROUNDING = 1e-9  # tolerance of an eigenvalue of a correlation matrix
-SMALLEST = 1e-300
 
 
 class OnlineEstimate(NamedTuple):
     """What is known after a measurement.
 
     Attributes:
-        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of
-            the radii.
-        decided: False while the first measurements are collected, and with announced switches from a switch
-            to the declaration of its mode; then `mode` is the one before.
+        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the order of the radii.
+        decided: False while the first measurements are collected, and with announced switches from a switch to the
+            declaration of its mode; then `mode` is the one before.
         probabilities: (M,) of the modes.
         estimate: (4,) [x, vx, y, vy] [m, m/s]; NaN before the first measurement.
-        covariance: (4, 4) of the estimate. After a single measurement nothing is known of the velocity: its
-            variances are infinite, as all are before the first measurement of a track that begins again.
-        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used
-            then.
-        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances
-            (k, 4, 4) of the k ticks since the switch by the filter of the declared mode; otherwise None.
+        covariance: (4, 4) of the estimate. After a single measurement the variances of the velocity are infinite, as
+            all are before the first measurement of a track that begins again.
+        agrees: False if no motion of the track explains the measurement, see `OnlineTracker`; it is not used then.
+        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and covariances (k, 4, 4) of
+            the k ticks since the switch by the filter of the declared mode; otherwise None.
     """
 
     mode: int
@@ -62,36 +59,34 @@ class OnlineEstimate(NamedTuple):
 class OnlineTracker:
     """A decider behind the bank of its environment, on measurements that come one at a time.
 
-    Bank, observation and decider are those of the environment: the same measurements, first estimate and
-    switches give the same rows, modes and estimates, bit for bit, as long as the gate refuses none.
+    The same measurements, first estimate and switches give the same rows, modes and estimates as in the environment,
+    bit for bit, as long as the gate refuses none.
 
-    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the
-    decider states a mode at every measurement. Probabilities, estimate and covariance are those of the bank,
-    merged over all modes.
+    With `QuickestOptions` the switch moments are unknown. The bank is the interacting multiple model; the decider
+    states a mode at every measurement. Probabilities, estimate and covariance are those of the bank, merged over all
+    modes.
 
-    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the
-    segment, the estimate is that of the filter of the last decided mode. From the declaration on, the filter
-    of the declared mode follows the object to the next switch and gives its anchor; the decider is not asked
-    and the probabilities do not change. A segment that ends undecided is decided as in the options. With
-    `follow="bank"` all filters run on, and the estimate is merged over them; with `refine_radius` mode and
-    estimate are those of the likeliest hypothesis of the declared type.
+    With `WorldOptions` the caller announces a switch by `switch`. Until the decider declares the mode of the segment,
+    the estimate is that of the filter of the last decided mode. From the declaration on, the filter of the declared
+    mode follows the object to the next switch and gives its anchor; the decider is not asked and the probabilities do
+    not change. A segment that ends undecided is decided as in the options. With `follow="bank"` all filters run on, and
+    the estimate is merged over them; with `refine_radius` mode and estimate are those of the likeliest hypothesis of
+    the declared type.
 
-    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts
-    k - 1 ticks without a measurement. Only deciders with filters of their own, whose `every_tick` is True,
-    are asked in these ticks: their filters predict, too.
+    Measurements come at multiples of the tick `tau` of the options. After a jump of k ticks the bank predicts k - 1
+    ticks without a measurement, in which only deciders with filters of their own, whose `every_tick` is True, are
+    asked.
 
     A measurement far from every predicted position is not used (`gate`): it counts as missing, and
-    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between
-    them, the object is elsewhere, and the track begins again with the next measurements. So neither an error
-    of the sensor nor a jump can lead the bank astray. With announced switches the gate is wider, since the
-    mode may be wrong or unknown.
+    `OnlineEstimate.agrees` is False. After `start.PATIENCE` of them, without two used ones in a row between them, the
+    track begins again with the next measurements. So neither an error of the sensor nor a jump can lead the bank
+    astray. With announced switches the gate is wider, since the mode may be wrong or unknown.
 
     A new object begins a track, see `begin`. Copies and pickled objects go on independently.
 
     Args:
-        options: of the environment whose model the bank uses. Options of its simulated object, such as speed,
-            noise and scheme, are not used, except `initial_error` if `begin` is given an estimate without
-            a covariance, and by deciders.
+        options: of the environment whose model the bank uses. Those of its simulated object, such as speed, noise and
+            scheme, are used only by deciders, and `initial_error` if `begin` is given an estimate without a covariance.
         decider: reads rows of that environment.
         tolerance: of the time between two measurements, as a fraction of a tick, above 0 and below 0.5.
         gate: distance from the nearest predicted position above which a measurement is not used, in standard
@@ -120,7 +115,7 @@ class OnlineTracker:
         self.tolerance = check_between("tolerance", tolerance, 0.0, 0.5)
         self.gate = None if gate is None else check_positive("gate", gate)
         self._model = np.array(options.radii), options.tau
-        self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
+        self._noise = unit_noise(options)
         prepare(gate_distance, np.zeros(2), np.zeros(4), np.zeros((4, 4)), *self._model, self._noise, 1)
         self._ask = Asked(self.decider, int(self.world.action_space().n))
         self._longest = options.longest_segment
@@ -132,24 +127,20 @@ class OnlineTracker:
     ) -> None:
         """Begin a track, and forget the last one.
 
-        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced
-        switches, and a straight line is fitted to them (`start.FirstMeasurements`). The bank begins after the
-        last of them; until then the estimate is that of the line, and all modes are equally probable.
+        Without an estimate the first measurements are collected, 3 with unknown and up to 10 with announced switches,
+        and a straight line is fitted to them. The bank begins after the last of them; until then the estimate is that
+        of the line, and all modes are equally probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement [m, m/s]; None collects.
             covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
             mode: before the first tick; None if it is not known.
-
-        Raises:
-            ArgumentError: an argument has a value that is not allowed.
         """
-        if mode is not None:
-            mode = check_integer("mode", mode, 0, self.options.hypotheses - 1)
+        known = -1 if mode is None else check_integer("mode", mode, 0, self.options.hypotheses - 1)
         if estimate is None and covariance is not None:
             raise reject("covariance", covariance, "None without an estimate")
         first = None if estimate is None else self._checked_estimate(estimate, covariance)
-        self._mode = -1 if mode is None else mode
+        self._mode = known
         self._collected: FirstMeasurements | None = None
         if first is None:
             self._collected = FirstMeasurements(self.options, MANY if self.world.announced else FEW)
@@ -166,8 +157,7 @@ class OnlineTracker:
         """Announce that the next update is the first one after a switch, also `update(None)`.
 
         Args:
-            ticks: until the next switch, which some learned deciders read; None assumes the longest segment
-                of the options.
+            ticks: until the next switch, which some learned deciders read; None assumes the longest segment.
 
         Raises:
             ArgumentError: the options have unknown switch moments, or `ticks` is out of range.
@@ -179,20 +169,17 @@ class OnlineTracker:
     def update(
         self, measurement: ArrayLike | dict[int, ArrayLike] | Fused | None, time: float | None = None
     ) -> OnlineEstimate:
-        """Process the measurement of a tick.
+        """Process the measurement of a tick, and return what is known after it.
 
         Args:
-            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a
-                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing, range
-                rate) [m, rad, m/s]; None if there is none in this tick.
+            measurement: (2,) position of variance R [m]; or what the sensors of the options measured, as a mapping from
+                their place in the list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s]; None if
+                there is none in this tick.
             time: of the measurement [s]; None is one tick after the last one.
 
-        Returns:
-            What is known after it.
-
         Raises:
-            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is
-                missing and the decider cannot do without it.
+            ArgumentError: the measurement is not finite, the time does not fit the ticks, or a measurement is missing
+                and the decider cannot do without it.
         """
         point = _checked(measurement, self.options)
         moment = None if time is None else check_number("time", time)
@@ -247,11 +234,10 @@ class OnlineTracker:
         """Return whether a motion of the track explains a measurement."""
         if self.gate is None:
             return True
-        estimate, covariance = self.world.estimate(), self.world.covariance()
-        ticks = self.world.uncertain_ticks
+        known = self.world.estimate(), self.world.covariance()
         noise = self._noise if point.covariance is None else np.array(point.covariance)
-        position = np.array(point.position)
-        return gate_distance(position, estimate, covariance, *self._model, noise, ticks) <= self.gate
+        ticks = self.world.uncertain_ticks
+        return gate_distance(np.array(point.position), *known, *self._model, noise, ticks) <= self.gate
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""
@@ -294,11 +280,9 @@ class OnlineTracker:
         return False
 
     def _line_so_far(self, collected: FirstMeasurements) -> OnlineEstimate:
-        M = self.options.hypotheses
-        return OnlineEstimate(
-            max(self._mode, 0), False, np.full(M, 1.0 / M),
-            collected.estimate.copy(), collected.covariance.copy(),
-        )  # fmt: skip
+        equal = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
+        line = collected.estimate.copy(), collected.covariance.copy()
+        return OnlineEstimate(max(self._mode, 0), False, equal, *line)
 
     def _ask_decider(self) -> int:
         """Return the action of the decider on the present row."""
@@ -317,7 +301,7 @@ class OnlineTracker:
             self._ask_decider()
         except Exception as error:
             allowed = f"one for rows of {world.environment} with {options.hypotheses} hypotheses: {error}"
-            raise reject("decider", self.decider.class_name, allowed) from error
+            raise reject("decider", name_of(self.decider), allowed) from error
 
     def _checked_estimate(self, estimate: ArrayLike, covariance: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         """Return a checked first estimate, (4,), and its covariance, (4, 4)."""
@@ -328,11 +312,7 @@ class OnlineTracker:
             x, y = position * np.broadcast_to(self.options.variances, 2)
             return mean, np.diag([x, velocity, y, velocity])
         matrix = check_array("covariance", covariance, (4, 4))
-        deviations = np.sqrt(matrix.diagonal().clip(0.0))
-        scaled = matrix / np.maximum(np.outer(deviations, deviations), SMALLEST)  # correlations
-        if not np.allclose(scaled, scaled.T) or np.linalg.eigvalsh(scaled).min() < -ROUNDING:
-            raise reject("covariance", matrix.tolist(), "a symmetric matrix without negative eigenvalues")
-        return mean, matrix
+        return mean, check_covariance("covariance", matrix, definite=False)
 
 
 def _checked(measurement: Any, options: ModelOptions) -> Fused | None:

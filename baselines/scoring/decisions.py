@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.scoring.scores import Statistic, quotient, ratio
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 RMSE = Statistic(("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length)))
 ERROR_AFTER = {
@@ -33,13 +31,13 @@ class Decisions:
         delay_cost: per tick.
     """
 
-    correct: NDArray[np.bool_]
-    type_correct: NDArray[np.bool_]
-    ticks: NDArray[np.int64]
-    forced: NDArray[np.bool_]
-    true_mode: NDArray[np.int64]
-    decided_mode: NDArray[np.int64]
-    length: NDArray[np.int64]
+    correct: BoolArray
+    type_correct: BoolArray
+    ticks: IntArray
+    forced: BoolArray
+    true_mode: IntArray
+    decided_mode: IntArray
+    length: IntArray
     squared_error: FloatArray
     delay_cost: float
 

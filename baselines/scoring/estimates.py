@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import FloatArray, IntArray
+
 RESAMPLES = 2000  # of the bootstrap
 
 
@@ -44,8 +44,8 @@ def confidence_interval(
         episodes: (E, ...) figures of each episode.
         confidence: level of the interval.
         seed: of the bootstrap.
-        of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples for which it
-            is NaN do not count.
+        of_means: the statistic (...), from means of shape (..., *episodes.shape[1:]). Resamples where it is NaN do not
+            count.
     """
     from scipy import stats  # it loads slowly
 
@@ -53,7 +53,7 @@ def confidence_interval(
         value = float(of_means(episodes.mean(0)))
         return value, value
 
-    def statistic(index: NDArray[np.int64], axis: int) -> Any:
+    def statistic(index: IntArray, axis: int) -> Any:
         return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
 
     with warnings.catch_warnings():
@@ -69,15 +69,10 @@ def confidence_interval(
 
 
 def share_interval(shares: FloatArray, confidence: float = 0.95, seed: int = 0) -> tuple[float, float]:
-    """Return the confidence interval of a mean share, as `confidence_interval`, also if no episode differs.
+    """Return the confidence interval of a mean of shares (E,), as `confidence_interval`, also if no episode differs.
 
-    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability
-    that an episode has the share 1; the mean share is at least this probability. The same holds for 0.
-
-    Args:
-        shares: (E,) share of decisions in each episode, from 0 to 1.
-        confidence: level of the interval.
-        seed: of the bootstrap.
+    If all shares are 1, every resample is equal. The interval is then Wilson's (1927) for the probability that an
+    episode has the share 1; the mean share is at least this probability. The same holds for 0.
     """
     from scipy import stats
 

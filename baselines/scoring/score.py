@@ -16,15 +16,10 @@ from baselines.scoring.timelines import NOTHING, Timeline, TimelineCounts, count
 from hybrid_env.checks import ArgumentError, check_array, check_positive, dimensions, reject
 
 HOUR = 3600.0
-MOST_BLOCKS, FEWEST_BLOCKS = 20, 10
-"""A single track is divided into so many blocks of equal time; with fewer there are no intervals."""
+MOST_BLOCKS, FEWEST_BLOCKS = 20, 10  # of equal time, of a single track; with fewer there are no intervals
 SWITCHES_OF_A_BLOCK = 2
-
-MISSING = ("NAType", "NaTType")
-"""Types of a missing mode in pandas, which is not imported."""
-
-ONE_SET = "statements"
-"""Name of statements that are given without a name."""
+MISSING = ("NAType", "NaTType")  # types of a missing mode in pandas, which is not imported
+ONE_SET = "statements"  # name of statements that are given without a name
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +27,7 @@ class TimelineScores:
     """Scores of one or several sets of statements on the same tracks.
 
     Attributes:
-        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of
-            the set.
+        scores: figures `TimelineCounts` of every track, or of every block of a single track, by the name of the set.
         timelines: of every track, by the name of the set.
         modes: names of the modes, by whose indices the timelines are.
         period: time in which false changes are counted.
@@ -90,7 +84,7 @@ class TimelineScores:
 
 
 class _Track(NamedTuple):
-    """Samples of modes on one track: times (n,), and modes (n,), None where there is none."""
+    """Times (n,) and modes (n,) of the samples of one track; None where there is no mode."""
 
     times: NDArray[Any]
     modes: list[Any]
@@ -101,24 +95,19 @@ def score(
 ) -> TimelineScores:
     """Score statements of any origin: agreement, delay, misses, false changes, with 95 % intervals.
 
-    A sample of the truth, and a statement, holds until the next one; the last time of the truth is the end of
-    the track. A list of switches with a last row at the end is therefore as good as samples. Modes are
-    numbers or strings; where the truth is None, NaN or "", nothing is scored, and where a statement is, none
-    is right. Intervals are bootstrapped over tracks, for a single track over up to 20 blocks of equal time
-    with two switches on average; with fewer than 10 blocks there are none.
+    A sample of the truth, and a statement, holds until the next one; the last time of the truth ends the track. A list
+    of switches with a last row at the end is therefore as good as samples. Modes are numbers or strings; where the
+    truth is None, NaN or "", nothing is scored, and where a statement is, none is right. Intervals are bootstrapped
+    over tracks, for a single track over up to 20 blocks of equal time with two switches on average; with fewer than 10
+    blocks there are none.
 
     Args:
-        times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of such arrays for
-            several tracks.
+        times: (n,) increasing times of the truth, numbers or datetimes (seconds); a list of them for several tracks.
         truth: (n,) true modes, or a list of such arrays.
         statements: (n,) stated modes, or a list of such arrays; of several sets a dict by their names.
         statement_times: as `statements`, with their times; None are those of the truth.
         per: time in which false changes are counted, in the unit of the times; an hour if these are seconds.
-        normal: true mode, away from which a false change is a false alarm; these are counted in the time in
-            which it is true.
-
-    Raises:
-        ArgumentError: an argument has a value or a length that is not allowed.
+        normal: true mode, away from which a false change is a false alarm, counted in the time in which it is true.
     """
     period = check_positive("per", per)
     true = _tracks("times", times, "truth", truth)
@@ -151,7 +140,8 @@ def score(
 
 def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
     """Return the tracks of one or several arrays of times and modes."""
-    if dimensions(times) == 1 and not _nested(times):
+    first = next(iter(times), 0.0) if dimensions(times) == 1 else times
+    if dimensions(times) == 1 and (isinstance(first, str) or dimensions(first) != 1):
         times, modes = [times], [modes]
     if not dimensions(times) or not isinstance(times, Sequence | np.ndarray) or not dimensions(modes):
         raise reject(name, times, "an array of times, or a list of such arrays")
@@ -163,16 +153,10 @@ def _tracks(name: str, times: Any, word: str, modes: Any) -> list[_Track]:
         if dimensions(clock) != 1:
             raise reject(place, clock, "an array of times")
         if dimensions(values) != 1 or len(values) != len(clock):
-            raise ArgumentError(
-                f"{word} has shape {np.shape(values)} for {len(clock)} {place}: expected one mode for each"
-            )
+            shape = np.shape(values)
+            raise ArgumentError(f"{word} has shape {shape} for {len(clock)} {place}: expected one mode for each")
         found.append(_Track(_times(place, clock), np.asarray(values, object).tolist()))
     return found
-
-
-def _nested(times: Any) -> bool:
-    first = next(iter(times), 0.0)
-    return not isinstance(first, str) and dimensions(first) == 1
 
 
 def _times(name: str, values: Any) -> NDArray[Any]:
@@ -233,14 +217,9 @@ def _merge(true: _Track, stated: _Track, name: str) -> Timeline:
 
 def _scores(name: str, tracks: Sequence[Timeline], normal: int | None) -> Scores:
     """Return the scores of one set, with a row for each track or each block of a single one."""
-    if len(tracks) > 1:
-        rows = np.concatenate([count_timeline(track, normal) for track in tracks])
-    else:
-        (track,) = tracks
-        count = min(MOST_BLOCKS, int((np.diff(track.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
-        blocks = None
-        if count >= FEWEST_BLOCKS:
-            shares = track.times / track.times[-1]
-            blocks = np.minimum((count * shares).astype(np.int64), count - 1)
-        rows = count_timeline(track, normal, blocks)
+    blocks, one = None, tracks[0]
+    count = min(MOST_BLOCKS, int((np.diff(one.modes) != 0).sum()) // SWITCHES_OF_A_BLOCK)
+    if len(tracks) == 1 and count >= FEWEST_BLOCKS:
+        blocks = np.minimum((count * (one.times / one.times[-1])).astype(np.int64), count - 1)
+    rows = np.concatenate([count_timeline(track, normal, blocks) for track in tracks])
     return Scores(name, "", (0.0,), TimelineCounts._fields, rows[..., None])

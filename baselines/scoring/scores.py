@@ -1,7 +1,7 @@
 """The scores of a decider: figures of every episode at every threshold, and what follows from them.
 
-Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its
-confidence interval, and the paired interval of a difference between two deciders on the same episodes.
+Every result is a function of means over episodes, a `Statistic`. One bootstrap over episodes gives its confidence
+interval, and the paired interval of a difference between two deciders on the same episodes.
 """
 
 import math
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.scoring.estimates import Estimate, confidence_interval, share_interval
+from hybrid_env.checks import FloatArray
 
-FloatArray = NDArray[np.float64]
 NOT_REACHED = 1e9  # finite, because a difference of infinities would be NaN
 
 
@@ -51,54 +51,31 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
 
 
 def at_level(measure: str, level: float, statistic: Statistic, falling: bool = False) -> Statistic:
-    """Return a statistic where the operating curve first reaches a level of a figure.
+    """Return a statistic where the operating curve first reaches a level of a figure, or falls to it if `falling`.
 
     The curve is interpolated linearly between thresholds. The value is `NOT_REACHED` beyond the level.
-
-    Args:
-        measure: the figure, which rises with the thresholds.
-        level: of the figure.
-        statistic: at every threshold.
-        falling: the figure falls with the thresholds.
     """
     sign = -1.0 if falling else 1.0
-    return Statistic(
-        (measure, *statistic.columns),
-        lambda means, *others: value_at_level(sign * means, sign * level, statistic.function(*others)),
-    )
 
+    def function(means: FloatArray, *others: FloatArray) -> FloatArray:
+        curve, values = sign * means, statistic.function(*others)
+        reached = curve >= sign * level
+        right = reached.argmax(-1)[..., None]
+        (x0, y0), (x1, y1) = (
+            [np.take_along_axis(one, index, -1)[..., 0] for one in (curve, values)]
+            for index in (np.maximum(right - 1, 0), right)
+        )
+        step = x1 - x0
+        fraction = np.where(step > 0, (sign * level - x0) / np.where(step > 0, step, 1.0), 1.0)
+        return np.where(reached.any(-1), y0 + fraction * (y1 - y0), NOT_REACHED)
 
-def value_at_level(measure: FloatArray, level: float, values: FloatArray) -> FloatArray:
-    """Return values (...) at the first threshold at which a measure reaches a level.
-
-    They are interpolated linearly from the threshold before; the value is `NOT_REACHED` below the level.
-
-    Args:
-        measure, values: (..., thresholds).
-        level: of the measure.
-    """
-    reached = measure >= level
-    right = reached.argmax(-1)
-    left = np.maximum(right - 1, 0)
-
-    def pick(values: FloatArray, index: NDArray[np.int64]) -> FloatArray:
-        return np.take_along_axis(values, index[..., None], -1)[..., 0]
-
-    step = pick(measure, right) - pick(measure, left)
-    fraction = np.where(step > 0, (level - pick(measure, left)) / np.where(step > 0, step, 1.0), 1.0)
-    crossing = pick(values, left) + fraction * (pick(values, right) - pick(values, left))
-    return np.where(reached.any(-1), crossing, NOT_REACHED)
+    return Statistic((measure, *statistic.columns), function)
 
 
 def interpolated(measure: str, level: float, column: str) -> Statistic:
-    """Return the mean of a figure where the mean of another has a level.
+    """Return the mean of a figure where the mean of another, which rises with the thresholds, has a level.
 
     The curve is interpolated linearly between thresholds and extrapolated with its first and last values.
-
-    Args:
-        measure: the other figure, which rises with the thresholds.
-        level: of this figure.
-        column: the figure.
     """
 
     def function(means: FloatArray, values: FloatArray) -> FloatArray:
@@ -152,12 +129,7 @@ class Scores:
         return np.asarray(statistic.function(*np.moveaxis(self._rows(statistic).mean(0), -2, 0)))
 
     def estimate(self, statistic: Statistic, index: int | None = None) -> Estimate:
-        """Return a statistic with its confidence interval.
-
-        Args:
-            statistic: the statistic.
-            index: of the threshold; None for a statistic of the whole curve, or of a single threshold.
-        """
+        """Return a statistic with its confidence interval at the threshold of an index, or of the whole curve."""
         rows = self._rows(statistic, index)
         found = _estimate(rows, lambda means: _number(statistic, means))
         if statistic.share and found.low == found.high and found.value in (0.0, 1.0):
@@ -172,13 +144,9 @@ class Scores:
         of_other: int | None = None,
         combine: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract,
     ) -> Estimate:
-        """Return the difference self - other on the same episodes, with its paired interval.
+        """Return the difference self - other on the same episodes, or another function, with its paired interval.
 
-        Args:
-            other: scores on the same episodes.
-            statistic: the statistic of both.
-            index, of_other: of the thresholds, see `estimate`.
-            combine: another function of both than the difference.
+        `index` and `of_other` are of the thresholds, see `estimate`.
         """
         mine, theirs = self._rows(statistic, index), other._rows(statistic, of_other)
         split = mine.shape[-1]

@@ -4,20 +4,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.scoring.scores import Statistic, mean, quotient, ratio
-from hybrid_env.checks import check_positive, reject
-
-FloatArray = NDArray[np.float64]
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, check_positive, reject
 
 COLUMNS = (
-    "right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed",
-    "undetected",
-)  # fmt: skip
-"""Figures of a track: two shares of ticks, changes to a wrong mode per 1,000 ticks, then sums. "delay" is the
-sum of the delays of the detected switches, "undetected" the number of ticks after a switch on which the new
-mode has not been stated yet."""
+    *("right", "reward", "wrong_changes", "stated_changes", "switches", "delay", "detected", "missed", "undetected"),
+)
+"""Figures of a track: means over ticks, changes to a wrong mode per 1,000 ticks, then sums, see `StatementMetrics`."""
 
 STATISTICS: dict[str, Statistic] = {
     "reward": mean("reward"),
@@ -28,13 +22,11 @@ STATISTICS: dict[str, Statistic] = {
     "wrong_changes": mean("wrong_changes"),
     "change_ratio": ratio("stated_changes", "switches"),
 }
-"""Figures by name: mean reward of a tick; share of right ticks; mean delay of the detected switches [ticks];
-share of missed switches; mean delay of all switches [ticks], where one that is not detected counts until the
-end of its segment; wrong changes per 1,000 ticks; changes of the statement per switch."""
+"""Figures by name: mean reward of a tick; share of right ticks; mean delay of the detected switches [ticks]; share of
+missed switches; mean delay of all switches [ticks], where one that is not detected counts until the end of its segment;
+wrong changes per 1,000 ticks; changes of the statement per switch."""
 
-
-TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
-"""The same of the types of motion: straight, left turn, right turn."""
+TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)  # the same of the types of motion: straight, left, right
 
 
 def _identified(prefix: str) -> dict[str, Statistic]:
@@ -44,8 +36,7 @@ def _identified(prefix: str) -> dict[str, Statistic]:
     return {"identified": share, "delay": ratio(delay, detected)}
 
 
-IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}
-"""Statistics of the identification of types and of modes: "identified" and "delay"."""
+IDENTIFICATION = {"type": _identified("type_"), "mode": _identified("")}  # statistics "identified" and "delay" of each
 
 
 class Statements(NamedTuple):
@@ -56,8 +47,8 @@ class Statements(NamedTuple):
         stated_modes: (T, N).
     """
 
-    true_modes: NDArray[np.int64]
-    stated_modes: NDArray[np.int64]
+    true_modes: IntArray
+    stated_modes: IntArray
 
 
 @dataclass(frozen=True)
@@ -70,24 +61,24 @@ class StatementMetrics:
         wrong_changes: (N,) changes of the statement to a wrong mode per 1,000 ticks.
         stated_changes: (N,) number of changes of the statement.
         switches: (N,) number of switches.
-        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first
-            tick of the new mode. A switch is detected if the new mode is stated before the next switch.
+        delays: (D,) ticks from each detected switch to the first right statement, 0 if that is at the first tick of the
+            new mode. A switch is detected if the new mode is stated before the next switch.
         delay_tracks: (D,) track of each delay.
-        missed: (N,) number of switches that are followed by another one before they are detected. An
-            undetected last switch of a track is neither detected nor missed.
-        undetected: (N,) number of ticks after a switch before the new mode is stated first. A switch that is
-            not detected counts until the next one, or until the end of the track.
+        missed: (N,) number of switches that are followed by another one before they are detected; an undetected last
+            switch does not count.
+        undetected: (N,) number of ticks after a switch before the new mode is stated first, or the next switch or the
+            end of the track comes.
     """
 
     right: FloatArray
     reward: FloatArray
     wrong_changes: FloatArray
-    stated_changes: NDArray[np.int64]
-    switches: NDArray[np.int64]
-    delays: NDArray[np.int64]
-    delay_tracks: NDArray[np.int64]
-    missed: NDArray[np.int64]
-    undetected: NDArray[np.int64]
+    stated_changes: IntArray
+    switches: IntArray
+    delays: IntArray
+    delay_tracks: IntArray
+    missed: IntArray
+    undetected: IntArray
 
     @property
     def figures(self) -> FloatArray:
@@ -95,13 +86,8 @@ class StatementMetrics:
         tracks = len(self.right)
         delay = np.bincount(self.delay_tracks, self.delays, tracks)
         detected = np.bincount(self.delay_tracks, minlength=tracks)
-        return np.stack(
-            [
-                self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches, delay,
-                detected, self.missed, self.undetected,
-            ],
-            axis=1,
-        )  # fmt: skip
+        changes = self.right, self.reward, self.wrong_changes, self.stated_changes, self.switches
+        return np.stack([*changes, delay, detected, self.missed, self.undetected], axis=1)
 
     def value(self, name: str) -> float:
         """Return a figure of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
@@ -109,13 +95,10 @@ class StatementMetrics:
         means = self.figures.mean(0)
         return float(statistic.function(*(means[COLUMNS.index(column)] for column in statistic.columns)))
 
-    def named_within(self, longest: int) -> NDArray[np.int64]:
-        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, all switches.
+    def named_within(self, longest: int) -> IntArray:
+        """Return how many new modes are stated within 0 .. longest ticks of the switch; last, how many switches count.
 
-        An undetected last switch of a track does not count.
-
-        Returns:
-            (longest + 2,) counts.
+        An undetected last switch of a track does not.
         """
         counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
@@ -163,29 +146,16 @@ def measure_statements(statements: Statements, change_cost: float = 5.0) -> Stat
 
 
 class Switches(NamedTuple):
-    """The switches of N tracks of T ticks, all of shape (S,).
+    """The switches of N tracks of T ticks, all of shape (S,)."""
 
-    Attributes:
-        begin: first tick of the new mode.
-        end: tick of the next switch, or T.
-        stated: first tick from `begin` on with a right statement, T without one. The switch is detected if
-            it is before `end`.
-        track: index of the track.
-    """
-
-    begin: NDArray[np.int64]
-    end: NDArray[np.int64]
-    stated: NDArray[np.int64]
-    track: NDArray[np.int64]
+    begin: IntArray  # first tick of the new mode
+    end: IntArray  # tick of the next switch, or T
+    stated: IntArray  # first tick from `begin` on with a right statement, T without one; detected if before `end`
+    track: IntArray  # index of the track
 
 
-def find_switches(switched: NDArray[np.bool_], right: NDArray[np.bool_]) -> Switches:
-    """Return the switches, and when each is detected.
-
-    Args:
-        switched: (T, N) True at the first tick of a new mode.
-        right: (T, N) True where the statement is right.
-    """
+def find_switches(switched: BoolArray, right: BoolArray) -> Switches:
+    """Return the switches, and when each is detected, from flags (T, N): new mode begins, statement is right."""
     ticks, tracks = switched.shape
     times = np.arange(ticks)[:, None]
     # for every tick the next one, itself included, with a right statement, and the next with a switch

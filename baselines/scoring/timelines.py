@@ -9,92 +9,57 @@ from baselines.scoring.scores import Statistic, quotient, ratio
 from baselines.scoring.statements import find_switches
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-NOTHING = -1
-"""In place of a stated mode where nothing is stated."""
+NOTHING = -1  # in place of a stated mode where nothing is stated
 
 
 class Timeline(NamedTuple):
-    """What was true and what was stated on one track at T moments, all of shape (T,).
+    """What was true and what was stated on one track at T moments, all of shape (T,)."""
 
-    Attributes:
-        times: increasing, in any unit.
-        modes: true modes.
-        stated: stated modes, `NOTHING` where nothing is stated.
-        scored: False where the truth is not known.
-        weights: time for which a moment stands; 0 where it is not scored.
-        samples: True at moments that count as samples.
-    """
-
-    times: FloatArray
-    modes: IntArray
-    stated: IntArray
-    scored: BoolArray
-    weights: FloatArray
-    samples: BoolArray
+    times: FloatArray  # increasing, in any unit
+    modes: IntArray  # true modes
+    stated: IntArray  # stated modes, `NOTHING` where nothing is stated
+    scored: BoolArray  # False where the truth is not known
+    weights: FloatArray  # time for which a moment stands; 0 where it is not scored
+    samples: BoolArray  # True at moments that count as samples
 
 
 class TimelineCounts(NamedTuple):
     """Sums over a track or a part of it, from which the figures of any set of tracks follow.
 
-    Attributes:
-        scored: time that is scored.
-        agreed: of it, time in which the statement is the true mode.
-        normal: of it, time in which the normal mode is true.
-        samples: number of samples.
-        switches: number of switches whose mode is stated or missed.
-        missed: of them, those whose mode is not stated before the next switch.
-        delay: sum of the times from each other switch to the first right statement.
-        pending: number of last switches whose mode is not stated before the track ends.
-        undetected: time between any switch and the first right statement, the next switch or the end of the
-            track, whichever is first.
-        false: changes of the statement to a mode that is not true at any moment until the next change.
-        false_alarms: of them, those away from the normal mode while it is true at all of these moments.
-        changes: changes of the statement.
-        ends: of the switches, those to the normal mode.
-        missed_ends: of these, those that are missed.
-        delay_of_ends: sum of the delays of the others of these.
-
-    Switches count if at least half of the moments until the next one are scored, changes of the statement if
-    more than half are.
+    Switches count if at least half of the moments until the next one are scored, changes if more than half are.
     """
 
-    scored: float
-    agreed: float
-    normal: float
-    samples: float
-    switches: float
-    missed: float
-    delay: float
-    pending: float
-    undetected: float
-    false: float
-    false_alarms: float
-    changes: float
-    ends: float
-    missed_ends: float
-    delay_of_ends: float
+    scored: float  # time that is scored
+    agreed: float  # of it, time in which the statement is the true mode
+    normal: float  # of it, time in which the normal mode is true
+    samples: float  # number of samples
+    switches: float  # number of switches whose mode is stated or missed
+    missed: float  # of them, those whose mode is not stated before the next switch
+    delay: float  # sum of the times from each other switch to the first right statement
+    pending: float  # number of last switches whose mode is not stated before the track ends
+    undetected: float  # time from any switch to the first right statement, the next switch or the end
+    false: float  # changes of the statement to a mode that is not true at any moment until the next change
+    false_alarms: float  # of them, those away from the normal mode while it is true at all of these moments
+    changes: float  # changes of the statement
+    ends: float  # of the switches, those to the normal mode
+    missed_ends: float  # of these, those that are missed
+    delay_of_ends: float  # sum of the delays of the others of these
 
 
 def statistics(period: float) -> dict[str, Statistic]:
     """Return the figures of a set of tracks by name; NaN where nothing is counted.
 
-    They are: share of the scored time with a right statement; mean delay of the detected switches; share of
-    the switches that are missed; mean delay of all switches, where one that is not detected counts until the
-    next one or the end of its track; false changes in a period of scored time and per 1,000 samples; false
-    alarms in a period of time in the normal mode; changes of the statement for each switch.
-
-    Args:
-        period: in which false changes are counted, in the unit of time.
+    They are: share of the scored time with a right statement; mean delay of the detected switches; share of the
+    switches that are missed; mean delay of all switches, where one that is not detected counts until the next one or
+    the end of its track; false changes in a period of scored time and per 1,000 samples; false alarms in a period of
+    time in the normal mode; changes of the statement for each switch. The period has the unit of time.
     """
     return {
         "agreement": ratio("agreed", "scored"),
-        "delay": Statistic(
-            ("delay", "switches", "missed"), lambda delay, switches, missed: quotient(delay, switches - missed)
-        ),
+        "delay": Statistic(("delay", "switches", "missed"), lambda delay, all_, missed: quotient(delay, all_ - missed)),
         "misses": ratio("missed", "switches"),
         "full_delay": Statistic(
-            ("undetected", "switches", "pending"),
-            lambda undetected, switches, pending: quotient(undetected, switches + pending),
+            ("undetected", "switches", "pending"), lambda time, others, pending: quotient(time, others + pending)
         ),
         "false_changes": ratio("false", "scored", period),
         "false_per_1000": ratio("false", "samples", 1000.0),
@@ -106,10 +71,7 @@ def statistics(period: float) -> dict[str, Statistic]:
 def count_timeline(timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None) -> FloatArray:
     """Return the `TimelineCounts` of B blocks of a track, (B, 15). Events belong to the block they begin in.
 
-    Args:
-        timeline: the track.
-        normal: mode away from which a false change is a false alarm; without one there is none.
-        blocks: (T,) number of the block of each moment; None is a single block.
+    A false change away from the `normal` mode is a false alarm. `blocks`, (T,), has the block of each moment.
     """
     times, modes, stated, scored, weights, samples = timeline
     places = np.zeros(len(times), np.int64) if blocks is None else blocks

@@ -8,7 +8,7 @@ from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
 from baselines.rules.component_filters import LAWS, ComponentFilters, anchor_rows, stated_covariance
-from baselines.rules.sensed import observe_sensed, split_sensed
+from baselines.rules.measurements import observe_sensed, split_sensed
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, Radar, Sensor
 
 TRACKS, TICKS = 9, 30
