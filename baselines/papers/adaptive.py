@@ -122,9 +122,7 @@ class GHFilter(GainFilter):
         return np.stack([np.full(self.tracks, self.g), rate])[..., None]
 
 
-DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
-"""Coefficients of the third backward difference D^3, newest value first."""
-
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
 LAGS = 5  # of H_0 to H_4
 
 

@@ -3,13 +3,12 @@
 The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal
 estimate and covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the
 likelihood ratios of all start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k is
-the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but they are not error
-probabilities, as the false-alarm rates without a turn show.
+the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but are no error probabilities, as
+the false-alarm rates without a turn show.
 
-The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta. The
-reproduction gives the distribution of the delay at four values of alpha. Delays are counted from tick 20,
-after which the turn begins. A run counts as missed if the turn is not detected within its 20 ticks; this
-includes runs with an earlier false alarm.
+The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta; here is the
+distribution of the delay, from tick 20, after which the turn begins, at four values of alpha. A run that does
+not detect the turn within its 20 ticks, also after a false alarm, has missed it.
 
 Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
 `published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one,
@@ -37,25 +36,16 @@ from hybrid_env.simulation import Simulation, simulate
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
-SWITCH = 20
-"""Number of ticks before the turn."""
-
-START = (0.0, 0.0, 0.0, 2.0)
-"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
-
+SWITCH = 20  # number of ticks before the turn
+START = (0.0, 0.0, 0.0, 2.0)  # state one tick before the first measurement, [x, vx, y, vy] [m, m/s]
 RIGHT_TURN = 2  # p = 2
 ALPHAS = (0.1, 0.05, 0.01, 0.001)
-PUBLISHED_DELAY = 12
-"""Delay of the published realisation [ticks]."""
-
+PUBLISHED_DELAY = 12  # delay of the published realisation [ticks]
 PERCENTILES = (5, 25, 50, 75, 95)
 RUNS_AT_ONCE = 256  # bounds the memory
-HORIZON = 60
-"""Length of the turn in the identification study [ticks]."""
-
+HORIZON = 60  # length of the turn in the identification study [ticks]
+# Turn radii of each bank in the identification study [m].
 IDENTIFICATION = {"3 hypotheses": (5.0,), "21 hypotheses": tuple(float(radius) for radius in range(1, 11))}
-"""Turn radii of each bank in the identification study [m]."""
-
 MEAN_DELAY = "mean delay of the detected runs"
 ONE_RUN = "one observation beside four values of alpha, which is not stated"
 PUBLISHED_TABLE = "Detection delay of the published realisation, ticks"
@@ -68,14 +58,13 @@ class Detection(NamedTuple):
     """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
 
     Attributes:
-        ticks: (n,) detection time, the first tick at which a tested hypothesis is declared, counted from 1;
-            0 if there is no detection.
-        modes: (n,) the hypothesis with the largest ratio at this tick; -1 if there is no detection.
+        ticks: (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection.
+        modes: (n,) the hypothesis with the largest ratio at this tick; -1 without a detection.
         log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
         upper: ln A.
         lower: ln B.
         accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
-            no change; 0 if this does not occur. It does not stop the detection.
+            no change, which does not stop the detection; 0 without one.
     """
 
     ticks: IntArray
@@ -196,11 +185,7 @@ def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detecti
 
 
 def delay_statistics(ticks: IntArray) -> dict[str, float]:
-    """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks].
-
-    Args:
-        ticks: (n,) detection tick of each run, 0 if there is none.
-    """
+    """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks], of detections (n,)."""
     delays = ticks[ticks > SWITCH] - SWITCH
     statistics = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
     statistics[MEAN_DELAY] = float(delays.mean()) if delays.size else math.nan
@@ -261,32 +246,26 @@ def _bootstrap_interval(ticks: IntArray, seed: int) -> FloatArray:
 
 
 def _identification(runs: int, seed: int) -> list[Finding]:
-    """Identification of the turn at an unknown time, which the paper names as future work.
-
-    All turns are equally frequent.
-    """
+    """Identification of the turn at an unknown time, all turns equally frequent; named as future work."""
     findings = []
     for name, radii in IDENTIFICATION.items():
-        turns = [(side, radius) for side in "LR" for radius in radii]
+        turns = [f"{side}{HORIZON}r{radius:g}" for side in "LR" for radius in radii]
         parts = [
-            simulate(f"S{SWITCH} {side}{HORIZON}r{radius:g}", max(runs // len(turns), 1), seed + index, start=START)
-            for index, (side, radius) in enumerate(turns)
+            simulate(f"S{SWITCH} {turn}", max(runs // len(turns), 1), seed + index, start=START).measurements
+            for index, turn in enumerate(turns)
         ]
-        measurements = np.concatenate([part.measurements for part in parts])
-        truth = np.repeat(np.arange(1, len(turns) + 1), [len(part.measurements) for part in parts])
+        truth = np.repeat(np.arange(1, len(turns) + 1), [len(part) for part in parts])
         for margin in (0.0, math.log(9.0), math.log(99.0)):
-            detection = detect_switch(measurements, START, radii=radii, alpha=0.01, margin=margin)
-            detected = detection.ticks > SWITCH
-            correct_sides = (detection.modes > len(radii)) == (truth > len(radii))
+            found = detect_switch(np.concatenate(parts), START, radii=radii, alpha=0.01, margin=margin)
+            detected = found.ticks > SWITCH
+            sides = (found.modes > len(radii)) == (truth > len(radii))
             rule = "no margin" if margin == 0.0 else f"margin ln {math.exp(margin):.0f} over every other turn"
-            findings.append(
-                Finding(
-                    f"identification of the turn, {name}, alpha = 0.01, {rule}",
-                    f"correct direction {100 * correct_sides[detected].mean():.1f} %, correct turn "
-                    f"{100 * (detection.modes == truth)[detected].mean():.1f} %, mean delay "
-                    f"{(detection.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within {HORIZON} "
-                    f"ticks {100 * (detection.ticks == 0).mean():.1f} %",
-                    "named as future work",
-                )
+            text = (
+                f"correct direction {100 * sides[detected].mean():.1f} %, correct turn "
+                f"{100 * (found.modes == truth)[detected].mean():.1f} %, mean delay "
+                f"{(found.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within {HORIZON} "
+                f"ticks {100 * (found.ticks == 0).mean():.1f} %"
             )
+            setting = f"identification of the turn, {name}, alpha = 0.01, {rule}"
+            findings.append(Finding(setting, text, "named as future work"))
     return findings

@@ -16,8 +16,8 @@ from baselines.papers.adaptive import LAGS, ConstantStepFilter, third_difference
 from hybrid_env.checks import FloatArray, check_flag, check_integer, reject
 
 LAGS_OF_POSITION = np.array([0.0, 3.0, -3.0, 1.0, 0.0])
+# Coefficients of the innovations in eq. (17) with N = 3, newest first.
 LAGS_OF_VELOCITY = np.array([0.0, 3.0, -6.0, 4.0, -1.0])
-"""Coefficients of the innovations in eq. (17) with N = 3, newest first."""
 
 
 def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:

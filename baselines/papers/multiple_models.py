@@ -34,9 +34,7 @@ from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.simulation import Simulation, simulate
 
 TAU = 0.1  # s
-VARIANCES = (1.0, 0.1, 0.01)
-"""R [m^2]."""
-
+VARIANCES = (1.0, 0.1, 0.01)  # R [m^2]
 FILTERS_AT_ONCE = 10_000  # of all tracks in one call; they fit into the cache of a processor
 MULTIPLE_MODELS = {"static": "static", "GPB1": "gpb1", "IMM": "imm", "GPB2": "gpb2"}
 
@@ -68,6 +66,9 @@ SETTINGS = (
     ),
 )  # fmt: skip
 
+# Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay: until the statement
+# is right to the end of the segment, or the whole segment. Wrong: segments that end with a wrong statement. Wrong
+# changes: of the statement to a wrong type. Kalman steps: predictions with corrections.
 METRICS = {
     "nRMSE": (Statistic(("squares",), np.sqrt), 3),
     "delay, ticks": (mean("delay"), 1),
@@ -75,10 +76,6 @@ METRICS = {
     "wrong changes in 1,000 ticks": (mean("wrong_changes"), 1),
     "Kalman steps a tick": (mean("steps"), 1),
 }
-"""Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay: until the
-statement is right to the end of the segment, or the whole segment. Wrong: segments that end with a wrong
-statement. Wrong changes: of the statement to a wrong type. Kalman steps: predictions with corrections."""
-
 COMPARED = ("nRMSE", "delay, ticks", "wrong, %")
 
 

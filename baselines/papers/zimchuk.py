@@ -24,26 +24,15 @@ from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row
 from hybrid_env.checks import FloatArray, check_integer
 
 PAPER = "Zimchuk & Kankin"
-TAU = 0.1
-"""Length of a tick [s]."""
-
-VARIANCE = 25.0
-"""R [m^2]."""
-
+TAU = 0.1  # length of a tick [s]
+VARIANCE = 25.0  # R [m^2]
 AXES = 3
-SPEED = 100.0
-"""At the start, on each axis [m/s]; no filter depends on it."""
-
+SPEED = 100.0  # at the start, on each axis [m/s]; no filter depends on it
 ACCELERATION, JERK = 20.0, 2.0  # [m/s^2] from 20 to 30 s, [m/s^3] from 50 to 70 s
+# First and last tick of each leg; tick k is at (k + 1) T.
 LEGS = {"0-20 s": (0, 200), "20-30 s": (200, 300), "30-50 s": (300, 500), "50-70 s": (500, 700)}
-"""First and last tick of each leg; tick k is at (k + 1) T."""
-
-START_SPEED = 1000.0
-"""Standard deviation of the velocity at the start of the Kalman filters [m/s]."""
-
-SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0
-"""Standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2]."""
-
+START_SPEED = 1000.0  # standard deviation of the velocity at the start of the Kalman filters [m/s]
+SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0  # standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2]
 PUBLISHED_ADAPTIVE = (3.95, 7.60, 4.12, 8.56)
 PUBLISHED_KALMAN = (3.94, 18.39, 3.64, 23.24)
 NOT_PUBLISHED = (np.nan,) * len(LEGS)
@@ -56,14 +45,14 @@ FITTED = {"20-30 s": "sigma_w was fitted to it"}
 MATRIX = "Matrix form over axis by axis, ratio of position RMSE in the plane"
 MATRIX_RUNS = 300
 CORRELATED = np.array([[0.0, 1.0], [1.0, 0.0]])
+# Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter gets the
+# mean.
 ERRORS = {
     "independent errors": VARIANCE * np.eye(2),
     "correlation of x and y 0.9": VARIANCE * (np.eye(2) + 0.9 * CORRELATED),
     "correlation of x and y -0.9": VARIANCE * (np.eye(2) - 0.9 * CORRELATED),
     "two sensors, R = 25 and 100": np.kron(np.diag([VARIANCE, 4.0 * VARIANCE]), np.eye(2)),
 }
-"""Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter
-gets the mean."""
 
 
 class Flights(NamedTuple):

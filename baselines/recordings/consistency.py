@@ -17,15 +17,9 @@ from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import FloatArray
 from hybrid_env.core.records import LANES
 
-LONGEST_CHUNK = 2048
-"""Ticks; the filters start anew at the beginning of each chunk."""
-
-CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
-"""Median of the squared length of a normalised innovation in two dimensions."""
-
-FAR = 13.8
-"""Squared length that a normalised innovation exceeds with probability 0.001."""
-
+LONGEST_CHUNK = 2048  # ticks; the filters start anew at the beginning of each chunk
+CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)  # median of the squared length of a normalised innovation in two dimensions
+FAR = 13.8  # squared length that a normalised innovation exceeds with probability 0.001
 LARGEST_RATIO = 1.5
 LARGEST_SCATTER = 3.0
 LARGEST_CORRELATION = 0.25

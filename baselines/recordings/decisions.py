@@ -23,9 +23,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, Radar
 
-VARIANCE, TICK = 0.1, 0.1
-"""Measurement variance and tick in the units of the filters."""
-
+VARIANCE, TICK = 0.1, 0.1  # measurement variance and tick in the units of the filters
 MOST_TICKS = 50  # for the first state
 FEWEST = 3  # measurements
 SURE = 0.6  # probability of a mode that counts as known

@@ -25,21 +25,13 @@ from hybrid_env.core.polar import position_noise
 from hybrid_env.core.records import LANES, MEASURED_FIELDS, lanes_of
 from hybrid_env.sensors import Radar, sensor_table
 
+# What `step_imm` reads and writes of a track.
 PASS_BLOCK = lanes_of(*MEASURED_FIELDS, ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,)))
-"""What `step_imm` reads and writes of a track."""
-
+# All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used.
 FIRST, LAST = np.uint64(0), np.uint64(LANES)
-"""All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used."""
-
-BURN_IN = 3
-"""Measurements after the start that do not count: they depend on how the velocity was found."""
-
-
-FIT_TICKS = 4096
-"""Ticks that are used; a longer recording is represented by chunks of it, evenly spread."""
-
-SHORTEST_CHUNK = 256
-"""Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q."""
+BURN_IN = 3  # measurements after the start that do not count: they depend on how the velocity was found
+FIT_TICKS = 4096  # ticks that are used; a longer recording is represented by chunks of it, evenly spread
+SHORTEST_CHUNK = 256  # ticks; every chunk forgets the velocity of the one before, and with it what it says about Q
 
 
 class Chunks(NamedTuple):

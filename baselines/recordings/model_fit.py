@@ -20,30 +20,20 @@ from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank
 
-SMALLEST_NOISE = 1e-4
-"""Smallest standard deviation of a measurement, over the median motion of a tick."""
-
+SMALLEST_NOISE = 1e-4  # smallest standard deviation of a measurement, over the median motion of a tick
+# Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
-"""Turns of a tick that are tried [rad]: 0.004 to 1.02."""
-
-PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
-"""Q tau^2 / R that are tried."""
-
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)  # Q tau^2 / R that are tried
 FIRST_DURATION = 75.0  # ticks
-NEVER = 0.0
-"""The duration of modes that only change at known switches."""
-
+NEVER = 0.0  # the duration of modes that only change at known switches
 DURATIONS = (10.0, 1e5)  # ticks
 SURE = 0.6  # probability of a mode that counts
 SHORTEST = 5  # ticks of a change that counts
 SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
 MAX_RADII = 3
 EVALUATIONS = 60  # of the simplex method
-DISTINCT = 0.25
-"""Smallest difference of the logarithms of two radii that are proposed together."""
-
-CLEARLY = 5.0
-"""Difference of log-likelihoods beyond the criterion: the filters are only an approximation."""
+DISTINCT = 0.25  # smallest difference of the logarithms of two radii that are proposed together
+CLEARLY = 5.0  # difference of log-likelihoods beyond the criterion: the filters are only an approximation
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,8 @@ from hybrid_env.sensors import Radar
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-GAP_TICKS = 20
-"""Default of the gap, in nominal ticks."""
-
-UNKNOWN_UNIT = "units"
-"""Unit of a length that the file does not name."""
+GAP_TICKS = 20  # default of the gap, in nominal ticks
+UNKNOWN_UNIT = "units"  # unit of a length that the file does not name
 
 
 @dataclass(frozen=True, eq=False)

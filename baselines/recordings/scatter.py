@@ -8,19 +8,14 @@ import numpy as np
 from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.checks import FloatArray, IntArray
 
-NORMAL_MEDIAN = 0.6744897501960817
-"""Median of |z| for a standard normal z."""
-
+NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 FEWEST = 5  # differences
 LONGEST = 2.0  # span of four or five measurements, over the median span
-FAR = 7.0
-"""An outlier is this many standard deviations from its neighbours."""
-
+FAR = 7.0  # an outlier is this many standard deviations from its neighbours
 LONGEST_BURST = 10  # measurements between two jumps that are errors of the sensor
 USUAL, FASTEST = 0.9, 5.0  # quantile of the steps, and how many times it motion may reach
 
-MOST_OUTLIERS = 0.1
-"""With a larger share far from their neighbours, the noise is not what its estimate says."""
+MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise is not what its estimate says
 
 
 def noise_estimate(grid: TickGrid) -> float | None:

@@ -16,20 +16,12 @@ from baselines.recordings.recording import Recording
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-DIVISORS = (1, 2, 3, 4, 5, 8, 10)
-"""The tick of an irregular recording is its median step divided by one of these."""
-
-SHARED = 0.05
-"""Largest share of rows that fall on the tick of another one, if a divisor allows it."""
-
-NEIGHBOURS = 5
-"""Measurements that give the local velocity."""
-
+DIVISORS = (1, 2, 3, 4, 5, 8, 10)  # the tick of an irregular recording is its median step divided by one of these
+SHARED = 0.05  # largest share of rows that fall on the tick of another one, if a divisor allows it
+NEIGHBOURS = 5  # measurements that give the local velocity
 SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
 MAX_TICKS = 5_000_000
-LATEST = 0.6
-"""Largest error of a row of a clock that jitters, over the tick."""
-
+LATEST = 0.6  # largest error of a row of a clock that jitters, over the tick
 CORRECTION = 0.2  # of the clock, over its error
 EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
 

@@ -26,20 +26,14 @@ from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number,
 
 Parameters = Mapping[str, Any]
 
+# Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use then.
 LONGEST_GAP = 4.0
-"""Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use then."""
-
+# Parameter: intensity of the process noise on the vertical axis; without it, that of the others.
 VERTICAL = "vertical q"
-"""Parameter: intensity of the process noise on the vertical axis; without it, that of the others."""
-
-START_VARIANCE = 1e4
-"""P0 = 10000 I of the thesis, for every component of the state."""
-
-PARTICLES = 500
-"""Of the particle filter."""
-
+START_VARIANCE = 1e4  # P0 = 10000 I of the thesis, for every component of the state
+PARTICLES = 500  # of the particle filter
+# Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
-"""Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
 
 
 def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
@@ -214,6 +208,7 @@ def _sound(space: dict[str, BaseDistribution], *names: str) -> Contender:
     return Contender(_sound_filter(*names), space, middle)
 
 
+# As in the thesis, with the moving average.
 THESIS: dict[str, Contender] = {
     "g-h": Contender(_gh_filter, _GAINS | _AVERAGE, {"g": 0.6, "h": 0.2, **_START}, averages=True),
     **{
@@ -221,8 +216,9 @@ THESIS: dict[str, Contender] = {
         for name in ("CV", "CA", "CJ")
     },
 }
-"""As in the thesis, with the moving average."""
 
+# Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes are
+# treated alike, as by the g-h filter, except in the last one.
 SOUND: dict[str, Contender] = {
     "IMM (CV, CA)": _sound(_INTENSITIES["CV"] | _INTENSITIES["CA"] | _SOJOURNS, "CV", "CA"),
     "CV": _sound(_INTENSITIES["CV"], "CV"),
@@ -231,17 +227,16 @@ SOUND: dict[str, Contender] = {
     "CJ": _sound(_INTENSITIES["CJ"], "CJ"),
     "CV, own q of the height": _sound(_INTENSITIES["CV"] | {VERTICAL: _log(1e-3, 1e3)}, "CV"),
 }
-"""Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
-are treated alike, as by the g-h filter, except in the last one."""
-
 _STUDENT: dict[str, BaseDistribution] = {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}
+# One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise.
 ROBUST: dict[str, Contender] = {
     "CV, Huber": _sound({"threshold": _log(1.0, 5.0)}, "CV"),
     "CV, Student-t": _sound(_STUDENT, "CV"),
     "CV, correntropy": _sound({"width": _log(1.0, 30.0)}, "CV"),
 }
-"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
 
+# Robust as well, but slow: on the data set only. The process noise is tuned, because particles are lost in manoeuvres
+# that are rare under it.
 SLOW: dict[str, Contender] = {
     "particles, Student-t": Contender(
         _particle_filter,
@@ -250,11 +245,8 @@ SLOW: dict[str, Contender] = {
         trials=16,
     )
 }
-"""Robust as well, but slow: on the data set only. The process noise is tuned, because particles are lost in
-manoeuvres that are rare under it."""
-
+# The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
 COMBINED = "IMM, Student-t"
-"""The IMM and the robust update of the Student-t CV, with the parameters that each has alone."""
 
 CONTENDERS: dict[str, Contender] = {
     **THESIS, **SOUND, **ROBUST, **SLOW, COMBINED: Contender(_sound_filter("CV", "CA"), {}, {}),

@@ -14,51 +14,24 @@ from scipy.interpolate import CubicHermiteSpline
 
 from hybrid_env.checks import FloatArray
 
-FLIGHTS = 133
-"""Number of flights of the thesis."""
-
+FLIGHTS = 133  # number of flights of the thesis
+# Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height.
 SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
-"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height."""
-
-CONTROL_POINTS = 4
-"""Of a curve: cubic curves."""
-SPACING = 100.0
-"""Distance between waypoints on the curve [m]."""
-
-SHORTEST = 1500.0
-"""Length of the shortest curve that is flown [m], half a minute of flight."""
-
-GRAVITY = 9.81
-"""[m/s^2]."""
-
-SPEED = 51.0
-"""Commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis."""
-
-LARGEST_FORCE = 2.5 * GRAVITY
-"""Largest thrust per mass [m/s^2]."""
-
+CONTROL_POINTS = 4  # of a curve: cubic curves
+SPACING = 100.0  # distance between waypoints on the curve [m]
+SHORTEST = 1500.0  # length of the shortest curve that is flown [m], half a minute of flight
+GRAVITY = 9.81  # [m/s^2]
+SPEED = 51.0  # commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis
+LARGEST_FORCE = 2.5 * GRAVITY  # largest thrust per mass [m/s^2]
+# Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2].
 SMALLEST_FORCE = 0.2 * GRAVITY
-"""Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2]."""
-
 LARGEST_TILT = math.radians(60.0)
-DRAG = 0.0016
-"""Drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s."""
-
-FORCE_LAG = 0.2
-"""Time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt."""
-
-VELOCITY_GAIN = 1.2
-"""Acceleration commanded for one metre per second of velocity error [1/s]."""
-
-CAPTURE = 40.0
-"""Distance at which a waypoint counts as passed [m]."""
-
-TIME_LIMIT = 8.0
-"""Longest time from one waypoint to the next [s]; a flight that takes longer has failed."""
-
-RECORD_STEP = 0.05
-"""Time between recorded states, and between commands of the guidance [s]."""
-
+DRAG = 0.0016  # drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s
+FORCE_LAG = 0.2  # time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt
+VELOCITY_GAIN = 1.2  # acceleration commanded for one metre per second of velocity error [1/s]
+CAPTURE = 40.0  # distance at which a waypoint counts as passed [m]
+TIME_LIMIT = 8.0  # longest time from one waypoint to the next [s]; a flight that takes longer has failed
+RECORD_STEP = 0.05  # time between recorded states, and between commands of the guidance [s]
 BATCH = 32  # attempts of flights at once
 _SAMPLES = 1001  # of a curve, for its length
 

@@ -12,21 +12,15 @@ from baselines.papers.novospaskyi.radars import Noise, Tracks, flight_errors
 from baselines.scoring.scores import Scores, mean
 from hybrid_env.checks import FloatArray
 
-HORIZONS = (1.0, 2.0, 5.0)
-"""Times ahead [s]."""
+HORIZONS = (1.0, 2.0, 5.0)  # times ahead [s]
+FEWEST = 3  # measurements of a track before its forecasts count
+REGION = 0.95  # probability of the stated region of a forecast
 
-FEWEST = 3
-"""Measurements of a track before its forecasts count."""
-
-REGION = 0.95
-"""Probability of the stated region of a forecast."""
-
+# Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of true
+# positions within the stated regions; the RMSE are means over the axes, see `flight_errors`.
 COLUMNS = (
     "position", "velocity", *(f"ahead {h:g}" for h in HORIZONS), *(f"covered {h:g}" for h in HORIZONS),
 )  # fmt: skip
-"""Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of
-true positions within the stated regions; the RMSE are means over the axes, see `flight_errors`."""
-
 STATISTICS = {name: mean(name) for name in COLUMNS}
 
 

@@ -29,15 +29,10 @@ from hybrid_env.checks import FloatArray, check_integer, reject
 
 Progress = Callable[[str, int, int], None]
 Calls = Mapping[Any, Callable[[], Any]]
+# Runs independent calls by name, and calls back with the name of each that has ended.
 Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
-"""Runs independent calls by name, and calls back with the name of each that has ended."""
-
-TRIALS = 60
-"""Trials of each tuning."""
-
-RUNS = 10
-"""Seeds of the noise on the test flights."""
-
+TRIALS = 60  # trials of each tuning
+RUNS = 10  # seeds of the noise on the test flights
 PART = 10  # trials of a tuning in one call
 
 

@@ -24,6 +24,7 @@ METRICS = ("position RMSE, m", "position MAE, m", "velocity RMSE, m/s", "velocit
 UNFILTERED = "no filter"
 TABLES: dict[Noise, str] = {"gaussian": "Table 3.5, Gaussian noise", "levy": "Table 3.6, Levy noise"}
 
+# Tables 3.5 and 3.6: errors of the test flights, in the order of `METRICS`.
 TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
     "gaussian": {
         UNFILTERED: (12.512, 9.930, 24.042, 22.327),
@@ -40,8 +41,9 @@ TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
         "KF CJ": (31.439, 19.797, 19.585, 12.927),
     },
 }
-"""Tables 3.5 and 3.6: errors of the test flights, in the order of `METRICS`."""
 
+# Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window` and `ratio`
+# (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans old.
 PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
     "gaussian": {
         "g-h": {"g": 0.737, "h": 0.316, "window": 2, "ratio": 0.03},
@@ -56,19 +58,11 @@ PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
         "KF CJ": {"variances": (52233.5, 26116.7, 104466.9), "q": 1.274, "window": 12, "ratio": 0.05},
     },
 }
-"""Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window`
-and `ratio` (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans
-old."""
-
 BY_CONSTRUCTION = "noise and averaging were chosen from this row"
 
-LIMIT_CV = "KF CV, R = 0"
-"""KF CV with the published parameters but hardly any R."""
-
+LIMIT_CV = "KF CV, R = 0"  # KF CV with the published parameters but hardly any R
 NOISE_NAMES: dict[Noise, str] = {"gaussian": "Gaussian noise", "levy": "Levy noise"}
-POSITION, VELOCITY = 0, 2
-"""Indices of the RMSE of position and velocity in `METRICS`."""
-
+POSITION, VELOCITY = 0, 2  # indices of the RMSE of position and velocity in `METRICS`
 ORDERED = ("IMM (CV, CA)", "CV", "CA", "g-h, plain", "CJ")
 
 

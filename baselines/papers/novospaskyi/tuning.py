@@ -21,11 +21,9 @@ from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_con
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks
 from hybrid_env.checks import ArgumentError, FloatArray
 
+# Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised.
 LARGEST_LOSS = 0.0075
-"""Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised."""
-
-PENALTY = 100.0
-"""Relative growth of the cost per loss above `LARGEST_LOSS`."""
+PENALTY = 100.0  # relative growth of the cost per loss above `LARGEST_LOSS`
 
 
 def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:

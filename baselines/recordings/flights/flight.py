@@ -16,14 +16,10 @@ from baselines.estimation.turns import Batch
 from baselines.recordings.projection import Projection, centred_projection
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
 
-ON_A_LINE = 2e-8
-"""A position that is closer to the line between its neighbours [deg] was computed by interpolation."""
-
+ON_A_LINE = 2e-8  # A position that is closer to the line between its neighbours [deg] was computed by interpolation
 FEWEST = 50  # positions of a flight
 
-LONGEST_STEP = 60.0
-"""A flight is divided where two positions are further apart in time [s]. Filters begin anew."""
-
+LONGEST_STEP = 60.0  # A flight is divided where two positions are further apart in time [s]. Filters begin anew.
 NO_CUT = 2**31  # positions
 CLIMB_TIME, SHORTEST_CLIMB = 5.0, 1.0  # [s]
 SHORTEST_PIECE = 20  # positions; shorter ones are not used
@@ -51,9 +47,9 @@ TIERS = {
     "stress": Tier("stress", 1.7, 0.2),  # 1 s, state vectors; special manoeuvres, outside of the totals
 }
 
-TOGETHER = ("A", "B", "C")
-"""Tiers that are also scored together."""
+TOGETHER = ("A", "B", "C")  # tiers that are also scored together
 
+# Flights that are scored by default.
 SCORED = {
     "A": (
         "savan:39b415:2", "savan:39b415:9", "savan:39b415:12", "savan:39b415:17", "rega_sg:4b43ac:0",
@@ -75,11 +71,8 @@ SCORED = {
     # parabolas of weightlessness, demonstration of low approaches, orbits of a tanker
     "stress": ("zero_gravity:38cf9b:0", "belevingsvlucht:484506:0", "inflight_refuelling:3b7777:0"),
 }  # fmt: skip
-"""Flights that are scored by default."""
-
+# Files of which most positions were computed by interpolation.
 RESAMPLED = frozenset(identity.partition(":")[0] for identity in SCORED["D"])
-"""Files of which most positions were computed by interpolation."""
-
 STRESSING = frozenset(SCORED["stress"])
 
 SPARSE = ("calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing")
@@ -87,8 +80,8 @@ GLIDERS = (
     "alpi_italiane", "alto_adige", "cevennes", "danube_valley", "franconia", "luberon", "oxford_cambridge",
     "sisteron",
 )  # fmt: skip
+# Files in which turns cannot be seen. Gliders circle faster than they are reported.
 UNUSABLE = frozenset(SPARSE + GLIDERS)
-"""Files in which turns cannot be seen. Gliders circle faster than they are reported."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
 from hybrid_env.checks import ArgumentError, reject
 
-GAP = 600.0
-"""Reports of an aircraft that are further apart in time [s] belong to different flights."""
-
+GAP = 600.0  # reports of an aircraft that are further apart in time [s] belong to different flights
 SUFFIX = ".json.gz"
 MILLISECONDS = 1e11  # larger times since 1970 are in milliseconds
 INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or the folder or wheel of it"

@@ -23,8 +23,8 @@ from hybrid_env.quickest_options import QuickestOptions
 
 TICK = 1.0  # [s]
 
+# The default environment; a flight begins at any moment of a mode that nobody knows.
 WORLD = QuickestOptions(start="random")
-"""The default environment; a flight begins at any moment of a mode that nobody knows."""
 
 
 def semi_real_flights(

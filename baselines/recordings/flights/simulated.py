@@ -56,6 +56,7 @@ class FlightWorld:
     freedom: float = 5.0
 
 
+# Ranges of the settings that differ from flight to flight in training, log-uniform.
 DRAWN = {
     "straight": (30.0, 900.0),
     "reversal": (0.05, 0.3),
@@ -66,11 +67,8 @@ DRAWN = {
     "wander_time": (8.0, 40.0),
     "freedom": (3.5, 12.0),
 }
-"""Ranges of the settings that differ from flight to flight in training, log-uniform."""
-
-
+# The other settings in training: turns and speeds have wider ranges.
 WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
-"""The other settings in training: turns and speeds have wider ranges."""
 
 
 def draw_world(generator: np.random.Generator) -> FlightWorld:

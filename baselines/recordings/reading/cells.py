@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from baselines.recordings.reading.names import SECONDS, split_unit
 from hybrid_env.checks import ArgumentError, reject
 
+# Cells without a value.
 MISSING = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "<NA>", "-nan"]
-"""Cells without a value."""
-
 MAX_TIME = 1e21  # [s]
 EPOCH = (6.3e8, 4.2e9)  # [s] since 1970: the years 1990 to 2103
 EPOCH_UNITS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")
-"""Time scales that stand where a unit may stand."""
-
+SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")  # time scales that stand where a unit may stand
 DECIMAL_COMMA = r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"
 GERMAN = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
 FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"

@@ -10,13 +10,10 @@ from baselines.recordings.reading.cells import Table, epoch_unit
 from baselines.recordings.reading.names import INDEX, ROLES, plain_name, role_of
 from hybrid_env.checks import ArgumentError, reject
 
-ONE_OBJECT = "none"
-"""Value of --object for a file with one object."""
-
+ONE_OBJECT = "none"  # value of --object for a file with one object
 PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
 HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
-LISTED = 8
-"""So many columns are listed in a message."""
+LISTED = 8  # so many columns are listed in a message
 
 
 @dataclass

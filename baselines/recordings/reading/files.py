@@ -22,22 +22,15 @@ from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
 MAX_BYTES = 250_000_000  # of a file, and of what it holds
-MAX_ROWS = 2_500_000
-"""`hybridtrack track` then needs a few gigabytes of memory at most."""
-
+MAX_ROWS = 2_500_000  # `hybridtrack track` then needs a few gigabytes of memory at most
 MAX_LINE = 50_000  # characters
 MAX_COLUMNS = 2_000
-HEAD_ROWS = 50
-"""Number of rows from which the delimiter is found."""
-
+HEAD_ROWS = 50  # number of rows from which the delimiter is found
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
-DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}
-"""Delimiters and their names in messages."""
-
-TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})
-"""Bytes that a text may have."""
+DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
+TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

@@ -16,14 +16,12 @@ from baselines.recordings.reading.names import plain_name, role_of
 from baselines.recordings.reading.read import cell_text, check_order, object_rows
 from hybrid_env.checks import ArgumentError, reject
 
+# Names of columns of modes, in the order of preference.
 MODES = (
     "mode", "modes", "true_mode", "truth", "stated", "statement", "statements", "predicted", "prediction",
     "label", "labels", "state", "states", "regime", "class", "manoeuvre", "maneuver", "phase",
 )  # fmt: skip
-"""Names of columns of modes, in the order of preference."""
-
-TRACKS = ("track", "episode")
-"""Names of columns that tell tracks apart, beside those of objects."""
+TRACKS = ("track", "episode")  # names of columns that tell tracks apart, beside those of objects
 
 
 class ModeFile(NamedTuple):

@@ -11,29 +11,16 @@ from baselines.recordings.reading.names import DEGREES, split_unit
 from hybrid_env.checks import ArgumentError, reject
 from hybrid_env.sensors import Radar
 
-MAX_VALUE = 1e12
-"""Largest absolute value of a coordinate; its powers do not overflow."""
-
+MAX_VALUE = 1e12  # largest absolute value of a coordinate; its powers do not overflow
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0  # [deg]
-SLOW = 0.01
-"""Objects move by less than this number of degrees in a second, and most of them by more metres than it."""
-
-OFFSET = 2.0
-"""Degrees are this far from 0, compared with their extent, and at least one degree."""
-
+SLOW = 0.01  # objects move by less than this number of degrees in a second, and most of them by more metres than it
+OFFSET = 2.0  # degrees are this far from 0, compared with their extent, and at least one degree
 MIN_ROWS = 8
-WINDOW = 4
-"""Rows among which the previous row of the same object is looked for."""
-
-FAR = 10.0
-"""A row is far from the previous one if another of the rows before it is this many times nearer."""
-
+WINDOW = 4  # rows among which the previous row of the same object is looked for
+FAR = 10.0  # A row is far from the previous one if another of the rows before it is this many times nearer
 FAR_SHARE = 0.25
-JUMP = 50.0
-"""A jump is this many times faster than any other step."""
-
-END_SHARE = 0.2
-"""A jump this close to an end of the recording is an error of measurement rather than another object."""
+JUMP = 50.0  # A jump is this many times faster than any other step
+END_SHARE = 0.2  # A jump this close to an end of the recording is an error of measurement rather than another object
 
 
 class Places(NamedTuple):

@@ -18,15 +18,10 @@ from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recordi
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
 from hybrid_env.sensors import Radar
 
-TAU_TOLERANCE = 1e-3
-"""Largest relative difference between a given tick and the one of the times."""
-
+TAU_TOLERANCE = 1e-3  # largest relative difference between a given tick and the one of the times
 MAX_NAME = 60  # characters of an object's name
-LISTED = 6
-"""So many columns that are not used are listed in the summary."""
-
-JITTER = 1e-3
-"""Steps that differ by more than this share of the tick are listed."""
+LISTED = 6  # so many columns that are not used are listed in the summary
+JITTER = 1e-3  # steps that differ by more than this share of the tick are listed
 
 
 @dataclass(frozen=True, eq=False)
