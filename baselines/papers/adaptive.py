@@ -38,11 +38,10 @@ class GainFilter(TrackFilter):
     """A filter of [x, v] per axis with gains: no covariance and no likelihood.
 
     Two-point start: a track has the position of its first measurement and no velocity; the second gives the
-    position z_2 and the velocity (z_2 - z_1) / t.
+    position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
 
     Attributes:
         gains: (2, B, d) or (2, B, 1) of positions [-] and velocities [1/s] at the last measurement.
-        longest_gap: time between two measurements [s] after which a track starts anew.
     """
 
     has_covariance = False
@@ -90,8 +89,7 @@ class GHFilter(GainFilter):
     """The g-h filter of positions in d dimensions.
 
     With x, v the prediction at a measurement z and t the time since the last one:
-    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`. After a longer gap without
-    measurements a track starts anew.
+    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`.
 
     Args:
         axes: number of dimensions d.
@@ -132,13 +130,9 @@ def third_difference(values: FloatArray) -> FloatArray:
 
 
 def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
-    """Products whose means identify the gain, (8, ...).
+    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
 
-    They are H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
-
-    Args:
-        position, velocity: (4, ...) last predictions, newest first [m, m/s].
-        innovation: (5, ...) last innovations, newest first [m].
+    Of the last four predictions [m, m/s] and five innovations [m], newest first.
     """
     differences = [third_difference(values) for values in (position, velocity, innovation)]
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
@@ -158,13 +152,9 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
 
 
 def noise_bias(gain: float) -> float:
-    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains.
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h = g^2 / (2 - g).
 
-    The gains are g and h = g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so
-    that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
-
-    Args:
-        gain: g, in (0, 1].
+    The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
     position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
     g, h = position, velocity

@@ -53,18 +53,15 @@ class Setting(NamedTuple):
         return np.repeat([0, 1, -1], [1, len(self.radii), len(self.radii)])
 
 
+REFINED = {"ATE": {}, "ATE, radius refined": {"refine_radius": True}}
+REWOUND = {
+    "ATE": tsyganov2019.VARIANTS[tsyganov2019.AS_PUBLISHED],
+    "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
+}
 SETTINGS = (
-    Setting(
-        golubkov2018, golubkov2018.RADII, 0.001, {"ATE": {}, "ATE, radius refined": {"refine_radius": True}}
-    ),
-    Setting(
-        tsyganov2019, (tsyganov2019.RADIUS,), 0.0,
-        {
-            "ATE": tsyganov2019.VARIANTS[tsyganov2019.AS_PUBLISHED],
-            "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
-        },
-    ),
-)  # fmt: skip
+    Setting(golubkov2018, golubkov2018.RADII, 0.001, REFINED),
+    Setting(tsyganov2019, (tsyganov2019.RADIUS,), 0.0, REWOUND),
+)
 
 # Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay: until the statement
 # is right to the end of the segment, or the whole segment. Wrong: segments that end with a wrong statement. Wrong
@@ -152,7 +149,7 @@ def _no_output(recording: Simulation) -> Tracked:
 
 def _ticks_since(lengths: IntArray) -> IntArray:
     """Return the ticks since the last switch, (T,), 1 in the first tick of a segment."""
-    return np.arange(1, lengths.sum() + 1) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return np.concatenate([np.arange(1, length + 1) for length in lengths])
 
 
 def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Tracked]]:

@@ -39,10 +39,9 @@ START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
 def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
-    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none. With
-    ratio 1 the average is (window - 1) / 2 ticks late. A missing measurement remains missing. The errors of
-    the averages are smaller than those of the measurements but correlated in time, which no filter here
-    assumes.
+    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none, and remain
+    missing. With ratio 1 the average is (window - 1) / 2 ticks late. The errors of the averages are smaller than
+    those of the measurements but correlated in time, which no filter here assumes.
 
     Args:
         measurements: (T, B, d) or (T, d) [m], NaN where there is none.
@@ -73,21 +72,13 @@ def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> 
 
 @dataclass(frozen=True)
 class Contender:
-    """A filter with the parameters that are tuned.
-
-    Attributes:
-        build: makes the filter from its parameters.
-        space: distribution of each tuned parameter.
-        start: parameters of the first trial.
-        averages: whether the measurements are averaged before the filter (parameters `window`, `ratio`).
-        trials: most trials of a tuning; None has no limit.
-    """
+    """A filter with the parameters that are tuned."""
 
     build: Callable[[Parameters], TrackFilter]
     space: Mapping[str, BaseDistribution]
-    start: Parameters
-    averages: bool = False
-    trials: int | None = None
+    start: Parameters  # of the first trial
+    averages: bool = False  # of the measurements before the filter, with the parameters `window` and `ratio`
+    trials: int | None = None  # most trials of a tuning
 
 
 def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
@@ -99,14 +90,7 @@ def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) 
 def filter_tracks(
     contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
 ) -> Filtered:
-    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts.
-
-    Args:
-        contender: the filter.
-        parameters: of the filter.
-        tracks: measurements of N flights.
-        horizons: of forecasts [s].
-    """
+    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts at horizons [s]."""
     measurements = np.swapaxes(tracks.measurements, 0, 1)
     if contender.averages:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
@@ -125,9 +109,9 @@ class ThesisKalmanFilter(KalmanFilter):
 def _thesis_filter(name: Any) -> Callable[[Parameters], TrackFilter]:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
 
-    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian
-    noise, except with the published parameters. Its "sigma_q" is taken for the variance that the function
-    of Labbe 2020 wants; as a variance it gives the velocity errors of the published order for KF CV.
+    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian noise,
+    except with the published parameters. Its "sigma_q" is taken for the variance that the function of Labbe 2020
+    wants; as a variance it gives the velocity errors of the published order for KF CV.
     """
 
     def build(parameters: Parameters) -> TrackFilter:
@@ -144,19 +128,17 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
 
 def _robust(parameters: Parameters) -> Robust | None:
     if "threshold" in parameters:
-        return Huber(threshold=parameters["threshold"])
+        return Huber(parameters["threshold"])
     if "degrees of freedom" in parameters:
-        return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
-    if "width" in parameters:
-        return Correntropy(width=parameters["width"])
-    return None
+        return StudentT(parameters["degrees of freedom"])
+    return Correntropy(parameters["width"]) if "width" in parameters else None
 
 
 def _sound_filter(*names: Any) -> Callable[[Parameters], TrackFilter]:
     """Kalman filters of some models, with several of them their IMM.
 
-    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a
-    prior of the start, and a robust update if the parameters have one.
+    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior
+    of the start, and a robust update if the parameters have one.
     """
 
     def build(parameters: Parameters) -> TrackFilter:

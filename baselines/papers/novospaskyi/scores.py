@@ -36,22 +36,16 @@ def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> Fl
 
 
 def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise) -> Scores:
-    """Return the figures of the test flights.
-
-    Args:
-        name: of the filter.
-        filtered: its estimates (K, N, n) with forecasts at `HORIZONS`.
-        data: the data set.
-        noise: of the measurements.
-    """
+    """Return the figures of the test flights, of estimates (K, N, n) with forecasts at `HORIZONS`."""
     tracks, flights = data.tracks["test"][noise], data.flights_of("test")
-    figures = [tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))]
+    errors = tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))
     ahead = [
         _forecast_figures(one, truth_ahead(flights, tracks, horizon))
         for horizon, one in zip(HORIZONS, filtered.forecasts, strict=True)
     ]
-    errors = [figures[0][:, 0], figures[0][:, 2], *(one for one, _ in ahead), *(one for _, one in ahead)]
-    return Scores(name, "", (0.0,), COLUMNS, np.stack(errors, axis=1)[..., None])
+    rmse, covered = zip(*ahead, strict=True)
+    figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
+    return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
 
 
 def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -68,16 +68,10 @@ ORDERED = ("IMM (CV, CA)", "CV", "CA", "g-h, plain", "CJ")
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that was measured.
+    """Everything that was measured, by noise and name; names of `as_published` have the published parameters."""
 
-    Attributes:
-        errors: (runs, F, 4) of each filter on F test flights, by noise and name; the values are those of
-            `METRICS`. Names of `as_published` have the published parameters.
-        parameters: tuned parameters by noise and name.
-    """
-
-    errors: dict[Noise, dict[str, FloatArray]]
-    parameters: dict[Noise, dict[str, dict[str, Any]]]
+    errors: dict[Noise, dict[str, FloatArray]]  # (runs, F, 4) on F test flights, in the order of `METRICS`
+    parameters: dict[Noise, dict[str, dict[str, Any]]]  # tuned
 
 
 def as_published(name: str) -> str:
@@ -88,13 +82,8 @@ def as_published(name: str) -> str:
 def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
     """Constant gains that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
 
-    Args:
-        variance: R of one axis [m^2].
-        process_variance: of the acceleration that is constant in a step [m^2/s^4].
-        step: time between measurements [s].
-
-    Returns:
-        The position gain g and the velocity gain times the step, h, as those of the g-h filter.
+    R of one axis [m^2], variance [m^2/s^4] of the acceleration that is constant in a step [s]; position gain g, and
+    velocity gain times the step, h, as those of the g-h filter.
     """
     index = math.sqrt(process_variance / variance) * step**2
     root = 4.0 / (4.0 + index + math.sqrt(8.0 * index + index**2))
@@ -113,12 +102,7 @@ def memory(g: float, h: float) -> float:
 
 
 def cells(results: Results, seed: int) -> tuple[Cell, ...]:
-    """Values of all tables, with the interval of a study with as many test flights.
-
-    Args:
-        results: of the study.
-        seed: of the resampling.
-    """
+    """Values of all tables, with the interval of a study with as many test flights; `seed`: of the resampling."""
     tables = {
         "{table}": {name: name for name in (UNFILTERED, *THESIS)},
         "{table}, with the published parameters": {name: as_published(name) for name in THESIS},
@@ -141,32 +125,17 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
 
 
 def findings(results: Results, seed: int, flights: int, training: int) -> tuple[Finding, ...]:
-    """Results beyond the tables.
-
-    Args:
-        results: of the study.
-        seed: of the resampling.
-        flights: number of flights.
-        training: number of flights for tuning.
-    """
+    """Results beyond the tables; `training` of the flights are for tuning."""
     runs = len(results.errors["gaussian"][UNFILTERED])
     made = [Finding("flights", f"{flights}: {training} to tune, {flights - training} to test, {runs} noise seeds")]
     for noise in NOISES:
         made += [_unfiltered(results, noise), *_orders(results, noise)]
     made += [*_anomaly(results), *_sound(results, seed), *_robust(results, seed)]
-    made += [
-        Finding(f"tuned parameters, {NOISE_NAMES[noise]}: {name}", _text(results.parameters[noise][name]))
-        for noise in NOISES
-        for name in (*THESIS, *SOUND)
-    ]
-    made += [
-        Finding(f"tuned parameters, both noises: {name}", _text(results.parameters["levy"][name])) for name in ROBUST
-    ]
+    tuned = [(noise, NOISE_NAMES[noise], name) for noise in NOISES for name in (*THESIS, *SOUND)]
+    for noise, label, name in (*tuned, *(("levy", "both noises", name) for name in ROBUST)):
+        text = ", ".join(f"{key} {value:.4g}" for key, value in results.parameters[noise][name].items())
+        made.append(Finding(f"tuned parameters, {label}: {name}", text))
     return tuple(made)
-
-
-def _text(parameters: dict[str, Any]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
 
 
 def _means(errors: dict[str, FloatArray], metric: int) -> dict[str, float]:
@@ -209,24 +178,21 @@ def _anomaly(results: Results) -> list[Finding]:
     for noise in NOISES:
         shown = [results.errors[noise][name] for name in (as_published("KF CV"), LIMIT_CV, "KF CV")]
         velocities, positions = ([values[..., metric].mean() for values in shown] for metric in (VELOCITY, POSITION))
-        made.append(
-            Finding(
-                f"KF CV with the published R and Q, {NOISE_NAMES[noise]}",
-                "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
-                "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(*velocities, *positions),
-                "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"]),
-            )
+        text = (
+            "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
+            "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(*velocities, *positions)
         )
+        claim = "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"])
+        made.append(Finding(f"KF CV with the published R and Q, {NOISE_NAMES[noise]}", text, claim))
         parameters = PARAMETERS[noise]["KF CV"]
         for label, variance in (("published R", parameters["variances"][0]), ("true R", SIGMA**2)):
             g, h = steady_gains(variance, parameters["q"], PERIOD / RADARS)
-            made.append(
-                Finding(
-                    f"KF CV gains on x, published Q, {label} = {variance:.3g} m^2, {NOISE_NAMES[noise]}",
-                    f"position {g:.4f}, velocity {h:.4f} / t; a velocity error is multiplied by up to "
-                    f"{memory(g, h):.4f} at every measurement (1 and 2 / t would keep it for ever)",
-                )
+            text = (
+                f"position {g:.4f}, velocity {h:.4f} / t; a velocity error is multiplied by up to "
+                f"{memory(g, h):.4f} at every measurement (1 and 2 / t would keep it for ever)"
             )
+            name = f"KF CV gains on x, published Q, {label} = {variance:.3g} m^2, {NOISE_NAMES[noise]}"
+            made.append(Finding(name, text))
     return made
 
 
@@ -238,15 +204,11 @@ def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
 def _sound(results: Results, seed: int) -> list[Finding]:
     errors = results.errors["gaussian"]
     start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
+    order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
+    share = _share(errors["CV"], errors[UNFILTERED], seed)
     return [
-        Finding(
-            "sound CV: position RMSE as a share of no filter, Gaussian noise",
-            _share(errors["CV"], errors[UNFILTERED], seed),
-        ),
-        Finding(
-            "sound settings: order by position RMSE, Gaussian noise",
-            _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m"),
-        ),
+        Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share),
+        Finding("sound settings: order by position RMSE, Gaussian noise", order),
         Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
 
