@@ -3,9 +3,8 @@
 A recording (`recording`, read by `reading`) in its own units becomes uniform ticks (`ticks`), without
 outliers (`scatter`). `model_fit` finds noise, radii and durations by maximum likelihood of the innovations,
 which `imm_pass` computes on chunks of the recording side by side. `decisions` finds the first state and runs
-a decider over the ticks; `consistency` says whether the model fits.
-
-A piece is a part of a recording between two gaps or two switches. A chunk is what is cut for a lane.
+a decider over the ticks; `consistency` says whether the model fits. A piece is a part of a recording between
+two gaps or two switches. A chunk is what is cut for a lane.
 
 `ate` is adaptive trajectory estimation, which decides the mode of each segment at known switch times: that of
 the papers, with the published bank on arrays of measured positions, which `arrays` checks.

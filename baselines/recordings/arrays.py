@@ -14,29 +14,17 @@ from hybrid_env.limits import check_variances, check_within
 
 
 class Filters(NamedTuple):
-    """A bank and its model, as arguments of compiled functions. A recording uses the first lane.
+    """A bank and its model, as arguments of compiled functions. A recording uses the first lane."""
 
-    Attributes:
-        bank: bank of one block.
-        radii: (n,) turn radii [m].
-        model: length of a tick and noise variances.
-    """
-
-    bank: PublishedBank
-    radii: FloatArray
+    bank: PublishedBank  # of one block
+    radii: FloatArray  # (n,) [m]
     model: FilterModel
 
 
 def make_filters(
     radii: FloatArray, tau: float, process_variance: float, measurement_variance: float | ArrayLike
 ) -> Filters:
-    """Create the published bank and its model for recordings.
-
-    Args:
-        radii: (n,) turn radii [m], already checked.
-        tau: length of a tick [s], already checked.
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
+    """Return the published bank and its model. Radii (n,) [m] and tick [s] are checked already.
 
     Raises:
         ArgumentError: a variance has a value that is not allowed.

@@ -51,19 +51,17 @@ class Consistency:
 
     def warnings(self, model: TrackModel) -> list[str]:
         """Return a plain sentence for everything that does not fit."""
-        found = []
-        scatter = 1.0 if math.isnan(self.scatter) else self.scatter
         if self.count < FEWEST:
             return [f"only {self.count} innovations: whether the model fits cannot be checked"]
-        if not 1.0 / LARGEST_SCATTER <= scatter <= LARGEST_SCATTER:
-            found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
+        found = []
+        given, better = (", ".join(f"{radius:.4g}" for radius in some) for some in (model.radii, model.better_radii))
+        if self.scatter > LARGEST_SCATTER or self.scatter < 1.0 / LARGEST_SCATTER:
+            found.append(f"the measurements scatter {_times(self.scatter)} what R says: check units and R")
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
             found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
-        given = ", ".join(f"{radius:.4g}" for radius in model.radii)
-        if not found and model.better_radii:
-            radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
-            found.append(f"turns of radius {given} do not explain the recording, {radii} does: check units and radii")
-        elif not found and not model.turns and "radii" not in model.estimated:
+        elif better:
+            found.append(f"turns of radius {given} do not explain the recording, {better} does: check units and radii")
+        elif not model.turns and "radii" not in model.estimated:
             found.append(
                 f"turns of radius {given} explain the recording no better than straight motion: check units "
                 "and radii, if there are turns"
@@ -83,13 +81,7 @@ def _times(ratio: float) -> str:
 
 
 def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()) -> Consistency:
-    """Return the normalised innovations of a recording and what they say about a model.
-
-    Args:
-        grid: the recording on ticks.
-        model: of the recording.
-        lengths: ticks between known switches.
-    """
+    """Return what the normalised innovations of a recording, of `lengths` between known switches, say of a model."""
     scale = math.sqrt(model.measurement_variance)
     longest = max(min(LONGEST_CHUNK, -(-grid.total // LANES)), SHORTEST_CHUNK)
     places = cut(grid, longest)

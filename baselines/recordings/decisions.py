@@ -30,12 +30,7 @@ SURE = 0.6  # probability of a mode that counts as known
 
 
 class ModelUnits(NamedTuple):
-    """Scales from the units of a recording to those of the filters.
-
-    Attributes:
-        length: of lengths.
-        velocity: of velocities.
-    """
+    """Scales from the units of a recording to those of the filters, of lengths and velocities."""
 
     length: float
     velocity: float
@@ -45,11 +40,6 @@ class ModelUnits(NamedTuple):
         """Return the units in which R and tick are those of the filters."""
         length = math.sqrt(VARIANCE / model.measurement_variance)
         return cls(length, length * model.tau / TICK)
-
-    @property
-    def state(self) -> FloatArray:
-        """Scales of [x, vx, y, vy]."""
-        return np.array([self.length, self.velocity, self.length, self.velocity])
 
     def options(self, model: TrackModel, radar: Radar | None = None) -> dict[str, object]:
         """Return the options of an environment with the model of a recording, and with its radar."""
@@ -69,8 +59,7 @@ class TickDecisions:
 
     Attributes:
         modes: (T,) stated or last decided mode. Ticks before the first decision have its mode.
-        decided: (T,) False before the first statement, and with known switches before the decision of a
-            piece.
+        decided: (T,) False before the first statement, and with known switches before that of a piece.
         probabilities: (T, M) of the modes.
         estimates: (T, 4) [x, vx, y, vy].
         covariances: (T, 4, 4); infinite for the velocity after a single measurement.
@@ -134,7 +123,7 @@ def _decide_piece(
     start: FloatArray | None,
 ) -> TickDecisions:
     units = ModelUnits.of(model)
-    scales, origin = units.state, np.zeros(4)
+    scales, origin = np.array([*units, *units]), np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])
     origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
     points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
@@ -184,28 +173,21 @@ def _begin_from_first(tracker: OnlineTracker, points: FloatArray, rates: FloatAr
     An announced switch begins the first piece, whatever the mode before it.
     """
     options: Any = tracker.options
-    hazard = 0.0 if lengths else options.assumed_hazard
     known = slice(lengths[0] if lengths else None)
-    state = first_state(points[known], options, hazard, rates[known])
-    if state is None:
-        tracker.begin()
-    else:
-        estimate, covariance, mode = state
-        tracker.begin(estimate, covariance, None if lengths else mode)
+    state = first_state(points[known], options, 0.0 if lengths else options.assumed_hazard, rates[known])
+    estimate, covariance, mode = state or (None, None, None)
+    tracker.begin(estimate, covariance, None if lengths else mode)
 
 
 def _decide_pieces(found: TickDecisions, options: Any) -> None:
     """Write modes and decisions of pieces of known lengths; one without a decision is as in the options."""
     for piece in found.pieces:
         first, end = piece[:2]
-        decided = np.flatnonzero(found.decided[first:end])
+        piece[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
         if decided.size:
-            when = first + decided[0]
-            piece[2:] = found.modes[end - 1], when
+            piece[3] = first + decided[0]
         elif options.undecided == "likeliest":
             piece[2] = found.probabilities[end - 1].argmax()
-        else:
-            piece[2] = found.modes[end - 1]
 
 
 def _with_runs(found: TickDecisions) -> TickDecisions:
@@ -231,14 +213,9 @@ def first_state(
     measurements are thus used twice, for the start and for the decisions, which a recording allows and a live
     sensor does not.
 
-    Args:
-        measurements: (T, 2) [m], the first one measured, NaN without a measurement. At most 50 are used.
-        options: of the model.
-        hazard: probability of a switch in a tick, 0 if there is none in these ticks.
-        rates: (T,) range rates, if the sensor of the options is a radar.
-
-    Returns:
-        Estimate (4,) [x, vx, y, vy] [m, m/s], covariance (4, 4), and mode, None if none is probable enough.
+    Of the measurements (T, 2) [m], the first one measured, NaN without one, at most 50 are used. The hazard is the
+    probability of a switch in a tick. Range rates (T,) are those of a radar. The result is the estimate (4,)
+    [x, vx, y, vy] [m, m/s], its covariance (4, 4), and the mode, None if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:
@@ -248,12 +225,9 @@ def first_state(
     if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
         rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
         chunks = make_chunks([backwards], None, [rates], options.sensors[0])
-    variances = np.broadcast_to(options.variances, 2)
+    x, y = map(float, np.broadcast_to(options.variances, 2))
     radii, M = np.array(options.radii), options.hypotheses
-    model = FilterModel(
-        options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
-        hazard / (M - 1),
-    )  # fmt: skip
+    model = FilterModel(options.tau, options.process_variance, x, y, 1.0 - hazard, hazard / (M - 1))
     output = recorded_pass(chunks, radii, model)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)

@@ -7,8 +7,9 @@ not matter. The model is that of the interacting multiple model bank (`imm_pass`
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -49,8 +50,7 @@ class TrackModel:
         tau: tick.
         estimated: names of the attributes above that were not given.
         turns: whether turns of these radii explain the recording better than straight motion alone.
-        better_radii: radii proposed by the recording that explain it better than the given ones; empty if
-            there are none.
+        better_radii: proposed by the recording, which they explain better than the given ones; or none.
     """
 
     radii: tuple[float, ...]
@@ -228,7 +228,7 @@ def _straight(likelihood: _Likelihood, best: _Parameters, free: list[str], limit
     return value if value < limit - 50.0 else likelihood(_refine(likelihood, start, noises))
 
 
-def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters]) -> tuple[_Parameters, float]:
+def _best(likelihood: _Likelihood, points: list[_Parameters]) -> tuple[_Parameters, float]:
     values = [likelihood(point) for point in points]
     k = int(np.argmax(values))
     return points[k], values[k]
@@ -238,32 +238,30 @@ def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Pa
     """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
     from scipy.optimize import minimize  # it loads slowly
 
-    def parameters(vector: FloatArray) -> _Parameters:
-        values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))
-        if "process" in values:
-            values["process"] = max(values["process"], SMALLEST_PROCESS_NOISE)
-        changes: dict[str, object] = dict(values)
-        if "radii" in free:
-            changes["radii"] = tuple(np.exp(np.clip(vector[len(names) :], -60.0, 60.0)).tolist())
-        return replace(start, **changes)  # type: ignore[arg-type]
-
     names = [name for name in free if name != "radii"]
-    first = [math.log(getattr(start, name)) for name in names]
-    if "radii" in free:
-        first += [math.log(radius) for radius in start.radii]
-    if not first:
+    radii = start.radii if "radii" in free else ()
+    origin = np.array([math.log(value) for value in (*(getattr(start, name) for name in names), *radii)])
+    if not origin.size:
         return start
-    origin = np.array(first)
-    simplex = np.vstack([origin, origin + np.diag([_STEPS.get(name, 0.2) for name in names]
-        + [0.2] * (len(first) - len(names)))])  # fmt: skip
+
+    def parameters(vector: FloatArray) -> _Parameters:
+        values = np.exp(np.clip(vector, -60.0, 60.0)).tolist()
+        changes: dict[str, Any] = dict(zip(names, values, strict=False))
+        if "process" in changes:
+            changes["process"] = max(changes["process"], SMALLEST_PROCESS_NOISE)
+        if radii:
+            changes["radii"] = tuple(values[len(names) :])
+        return replace(start, **changes)
+
+    steps = [{"variance": 0.3, "process": 1.0}[name] for name in names] + [0.2] * len(radii)
     result = minimize(
         lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.1, "xatol": 0.1},
+        options={
+            "initial_simplex": np.vstack([origin, origin + np.diag(steps)]), "maxfev": EVALUATIONS, "fatol": 0.1,
+            "xatol": 0.1,
+        },
     )  # fmt: skip
     return parameters(result.x)
-
-
-_STEPS = {"variance": 0.3, "process": 1.0}
 
 
 def _counted_duration(chunks: Chunks, model: _Parameters) -> float:

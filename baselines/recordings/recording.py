@@ -85,11 +85,8 @@ def make_recording(
         tau: duration of a tick [s] of a recording without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
-        unit: unit of length.
+        unit, epoch, projection, radar, rates: see `Recording`.
         time_unit: unit of time; None is `s`, and `ticks` without times and tau.
-        epoch: date of time 0, ISO 8601.
-        projection: projection by which degrees became `positions`.
-        radar, rates: see `Recording`.
 
     Raises:
         ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
@@ -119,18 +116,12 @@ def make_recording(
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
     tick = float(np.median(steps))
-    pieces = _pieces(instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks)
-    unit_of_time = time_unit or "s"
-    return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, unit_of_time, epoch, projection, radar, rates
-    )
-
-
-def _pieces(
-    times: NDArray[np.float64], missing: NDArray[np.bool_], gap: float, breaks: ArrayLike
-) -> tuple[tuple[int, int], ...]:
+    longest = GAP_TICKS * tick if gap is None else check_positive("gap", gap)
     rows = np.flatnonzero(~missing)
     before = np.searchsorted(rows, np.asarray(breaks, np.int64))  # first measurement at or after a break
-    ends = np.flatnonzero(np.diff(times[rows]) > gap) + 1
-    borders = np.unique(np.concatenate([[0, len(rows)], ends, before]))
-    return tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders.tolist()))
+    ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
+    borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
+    pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
+    return Recording(
+        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection, radar, rates
+    )

@@ -27,39 +27,23 @@ EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
 
 
 class Piece(NamedTuple):
-    """The ticks of a piece of a recording between two gaps.
+    """The T ticks of a piece of a recording between two gaps."""
 
-    Attributes:
-        first, end: its rows in the recording.
-        ticks: (end - first,) tick of every row, from 0, not decreasing.
-        late: (end - first,) time of every row after that of its tick [time unit].
-        measurements: (T, 2) at the ticks [unit of length]; NaN without a measurement.
-        rates: (T,) range rates; NaN without one.
-    """
-
-    first: int
+    first: int  # its rows in the recording
     end: int
-    ticks: IntArray
-    late: FloatArray
-    measurements: FloatArray
-    rates: FloatArray
+    ticks: IntArray  # (end - first,) tick of every row, from 0, not decreasing
+    late: FloatArray  # (end - first,) time of every row after that of its tick [time unit]
+    measurements: FloatArray  # (T, 2) [unit of length]; NaN without a measurement
+    rates: FloatArray  # (T,) range rates; NaN without one
 
 
 class TickGrid(NamedTuple):
-    """A recording on uniform ticks.
+    """A recording on uniform ticks."""
 
-    Attributes:
-        tau: length of a tick [time unit].
-        pieces: between gaps.
-        shared: number of rows with a measurement whose tick is that of another one.
-        moved: root mean square of the times by which rows were moved to their ticks, over tau.
-        radar: of the recording.
-    """
-
-    tau: float
-    pieces: tuple[Piece, ...]
-    shared: int
-    moved: float
+    tau: float  # length of a tick [time unit]
+    pieces: tuple[Piece, ...]  # between gaps
+    shared: int  # number of rows with a measurement whose tick is that of another one
+    moved: float  # root mean square of the times by which rows were moved to their ticks, over tau
     radar: Radar | None = None
 
     @property
@@ -111,9 +95,9 @@ def tick_grid(recording: Recording) -> TickGrid:
 
 
 def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
-    """Return the tick and the tick numbers of a clock whose errors do not add up, or None.
+    """Return the tick, the slope of the times over their numbers, and the tick numbers of every piece.
 
-    Each array has the times of a piece. The tick is the slope of the times over their numbers.
+    None for a clock whose errors add up.
     """
     numbers = [_follow(times, tick) for times in times_of]
     centred = [one - one.mean() for one in numbers]
@@ -135,15 +119,12 @@ def _follow(times: FloatArray, tick: float) -> FloatArray:
     After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick
     that is not exactly known adds up.
     """
-    numbers = np.zeros(len(times))
-    clock, number = float(times[0]), 0.0
-    for k, time in enumerate(times.tolist()):
-        if k:
-            passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
-            clock += passed * tick
-            number += passed
-            clock += CORRECTION * (time - clock)
-        numbers[k] = number
+    numbers, clock = np.zeros(len(times)), float(times[0])
+    for k, time in enumerate(times[1:].tolist(), start=1):
+        passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
+        numbers[k] = numbers[k - 1] + passed
+        clock += passed * tick
+        clock += CORRECTION * (time - clock)
     return numbers
 
 
