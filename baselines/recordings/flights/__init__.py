@@ -9,13 +9,11 @@ Flights of gliders are read by `gliders`, labelled by `circling` and simulated b
 `semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that
 environment.
 
-    samples = Samples()                                     # or a folder or wheel
-    flights = [samples.flight("samu31:39ac45:0")]
-    labels = label_flights(flights)
+    flights = [Samples().flight("samu31:39ac45:0")]         # or `Samples` of a folder or wheel
     batch = stack_flights(flights)                          # the pieces between gaps, as columns
     tracks = FlightTracks(batch, run_turn_imm(batch))
     stated = tracks.statements(FlightThresholdDecider(0.6), [len(flights[0].times)])
-    scores = score_flights("imm", flights, labels, stated)
+    scores = score_flights("imm", flights, label_flights(flights), stated)
 
 May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never
 `agents`.

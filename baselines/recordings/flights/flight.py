@@ -26,17 +26,11 @@ SHORTEST_PIECE = 20  # positions; shorter ones are not used
 
 
 class Tier(NamedTuple):
-    """Quality of recorded flights.
+    """Quality of recorded flights."""
 
-    Attributes:
-        name: A to D, or stress.
-        across: standard deviation of a position across the velocity [m].
-        timing: standard deviation of the time of a position [s].
-    """
-
-    name: str
-    across: float
-    timing: float
+    name: str  # A to D, or stress
+    across: float  # standard deviation of a position across the velocity [m]
+    timing: float  # standard deviation of the time of a position [s]
 
 
 TIERS = {
@@ -75,13 +69,12 @@ SCORED = {
 RESAMPLED = frozenset(identity.partition(":")[0] for identity in SCORED["D"])
 STRESSING = frozenset(SCORED["stress"])
 
-SPARSE = ("calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing")
-GLIDERS = (
+# Files in which turns cannot be seen. The gliders of the second and third line circle faster than they are reported.
+UNUSABLE = {
+    "calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing",
     "alpi_italiane", "alto_adige", "cevennes", "danube_valley", "franconia", "luberon", "oxford_cambridge",
     "sisteron",
-)  # fmt: skip
-# Files in which turns cannot be seen. Gliders circle faster than they are reported.
-UNUSABLE = frozenset(SPARSE + GLIDERS)
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +129,10 @@ class Flight:
 def clean_flight(
     identity: str, tier: Tier, times: FloatArray, latitudes: FloatArray, longitudes: FloatArray, angles: FloatArray
 ) -> Flight:
-    """Return a flight of reports in any order.
+    """Return a flight of reports in any order, without repeated and interpolated positions.
 
-    Reports without a position, repeated positions and interpolated positions are left out.
-
-    Args:
-        identity: `file:icao24:k`.
-        tier: quality.
-        times: (n,) [s].
-        latitudes, longitudes: (n,) [deg].
-        angles: (n,) track angle, clockwise from north [deg], NaN where not reported.
+    Times (n,) [s], latitudes, longitudes (n,) [deg], and track angles (n,), clockwise from north [deg], are NaN where
+    they are not reported.
 
     Raises:
         ArgumentError: fewer than 50 positions remain.
@@ -173,9 +160,8 @@ def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -
     if len(times) < 3:
         return found
     share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
-    off = [
-        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) for values in (latitudes, longitudes)
-    ]
+    degrees = (latitudes, longitudes)
+    off = [np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) for values in degrees]
     found[1:-1] = np.maximum(*off) < ON_A_LINE
     return found
 
@@ -183,10 +169,8 @@ def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -
 def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:
     """Return the pieces of flights as one batch.
 
-    Args:
-        flights: the flights.
-        longest: pieces are cut into parts of so many positions, which are filtered side by side.
-        margin: so many positions before and after a part are filtered too, so that it is as without the cut.
+    Pieces are cut into parts of at most `longest` positions, which are filtered side by side; `margin` positions
+    before and after a part are filtered too, so that it is as without the cut.
     """
     parts = [
         (k, max(begin - margin, first), min(begin + longest + margin, end), (begin, min(begin + longest, end)))
@@ -209,19 +193,10 @@ def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int 
 
 
 def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:
-    """Return the tier of a flight.
-
-    Args:
-        identity: `file:icao24:k`.
-        received: whether the times at which positions were received are known.
-        times: (n,) of its reports [s].
-    """
+    """Return the tier of a flight with reports at times (n,) [s]; `received`: they are those of reception."""
     if identity in STRESSING:
         return TIERS["stress"]
-    name = identity.partition(":")[0]
     step = float(np.median(np.diff(times))) if len(times) > 1 else np.inf
-    if name in RESAMPLED or step > 6.0:
+    if identity.partition(":")[0] in RESAMPLED or step > 6.0:
         return TIERS["D"]
-    if step > 2.5:
-        return TIERS["C"]
-    return TIERS["A" if received else "B"]
+    return TIERS["C" if step > 2.5 else "A" if received else "B"]

@@ -32,14 +32,7 @@ STATISTICS: dict[str, Statistic] = {
 
 
 def score_flights(name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]) -> Scores:
-    """Return the scores of a decider, whose figures are those of `TimelineCounts`, one row for each flight.
-
-    Args:
-        name: of the decider.
-        flights: the flights.
-        labels: of each flight.
-        stated: (n,) statements on each flight.
-    """
+    """Return the scores of a decider from statements (n,) on flights, one row of `TimelineCounts` for each."""
     counts = [count_flight(*one) for one in zip(flights, labels, stated, strict=True)]
     return Scores(name, "", (0.0,), TimelineCounts._fields, np.array(counts)[..., None])
 

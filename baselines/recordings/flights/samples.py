@@ -10,7 +10,7 @@ import importlib.util
 import io
 import zipfile
 import zlib
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or th
 
 
 class Samples:
-    """The sample files of a source.
+    """The sample files of a source, by their `names`, without suffix.
 
     Args:
         source: folder with `.json.gz` files, also in its subfolders, or a wheel of the package; None uses the
@@ -34,23 +34,19 @@ class Samples:
 
     Raises:
         ArgumentError: there are no samples.
-
-    Attributes:
-        source: the folder or wheel.
-        names: names of the files, without suffix.
     """
 
     def __init__(self, source: Path | str | None = None):
         self.source = installed_samples() if source is None else Path(source)
+        places: list[Path | zipfile.Path]
         if self.source.is_dir():
-            found = sorted(self.source.rglob(f"*{SUFFIX}"))
-            self._files = {path.name.removesuffix(SUFFIX): str(path) for path in found}
+            places = [*sorted(self.source.rglob(f"*{SUFFIX}"))]
         elif zipfile.is_zipfile(self.source):
-            with zipfile.ZipFile(self.source) as archive:
-                found_names = sorted(name for name in archive.namelist() if name.endswith(SUFFIX))
-            self._files = {PurePosixPath(name).name.removesuffix(SUFFIX): name for name in found_names}
+            archive = zipfile.ZipFile(self.source)
+            places = [zipfile.Path(archive, name) for name in sorted(archive.namelist()) if name.endswith(SUFFIX)]
         else:
             raise ArgumentError(f"source={self.source} is not a folder or a wheel: {INSTALL}")
+        self._files = {place.name.removesuffix(SUFFIX): place for place in places}
         if not self._files:
             raise ArgumentError(f"source={self.source} contains no {SUFFIX} files: {INSTALL}")
         self.names = tuple(self._files)
@@ -66,12 +62,7 @@ class Samples:
             raise reject("file", name, f"a sample of {self.source}")
         place = self._files[name]
         try:
-            if zipfile.is_zipfile(self.source):
-                with zipfile.ZipFile(self.source) as archive:
-                    content = archive.read(place)
-            else:
-                content = Path(place).read_bytes()
-            table = pd.read_json(io.BytesIO(gzip.decompress(content)), dtype=False)
+            table = pd.read_json(io.BytesIO(gzip.decompress(place.read_bytes())), dtype=False)
         except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
             raise ArgumentError(f"{place} cannot be read: {error}") from None
         missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
@@ -105,20 +96,16 @@ class Samples:
             raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
         flights = self.flights_of(name) if separator else {}
         if identity not in flights:
-            some = ", ".join(list(flights)[:5])
-            allowed = f"an id file:icao24:k, such as {some}" if some else "an id file:icao24:k"
-            raise reject("flight", identity, allowed)
+            some = f", such as {', '.join(list(flights)[:5])}" if flights else ""
+            raise reject("flight", identity, f"an id file:icao24:k{some}")
         reports = flights[identity]
         times = report_times(reports["timestamp"])
         if "last_position" in reports:  # when the position was received; the timestamp is that of the report
             received = report_times(reports["last_position"])
             times = np.where(np.isnan(received), times, received)
-        return clean_flight(
-            identity,
-            tier_of(identity, "last_position" in reports, times),
-            times,
-            *(_numbers(reports[column]) for column in ("latitude", "longitude", "track")),
-        )
+        tier = tier_of(identity, "last_position" in reports, times)
+        values = (_numbers(reports[column]) for column in ("latitude", "longitude", "track"))
+        return clean_flight(identity, tier, times, *values)
 
 
 def installed_samples() -> Path:
@@ -129,8 +116,7 @@ def installed_samples() -> Path:
     """
     spec = importlib.util.find_spec("traffic")
     places = [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
-    for place in places:
-        folder = Path(place) / "data" / "samples"
+    for folder in (Path(place) / "data" / "samples" for place in places):
         if folder.is_dir():
             return folder
     raise ArgumentError(f"source=None is not allowed: {INSTALL}")

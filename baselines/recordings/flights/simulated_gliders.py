@@ -73,12 +73,7 @@ World = dict[str, float]
 
 
 def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
-    """Return a simulated flight, with settings of its own.
-
-    Args:
-        seconds: its duration.
-        generator: random numbers.
-    """
+    """Return a simulated flight of some seconds, with settings of its own."""
     world = {name: float(_drawn(generator, *bounds)) for name, bounds in RANGES.items()}
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
     path, altitudes = _fly(world, *_plan(world, seconds, generator), grid, generator)

@@ -29,9 +29,6 @@ class FlightTracks:
         probabilities: (T, B, 3) of the modes that rows tell; None are those of the IMM.
 
     Attributes:
-        batch, estimates: as given.
-        num_envs: B.
-        single_action_space: M modes to state.
         tick: index of the present position.
     """
 
@@ -84,12 +81,7 @@ class FlightTracks:
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
     def statements(self, decider: Any, lengths: Sequence[int]) -> list[IntArray]:
-        """Return the statements of a decider on each flight, (n,); 0 outside of the pieces.
-
-        Args:
-            decider: states a mode at every position.
-            lengths: number n of positions of each flight.
-        """
+        """Return the statements of a decider on each flight of n positions, (n,); 0 outside of the pieces."""
         (stated,) = self.statements_together(decider, lengths, 1)
         return stated
 

@@ -211,9 +211,7 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
 
 
 def _is_comment(lines: list[str]) -> bool:
-    """Whether the first of two lines is a comment. The last one before the rows may be the header, as
-    numpy.savetxt writes it.
-    """
+    """Whether the first of two lines is a comment; the last before the rows may be the header of numpy.savetxt."""
     line = lines[0].strip()
     if not line.startswith("#"):
         return re.fullmatch(r"sep=.", line) is not None
@@ -222,8 +220,8 @@ def _is_comment(lines: list[str]) -> bool:
 
 
 def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
-    """Return how well a delimiter fits: the number of known names in the header, the share of rows with
-    equally many cells, and whether the header has as many. Where none fits, it is the comma.
+    """Return how well a delimiter fits: known names in the header, share of rows with equally many cells, and
+    whether the header has as many. Where none fits, it is the comma.
     """
     header, *rows = (_cells(line, delimiter) for line in lines)
     [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
@@ -260,6 +258,7 @@ def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
 def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: int) -> pd.DataFrame:
     """Parse rows with a number of columns; `first` is the number of the first line."""
     wrong: list[pyarrow.csv.InvalidRow] = []
+    names = [str(k) for k in range(columns)]
 
     def refuse(row: pyarrow.csv.InvalidRow) -> str:
         wrong.append(row)
@@ -268,9 +267,7 @@ def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: in
     try:
         table = pyarrow.csv.read_csv(
             pa.py_buffer("\n".join(lines).encode()),
-            pyarrow.csv.ReadOptions(
-                column_names=[str(k) for k in range(columns)], use_threads=False, block_size=4_000_000
-            ),
+            pyarrow.csv.ReadOptions(column_names=names, use_threads=False, block_size=4_000_000),
             pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
             pyarrow.csv.ConvertOptions(null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True),
         )

@@ -25,15 +25,10 @@ TRACKS = ("track", "episode")  # names of columns that tell tracks apart, beside
 
 
 class ModeFile(NamedTuple):
-    """What was read of a file.
+    """What was read of a file, by the name of each track."""
 
-    Attributes:
-        times: increasing times [s] of each track by its name; datetimes if the file has dates.
-        modes: modes as text, None for an empty cell.
-    """
-
-    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]
-    modes: dict[str, list[str | None]]
+    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
+    modes: dict[str, list[str | None]]  # as text, None for an empty cell
 
     def like(self, other: "ModeFile", name: str) -> "ModeFile":
         """Return the tracks of another file, in its order; if both have one, the names may differ.
@@ -46,8 +41,7 @@ class ModeFile(NamedTuple):
         missing = [track for track in other.times if track not in self.times]
         if missing:
             raise reject(f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}")
-        order = list(other.times)
-        return ModeFile({name: self.times[name] for name in order}, {name: self.modes[name] for name in order})
+        return ModeFile(*({track: own[track] for track in other.times} for own in self))
 
 
 def read_modes(
@@ -114,7 +108,6 @@ def _mode_column(table: Table, used: set[int | None]) -> int:
     plain = {plain_name(table.names[k]): k for k in reversed(free)}
     named = [plain[name] for name in MODES if name in plain]
     if not named and len(free) != 1:
-        raise ArgumentError(
-            f"{table.file}: no column of modes ({listed_columns(table)}): name it by --columns, as mode=2"
-        )
+        advice = f"({listed_columns(table)}): name it by --columns, as mode=2"
+        raise ArgumentError(f"{table.file}: no column of modes {advice}")
     return (named or free)[0]
