@@ -35,13 +35,11 @@ from hybrid_env.checks import FloatArray, check_between, check_flag, check_integ
 
 
 class GainFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains: no covariance and no likelihood.
+    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s].
 
-    Two-point start: a track has the position of its first measurement and no velocity; the second gives the
-    position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap` without a measurement [s].
-
-    Attributes:
-        gains: (2, B, d) or (2, B, 1) of positions [-] and velocities [1/s] at the last measurement.
+    It has no covariance and no likelihood. Two-point start: a track has the position of its first measurement and no
+    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap`
+    without a measurement [s].
     """
 
     has_covariance = False
@@ -167,17 +165,10 @@ def noise_bias(gain: float) -> float:
 
 
 class ConstantStepFilter(GainFilter):
-    """A filter with gains that depend on past innovations, for equal time steps.
+    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau [s].
 
     After the start it has the gains of a line fitted to all measurements, with n measurements
     K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until it adapts.
-
-    Args:
-        axes: number of dimensions d.
-        tau: length of a tick [s].
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
     def __init__(self, axes: int, tau: float):
@@ -217,15 +208,19 @@ def _shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
 
 
 class AdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter as published, each axis by itself.
+    """The adaptive filter as published, each axis by itself, for equal time steps.
 
     Products of ticks around a missing measurement are left out of the means.
 
     Args:
-        axes, tau: see `ConstantStepFilter`.
+        axes: number of dimensions d.
+        tau: length of a tick [s].
         limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
             not state. Without limits its estimates are worse than the measurements.
         start: number of products before the filter adapts.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
     def __init__(self, axes: int, tau: float, *, limited: bool = True, start: int = 10):
@@ -260,12 +255,10 @@ class AdaptiveFilter(ConstantStepFilter):
 
 
 class CorrectedAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with estimates of R and H_0 that are not biased.
-
-    All axes have one gain, from means over the axes.
+    """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all axes, from their means.
 
     Args:
-        axes, tau: see `ConstantStepFilter`.
+        axes, tau: see `AdaptiveFilter`.
         window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
             a steadier gain. The filter adapts after two windows.
         smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.

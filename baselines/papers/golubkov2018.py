@@ -12,21 +12,14 @@ run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not agains
 ("any lambda_ij").
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.papers.reproduction import (
-    PAPER_RUNS,
-    Cell,
-    Finding,
-    Reproduction,
-    rmse_row,
-    table_row,
-    with_own_interval,
-)
+from baselines.papers.reproduction import PAPER_RUNS, Cell, Finding, Reproduction, both_intervals, rmse_row, table_row
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled
@@ -221,7 +214,7 @@ def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> l
     """A row of tables 3 and 4 and of the percentages."""
     ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
     correct = 100.0 * correct_types(tracks, recording).mean(1, keepdims=True)
-    times, types = (with_own_interval(values, lambda means: means, seed) for values in (ticks, correct))
+    times, types = (both_intervals(values, lambda means: means, seed) for values in (ticks, correct))
     return [
         *rmse_row("Table 3, RMSE of ATE", name, TABLE_3[name], tracks.estimates, recording.truth, seed),
         *table_row("Table 4, decision time in ticks", name, PIECES, TABLE_4[name], times, 2),
@@ -235,17 +228,15 @@ def _spread(name: str, recording: Simulation, tracks: Tracks) -> list[Finding]:
     worst = np.sort(squares)[-max(round(0.01 * squares.size), 1) :]
     blocks = [np.sqrt(block.mean()) for block in np.array_split(squares, max(squares.size // PAPER_RUNS, 1))]
     radius = 100.0 * (decided_radii(tracks) == recording.signed_radii).mean()
+    spread = (
+        f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
+        f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error"
+    )
+    claim = f"{CORRECT_MODES[name]} %, what counts not stated"
     return [
-        Finding(
-            f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs",
-            f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
-            f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error",
-        ),
-        Finding(
-            f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %",
-            f"{CORRECT_MODES[name]} %, what counts not stated",
-        ),
-    ]  # fmt: skip
+        Finding(f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs", spread),
+        Finding(f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %", claim),
+    ]
 
 
 def _scans(seed: int) -> list[Finding]:
@@ -280,9 +271,7 @@ def _refinement_finding(name: str, recording: Simulation, before: Tracks, after:
         hypotheses = (decided_radii(tracks) == recording.signed_radii).mean()
         return 100 * hypotheses, 100 * correct_types(tracks, recording).mean(), float(np.sqrt(squares))
 
-    old, new = percentages_and_error(before), percentages_and_error(after)
-    change = (
-        f"correct radius {old[0]:.1f} -> {new[0]:.1f} %, "
-        f"correct type {old[1]:.1f} -> {new[1]:.1f} %, nRMSE {old[2]:.3f} -> {new[2]:.3f}"
-    )
+    pairs = zip(percentages_and_error(before), percentages_and_error(after), strict=True)
+    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
+    change = text.format(*itertools.chain(*pairs))
     return Finding(f"{name}: radius refined after the decision", change, "named as future work")

@@ -122,7 +122,19 @@ def detect_switch(
     for first in range(0, len(values), RUNS_AT_ONCE):
         part = slice(first, first + RUNS_AT_ONCE)
         log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
-    return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
+    ranked = np.sort(log_ratios[:, :, chosen], axis=-1)
+    largest = ranked[:, :, -1]
+    passed, below = largest >= upper, largest <= lower
+    if chosen.size > 1:
+        passed &= largest - ranked[:, :, -2] >= margin
+    detected, first_tick = passed.any(1), passed.argmax(1)
+    at = log_ratios[np.arange(len(values)), first_tick][:, chosen]
+    ticks = np.where(detected, first_tick + 1, 0)
+    found = np.where(detected, chosen[at.argmax(1)], -1)
+    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
+    if np.ndim(measurements) == 2:
+        return Detection(ticks[0], found[0], log_ratios[0], upper, lower, accepted[0])
+    return Detection(ticks, found, log_ratios, upper, lower, accepted)
 
 
 def _log_ratios(
@@ -158,27 +170,6 @@ def _log_determinants(filters: NDArray[Any], model: FilterModel) -> FloatArray:
     return -np.log(1.0 - x / model.variance_x) - np.log(1.0 - y / model.variance_y)
 
 
-def _decide(
-    log_ratios: FloatArray, tested: NDArray[Any], upper: float, lower: float, margin: float, single: bool
-) -> Detection:
-    """Apply rule (3) to the ratios of the tested hypotheses."""
-    ranked = np.sort(log_ratios[:, :, tested], axis=-1)
-    largest = ranked[:, :, -1]
-    passed = largest >= upper
-    if tested.size > 1:
-        passed &= largest - ranked[:, :, -2] >= margin
-    detected = passed.any(1)
-    first = passed.argmax(1)
-    at = log_ratios[np.arange(len(first)), first][:, tested]
-    ticks = np.where(detected, first + 1, 0)
-    modes = np.where(detected, tested[at.argmax(1)], -1)
-    below = largest <= lower
-    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
-    if single:
-        return Detection(ticks[0], modes[0], log_ratios[0], upper, lower, accepted[0])
-    return Detection(ticks, modes, log_ratios, upper, lower, accepted)
-
-
 def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detection:
     """Run the paper's detector of a right turn; options are those of `detect_switch`."""
     return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
@@ -187,22 +178,20 @@ def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detecti
 def delay_statistics(ticks: IntArray) -> dict[str, float]:
     """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks], of detections (n,)."""
     delays = ticks[ticks > SWITCH] - SWITCH
-    statistics = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
-    statistics[MEAN_DELAY] = float(delays.mean()) if delays.size else math.nan
-    for percentile in PERCENTILES:
-        statistics[f"{percentile} % quantile"] = float(np.percentile(delays, percentile)) if delays.size else math.nan
-    return statistics | {"missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size)}
+    known = delays if delays.size else np.array([math.nan])
+    quantiles = zip(PERCENTILES, np.percentile(known, PERCENTILES).tolist(), strict=True)
+    return {
+        "false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean()),
+        MEAN_DELAY: float(known.mean()),
+        **{f"{percentile} % quantile": value for percentile, value in quantiles},
+        "missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size),
+    }
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Distribution of the detection delay, false alarms without a turn, and identification of the turn.
 
-    Args:
-        runs: number of runs, at least 2; the identification study uses a quarter of them.
-        seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
+    Arguments as of `golubkov2018.reproduce`; the identification study uses a quarter of the runs.
     """
     runs = check_integer("runs", runs, minimum=2)
     recording = simulate(SCHEME, runs, seed, start=START)
@@ -216,22 +205,18 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         statistics = delay_statistics(detection.ticks)
         delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
         low, high = np.percentile(delays, [2.5, 97.5]) if delays.size else (math.nan, math.nan)
-        value = ([statistics[MEAN_DELAY]], [low], [high])
-        cells += table_row(
-            PUBLISHED_TABLE, row, [MEAN_DELAY], [PUBLISHED_DELAY], value, 1, DELAY_INTERVAL,
-            {MEAN_DELAY: ONE_RUN},
-        )  # fmt: skip
+        value, excuses = ([statistics[MEAN_DELAY]], [low], [high]), {MEAN_DELAY: ONE_RUN}
+        names, theirs = [MEAN_DELAY], [PUBLISHED_DELAY]
+        cells += table_row(PUBLISHED_TABLE, row, names, theirs, value, 1, DELAY_INTERVAL, excuses)
         interval = ([*statistics.values()], *_bootstrap_interval(detection.ticks, seed))
         nothing = [math.nan] * len(statistics)
         cells += table_row(DISTRIBUTION, row, statistics, nothing, interval, 2, BOOTSTRAP_INTERVAL)
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
-        published_root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
+        root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
+        text = f"{MEAN_DELAY} {root[MEAN_DELAY]:.1f}, missed {root['missed by tick 40, %']:.1f} %"
         findings += [
             Finding(f"{row}: false alarms in 40 ticks without a turn", f"{false_alarms:.2f} %", f"{100 * alpha:g} %"),
-            Finding(
-                f"{row}: root of eq. (7) as published",
-                f"{MEAN_DELAY} {published_root[MEAN_DELAY]:.1f}, missed {published_root['missed by tick 40, %']:.1f} %",
-            ),
+            Finding(f"{row}: root of eq. (7) as published", text),
         ]
         examples[row] = (recording, detection)
     findings += _identification(max(runs // 4, 2), seed)

@@ -114,7 +114,7 @@ def study_interval(
     return statistics(per_run.mean(0)), low, high
 
 
-def with_own_interval(
+def both_intervals(
     per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, ...]:
     """`study_interval`, then the 95 % interval of its first result, and the median of single runs."""
@@ -149,7 +149,7 @@ def rmse_row(
         roots = np.sqrt(mean_squares)
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
-    interval = with_own_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    interval = both_intervals(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
     return table_row(table, row, STATES, published, interval)
 
 
@@ -165,7 +165,7 @@ def table_row(
 ) -> list[Cell]:
     """Cells of one row of a table with C columns; `published` is NaN where there is no value.
 
-    `interval` has the results (C,) of `study_interval` or `with_own_interval`; `excuses` are by column.
+    `interval` has the results (C,) of `study_interval` or `both_intervals`; `excuses` are by column.
     """
     found = np.array([*interval], np.float64).T.tolist()
     return [

@@ -40,15 +40,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """Reproduce the published table, and compare the variants of the recalculation.
-
-    Args:
-        runs: number of runs per measurement variance, at least 2.
-        seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
-    """
+    """Reproduce the table, and compare variants of the recalculation; arguments as of `golubkov2018.reproduce`."""
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []

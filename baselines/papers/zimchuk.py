@@ -20,7 +20,7 @@ from baselines.estimation.motion_models import MotionModel
 from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
 from baselines.papers.matrix_adaptive import MatrixAdaptiveFilter
-from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row, with_own_interval
+from baselines.papers.reproduction import Cell, Finding, Reproduction, both_intervals, table_row
 from hybrid_env.checks import FloatArray, check_integer
 
 PAPER = "Zimchuk & Kankin"
@@ -112,13 +112,12 @@ def matrix_ratios(runs: int, seed: int) -> list[Cell]:
         n, m = len(covariance) // 2, len(covariance)
         measured = flights.truth[:, None, None] + draw(np.zeros(m), covariance, (len(flights.times), runs))
         mean = measured.reshape(-1, runs, n, 2).mean(2)
+        compared = (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean)
         squares = [
             mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(runs, 2, -1)
-            for one, values in (
-                (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean),
-            )
-        ]  # fmt: skip
-        values = with_own_interval(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
+            for one, values in compared
+        ]
+        values = both_intervals(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
         cells += table_row(MATRIX, name, LEGS, NOT_PUBLISHED, values, 2, RUN_INTERVAL)
     return cells
 
@@ -138,12 +137,7 @@ def rmse(flights: Flights, positions: FloatArray) -> FloatArray:
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Table 1, other filters on the same measurements, and the doubtful points of the paper.
 
-    Args:
-        runs: number of flights, at least 2.
-        seed: seed of the measurement noise.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
+    `runs` is the number of flights; otherwise arguments as of `golubkov2018.reproduce`.
     """
     runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
@@ -161,7 +155,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     cells: list[Cell] = []
     for name, positions in rows.items():
         table, theirs = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
-        values = with_own_interval(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
+        values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
         cells += table_row(table, name, LEGS, theirs, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
     cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
     pattern = _pattern(rmse(flights, rows[adaptive]), rmse(flights, rows[slow]))

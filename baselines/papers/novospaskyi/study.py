@@ -9,20 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from baselines.papers.novospaskyi import tables
+from baselines.papers.novospaskyi import radars, tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import (
-    NOISES,
-    TEST_NOISE,
-    TRAINING_NOISE,
-    TRAINING_SHARE,
-    Noise,
-    Scan,
-    Tracks,
-    measure,
-    scan_flight,
-)
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
@@ -89,8 +79,8 @@ def reproduce(
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
     flown = fly(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
-    first = round(TRAINING_SHARE * flights)
-    training = {noise: measure(scans[:first], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
+    first = round(radars.TRAINING_SHARE * flights)
+    training = {noise: measure(scans[:first], noise, (seed, radars.TRAINING_NOISE)) for noise in NOISES}
     parameters = tune_filters(training, seed, folder, trials, run, progress)
     calls = {
         (noise, label): partial(evaluate, *of, scans[first:], noise, runs, seed)
@@ -155,7 +145,7 @@ def tune_filters(
 
 def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
     """Measurements of the test flights with `runs` seeds of the noise, run by run: N = runs x flights."""
-    parts = [measure(scans, noise, (seed, TEST_NOISE, run)) for run in range(runs)]
+    parts = [measure(scans, noise, (seed, radars.TEST_NOISE, run)) for run in range(runs)]
     return Tracks(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks)))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from baselines.papers.novospaskyi.filters import COMBINED, ROBUST, SOUND, THESIS
 from baselines.papers.novospaskyi.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
-from baselines.papers.reproduction import Cell, Finding, paired_ratio, study_interval, table_row, with_own_interval
+from baselines.papers.reproduction import Cell, Finding, both_intervals, paired_ratio, study_interval, table_row
 from hybrid_env.checks import FloatArray
 
 PAPER = "Novospaskyi 2025"
@@ -116,7 +116,7 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
                 errors = results.errors[noise][name]
                 flights = errors.shape[1]
                 of_study = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
-                own = with_own_interval(errors.mean(0), lambda means: means, seed, flights)[3:]
+                own = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
                 published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
                 note = f"The interval contains 95 % of studies with {flights} test flights."
                 excuses = dict.fromkeys(METRICS, BY_CONSTRUCTION) if row == UNFILTERED else None
