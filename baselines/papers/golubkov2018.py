@@ -192,10 +192,8 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
         tracks = run_ate(recording, variance)
         cells += _known_modes_cells(name, recording, seed) + _ate_cells(name, recording, tracks, seed)
-        findings += [
-            _refinement_finding(name, recording, tracks, run_ate(recording, variance, refine_radius=True)),
-            *_spread(name, recording, tracks),
-        ]
+        refined = run_ate(recording, variance, refine_radius=True)
+        findings += [_refinement_finding(name, recording, tracks, refined), *_spread(name, recording, tracks)]
         examples[name] = (recording, tracks)
     findings += _scans(seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)

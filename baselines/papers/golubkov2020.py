@@ -208,7 +208,9 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         value, excuses = ([statistics[MEAN_DELAY]], [low], [high]), {MEAN_DELAY: ONE_RUN}
         names, theirs = [MEAN_DELAY], [PUBLISHED_DELAY]
         cells += table_row(PUBLISHED_TABLE, row, names, theirs, value, 1, DELAY_INTERVAL, excuses)
-        interval = ([*statistics.values()], *_bootstrap_interval(detection.ticks, seed))
+        draw = np.random.default_rng(seed).choice
+        resampled = [[*delay_statistics(draw(detection.ticks, runs)).values()] for _ in range(200)]
+        interval = ([*statistics.values()], *np.nanpercentile(resampled, [2.5, 97.5], axis=0))
         nothing = [math.nan] * len(statistics)
         cells += table_row(DISTRIBUTION, row, statistics, nothing, interval, 2, BOOTSTRAP_INTERVAL)
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
@@ -221,13 +223,6 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         examples[row] = (recording, detection)
     findings += _identification(max(runs // 4, 2), seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="one run")
-
-
-def _bootstrap_interval(ticks: IntArray, seed: int) -> FloatArray:
-    """Bounds of the 95 % bootstrap confidence intervals of the `delay_statistics`, (2, S)."""
-    generator = np.random.default_rng(seed)
-    values = [list(delay_statistics(generator.choice(ticks, ticks.size)).values()) for _ in range(200)]
-    return np.asarray(np.nanpercentile(values, [2.5, 97.5], axis=0), np.float64)
 
 
 def _identification(runs: int, seed: int) -> list[Finding]:

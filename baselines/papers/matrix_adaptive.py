@@ -46,16 +46,11 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with one gain matrix for all axes and sensors.
+    """The adaptive filter with one gain matrix for the d axes of the state and all n sensors.
 
-    A tick in which a sensor has no measurement has none, and products around it are left out of the means.
-
-    Args:
-        dimensions: d, number of axes of the state.
-        tau: length of a tick [s].
-        sensors: n; a measurement has the n d positions of one sensor after another; n d are its `axes`.
-        limited: limits the gains (2, B, d, n d), see `matrix_gain`.
-        start: number of products for each of the n d values before the filter adapts.
+    A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor has none,
+    and products around it are left out of the means. The gains (2, B, d, n d) may be limited, see `matrix_gain`. The
+    filter adapts after `start` products for each of the n d values.
     """
 
     def __init__(self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10):

@@ -29,25 +29,18 @@ FEWEST = 30  # innovations
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """Agreement of model and measurements.
+    """Agreement of model and measurements: normalised innovations, of the most probable mode, and scatter.
 
-    Attributes:
-        innovations: of each piece of the grid, (T, 2), of the most probable mode, in standard deviations;
-            NaN without a measurement and where the filters start.
-        ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
-        correlation: of successive normalised innovations, 0 if the model holds.
-        far: share of normalised innovations longer than 99.9 % of those of the model.
-        scatter: standard deviation of the measurements by their third differences, over that of the model;
-            NaN if there are too few measurements, and with a radar, whose noise depends on the range.
-        count: number of innovations.
+    The scatter is the standard deviation of the measurements by their third differences, over that of the model;
+    NaN if there are too few measurements, and with a radar, whose noise depends on the range.
     """
 
-    innovations: tuple[FloatArray, ...]
-    ratio: float
-    correlation: float
-    far: float
+    innovations: tuple[FloatArray, ...]  # of each piece, (T, 2), NaN without a measurement and where filters start
+    ratio: float  # median length over that of the model, 1 if the model holds
+    correlation: float  # of successive ones, 0 if the model holds
+    far: float  # share that is longer than 99.9 % of those of the model
     scatter: float
-    count: int
+    count: int  # number of innovations
 
     def warnings(self, model: TrackModel) -> list[str]:
         """Return a plain sentence for everything that does not fit."""

@@ -1,9 +1,8 @@
 """The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
 
-The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over
-the ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a
-recording between gaps are cut into chunks of about equal length, which run side by side in the lanes of a
-block, as the tracks of an environment do.
+The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the
+ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a recording
+between gaps are cut into chunks of about equal length, which run side by side in the lanes of a block.
 """
 
 import math
@@ -52,9 +51,7 @@ class PassOutput(NamedTuple):
     probabilities: FloatArray  # (B, T, M, LANES) of the modes
 
 
-def no_output() -> PassOutput:
-    """Return an output that records nothing."""
-    return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
+NO_OUTPUT = PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
 def make_chunks(
@@ -233,7 +230,8 @@ def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, 
         switches = [begins[a:b] for _, a, b in places]
     parts = [grid.pieces[k].measurements[a:b] for k, a, b in places]
     if grid.radar is None:
-        return make_chunks([_from_first(part) / scale for part in parts], switches)
+        origins = [np.vstack([part[~np.isnan(part[:, 0])], np.zeros(2)])[0] for part in parts]
+        return make_chunks([(part - origin) / scale for part, origin in zip(parts, origins, strict=True)], switches)
     values = [(part - np.array(grid.radar.position)) / scale for part in parts]
     rates = [grid.pieces[k].rates[a:b] * velocity for k, a, b in places]
     return make_chunks(values, switches, rates, grid.radar.scaled(1.0 / scale, velocity))
@@ -248,9 +246,3 @@ def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> Pass
     output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
     run_compiled(imm_pass, chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     return output
-
-
-def _from_first(values: FloatArray) -> FloatArray:
-    """Return positions relative to the first measurement."""
-    measured = np.flatnonzero(~np.isnan(values[:, 0]))
-    return values - values[measured[0]] if measured.size else values

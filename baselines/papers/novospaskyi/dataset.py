@@ -67,12 +67,7 @@ class RadarData:
 
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
-    """Write the data set into an existing, empty folder.
-
-    Args:
-        folder: of the files.
-        seed: of flights, radars and noise.
-        flights: number of flights, at least 4.
+    """Write the data set of at least 4 flights into an existing, empty folder.
 
     Raises:
         ArgumentError: an argument is out of range.

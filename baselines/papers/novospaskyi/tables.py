@@ -130,7 +130,7 @@ def findings(results: Results, seed: int, flights: int, training: int) -> tuple[
     made = [Finding("flights", f"{flights}: {training} to tune, {flights - training} to test, {runs} noise seeds")]
     for noise in NOISES:
         made += [_unfiltered(results, noise), *_orders(results, noise)]
-    made += [*_anomaly(results), *_sound(results, seed), *_robust(results, seed)]
+    made += [*_anomaly(results), *_sound(results, seed)]
     tuned = [(noise, NOISE_NAMES[noise], name) for noise in NOISES for name in (*THESIS, *SOUND)]
     for noise, label, name in (*tuned, *(("levy", "both noises", name) for name in ROBUST)):
         text = ", ".join(f"{key} {value:.4g}" for key, value in results.parameters[noise][name].items())
@@ -202,24 +202,19 @@ def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
 
 
 def _sound(results: Results, seed: int) -> list[Finding]:
+    """Sound settings and robust filters, beside what they are compared with."""
     errors = results.errors["gaussian"]
     start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
     order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
     share = _share(errors["CV"], errors[UNFILTERED], seed)
-    return [
+    made = [
         Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share),
         Finding("sound settings: order by position RMSE, Gaussian noise", order),
         Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
-
-
-def _robust(results: Results, seed: int) -> list[Finding]:
     plain = {**dict.fromkeys(ROBUST, "CV"), COMBINED: "IMM (CV, CA)"}
-    return [
-        Finding(
-            f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}",
-            _share(results.errors[noise][name], results.errors[noise][other], seed),
-        )
-        for name, other in plain.items()
-        for noise in NOISES
-    ]
+    for (name, other), noise in itertools.product(plain.items(), NOISES):
+        share = _share(results.errors[noise][name], results.errors[noise][other], seed)
+        label = f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}"
+        made.append(Finding(label, share))
+    return made

@@ -95,11 +95,8 @@ def tune(
 ) -> dict[str, Any]:
     """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first trial at `start`.
 
-    Finished trials are appended to the file. Lines of it with another fingerprint, which stands for everything
-    that the cost depends on, are ignored.
-
-    Raises:
-        ArgumentError: the file cannot be read or written.
+    Finished trials are appended to the file. Lines of it with another fingerprint, which stands for everything that the
+    cost depends on, are ignored. Raises `ArgumentError` if the file cannot be read or written.
     """
     verbosity = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.WARNING)

@@ -14,7 +14,7 @@ import numpy as np
 
 from baselines.estimation.turns import Batch
 from baselines.recordings.projection import Projection, centred_projection
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
+from hybrid_env.checks import ArgumentError, FloatArray
 
 ON_A_LINE = 2e-8  # A position that is closer to the line between its neighbours [deg] was computed by interpolation
 FEWEST = 50  # positions of a flight
@@ -79,29 +79,17 @@ UNUSABLE = {
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Positions of one flight.
+    """Positions of one flight."""
 
-    Attributes:
-        identity: `file:icao24:k`.
-        tier: quality.
-        times: (n,) strictly increasing, from 0 [s].
-        positions: (n, 2) x east and y north [m].
-        tracks: (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported.
-        projection: from latitude and longitude.
-        repeated: number of reports that were left out because they repeat a position.
-        interpolated: number that were left out because they lie exactly between their neighbours.
-        altitudes: (n,) [m], where they are known.
-    """
-
-    identity: str
+    identity: str  # `file:icao24:k`
     tier: Tier
-    times: FloatArray
-    positions: FloatArray
-    tracks: FloatArray
-    projection: Projection
-    repeated: int
-    interpolated: int
-    altitudes: FloatArray | None = None
+    times: FloatArray  # (n,) strictly increasing, from 0 [s]
+    positions: FloatArray  # (n, 2) x east and y north [m]
+    tracks: FloatArray  # (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported
+    projection: Projection  # from latitude and longitude
+    repeated: int  # number of reports that were left out because they repeat a position
+    interpolated: int  # number that were left out because they lie exactly between their neighbours
+    altitudes: FloatArray | None = None  # (n,) [m]
 
     @property
     def hours(self) -> float:
@@ -132,10 +120,7 @@ def clean_flight(
     """Return a flight of reports in any order, without repeated and interpolated positions.
 
     Times (n,) [s], latitudes, longitudes (n,) [deg], and track angles (n,), clockwise from north [deg], are NaN where
-    they are not reported.
-
-    Raises:
-        ArgumentError: fewer than 50 positions remain.
+    they are not reported. Raises `ArgumentError` if fewer than 50 positions remain.
     """
     known = np.flatnonzero(~np.isnan(times + latitudes + longitudes))
     known = known[np.argsort(times[known], kind="stable")]
@@ -144,7 +129,12 @@ def clean_flight(
     moved = known[changed]
     # two positions with one time: the first remains
     moved = moved[np.diff(times[moved], prepend=-np.inf) > 0.0]
-    rows = moved[~on_lines(times[moved], latitudes[moved], longitudes[moved])]
+    share = (times[moved][1:-1] - times[moved][:-2]) / (times[moved][2:] - times[moved][:-2])
+    off = [
+        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
+        for values in (latitudes[moved], longitudes[moved])
+    ]
+    rows = np.delete(moved, 1 + np.flatnonzero(np.maximum(*off) < ON_A_LINE))
     if len(rows) < FEWEST:
         raise ArgumentError(f"flight {identity} has {len(rows)} positions: expected at least {FEWEST}")
     projection = centred_projection(latitudes[rows], longitudes[rows])
@@ -152,18 +142,6 @@ def clean_flight(
         identity, tier, times[rows] - times[rows[0]], projection.forward(latitudes[rows], longitudes[rows]),
         np.radians(90.0 - angles[rows]), projection, len(known) - len(moved), len(moved) - len(rows),
     )  # fmt: skip
-
-
-def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> BoolArray:
-    """Return which positions, (n,), lie on the line in time between their two neighbours."""
-    found = np.zeros(len(times), np.bool_)
-    if len(times) < 3:
-        return found
-    share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
-    degrees = (latitudes, longitudes)
-    off = [np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) for values in degrees]
-    found[1:-1] = np.maximum(*off) < ON_A_LINE
-    return found
 
 
 def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:

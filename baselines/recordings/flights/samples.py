@@ -26,14 +26,9 @@ INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or th
 
 
 class Samples:
-    """The sample files of a source, by their `names`, without suffix.
+    """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a wheel of the package.
 
-    Args:
-        source: folder with `.json.gz` files, also in its subfolders, or a wheel of the package; None uses the
-            installed package.
-
-    Raises:
-        ArgumentError: there are no samples.
+    None uses the installed package. Raises `ArgumentError` if there are no samples.
     """
 
     def __init__(self, source: Path | str | None = None):
@@ -49,15 +44,12 @@ class Samples:
         self._files = {place.name.removesuffix(SUFFIX): place for place in places}
         if not self._files:
             raise ArgumentError(f"source={self.source} contains no {SUFFIX} files: {INSTALL}")
-        self.names = tuple(self._files)
         self._last: tuple[str, dict[str, pd.DataFrame]] = "", {}
 
-    def table(self, name: str) -> pd.DataFrame:
-        """Return the reports of a file, as they are.
-
-        Raises:
-            ArgumentError: there is no such file, or it cannot be read.
-        """
+    def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
+        """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
+        if self._last[0] == name:  # flights of a file are often read one by one
+            return self._last[1]
         if name not in self._files:
             raise reject("file", name, f"a sample of {self.source}")
         place = self._files[name]
@@ -68,13 +60,6 @@ class Samples:
         missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
         if missing:
             raise ArgumentError(f"{place} has no column {', '.join(sorted(missing))}")
-        return table
-
-    def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
-        """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
-        if self._last[0] == name:  # flights of a file are often read one by one
-            return self._last[1]
-        table = self.table(name)
         flights = {}
         for aircraft, reports in table.groupby("icao24", sort=True):
             times = report_times(reports["timestamp"])
@@ -86,11 +71,7 @@ class Samples:
         return flights
 
     def flight(self, identity: str) -> Flight:
-        """Return a flight by its id `file:icao24:k`.
-
-        Raises:
-            ArgumentError: there is no such flight, or it has too few positions.
-        """
+        """Return a flight by its id `file:icao24:k`, if it has enough positions."""
         name, separator, _ = identity.partition(":")
         if name in UNUSABLE:
             raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
@@ -109,14 +90,10 @@ class Samples:
 
 
 def installed_samples() -> Path:
-    """Return the folder of the samples of the installed package, which is not imported.
-
-    Raises:
-        ArgumentError: the package is not installed.
-    """
+    """Return the folder of the samples of the installed package, which is not imported."""
     spec = importlib.util.find_spec("traffic")
-    places = [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
-    for folder in (Path(place) / "data" / "samples" for place in places):
+    for place in (spec and spec.submodule_search_locations) or ():
+        folder = Path(place) / "data" / "samples"
         if folder.is_dir():
             return folder
     raise ArgumentError(f"source=None is not allowed: {INSTALL}")

@@ -1,9 +1,8 @@
 """Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
 
-A flight is a sequence of straight motion and turns. In a turn the aircraft rolls in within some seconds and
-keeps a turn rate that jitters; in straight motion the heading wanders slowly. Positions have the noise of the
-tier: an error of their time, and one of the position itself, both with a Student t distribution. The default
-settings are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the
+In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight motion the heading
+wanders slowly. Positions have the noise of the tier: an error of their time, and one of the position itself, both with
+a Student t distribution. The default settings are those of the recorded flights as a whole; none is chosen by the
 score of a decider. Agents are trained on flights with settings of their own.
 """
 

@@ -19,17 +19,10 @@ SMALLEST = 1e-300  # probability
 
 
 class FlightTracks:
-    """B pieces of flights, each an episode; rows as of `hybrid_env.HybridTrackQuickestEnv`.
+    """B pieces of flights, each an episode, at positions `tick`; rows as of `hybrid_env.HybridTrackQuickestEnv`.
 
-    Of a row, the probabilities of the modes, the likelihood ratios and the last statement are filled.
-
-    Args:
-        batch: the pieces.
-        estimates: of the IMM filter.
-        probabilities: (T, B, 3) of the modes that rows tell; None are those of the IMM.
-
-    Attributes:
-        tick: index of the present position.
+    Of a row, the probabilities of the modes (T, B, 3), which are those of the IMM filter if none are given, the
+    likelihood ratios of its estimates and the last statement are filled.
     """
 
     def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):

@@ -87,11 +87,7 @@ def parse_numbers(cells: "pd.Series[object]") -> Numbers:
 
 
 def parse_times(table: Table, column: int, unit: str | None) -> Times:
-    """Parse a column of times; a unit or format of None is recognised.
-
-    Raises:
-        ArgumentError: a cell is not a time.
-    """
+    """Parse a column of times; a unit or format of None is recognised."""
     if unit is not None and unit not in SECONDS and "%" not in unit:
         raise reject("time_unit", unit, f"one of {', '.join(SECONDS)}, or {FORMAT}")
     cells, epoch = table.frame[column], None

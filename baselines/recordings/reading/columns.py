@@ -26,20 +26,11 @@ class Columns:
     left_out: list[str] = field(default_factory=list)  # names of the columns that are not used
     chosen: bool = False  # whether the caller has named columns
 
-    @property
-    def degrees(self) -> bool:
-        """Whether the positions are latitudes and longitudes."""
-        return "lat" in self.roles
-
 
 def find_columns(
     table: Table, columns: Mapping[str, str] | None, object_column: str | None, polar: bool = False
 ) -> Columns:
-    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names.
-
-    Raises:
-        ArgumentError: a column is missing, or more than one may be meant.
-    """
+    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names."""
     given = {role: numbered_column(table, "columns", name) for role, name in _checked(columns or {}).items()}
     found = Columns(_roles(table, given, polar), chosen=bool(given))
     used = set(found.roles.values())

@@ -34,11 +34,7 @@ TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may ha
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read the cells of a file.
-
-    Raises:
-        ArgumentError: it cannot be read, or is none of the kinds of files.
-    """
+    """Read the cells of a file. Raises `ArgumentError` if it is none of the kinds of files."""
     name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
@@ -55,11 +51,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def read_igc(path: Path) -> IgcLog | None:
-    """Return the log if a file is one.
-
-    Raises:
-        ArgumentError: the file cannot be read, or the log has no positions.
-    """
+    """Return the log if a file is one. Raises `ArgumentError` if it has no positions."""
     name, content = _content(path)
     return parse_igc(name, content) if is_igc(content) else None
 
@@ -120,15 +112,13 @@ def _read_gpx(content: bytes, name: str) -> Table:
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{name}: the file begins as XML but is not GPX ({reason})") from None
-    frame = pd.DataFrame(
-        [
-            (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
-            for number, track in enumerate(tracks, start=1)
-            for part, segment in enumerate(track.segments)
-            for point in segment.points
-        ],
-        columns=["time", "lat", "lon", "track_id", "segment"],
-    )
+    points = [
+        (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
+        for number, track in enumerate(tracks, start=1)
+        for part, segment in enumerate(track.segments)
+        for point in segment.points
+    ]
+    frame = pd.DataFrame(points, columns=["time", "lat", "lon", "track_id", "segment"])
     if frame.empty:
         raise reject("file", name, "a GPX file with track points (trkpt)")
     segments = pd.factorize(frame.pop("segment"))[0]

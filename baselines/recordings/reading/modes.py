@@ -31,11 +31,7 @@ class ModeFile(NamedTuple):
     modes: dict[str, list[str | None]]  # as text, None for an empty cell
 
     def like(self, other: "ModeFile", name: str) -> "ModeFile":
-        """Return the tracks of another file, in its order; if both have one, the names may differ.
-
-        Raises:
-            ArgumentError: a track is missing in this file, whose `name` is for the message.
-        """
+        """Return the tracks of another file, in its order, if all are here; of single ones the names may differ."""
         if len(self.times) == len(other.times) == 1:
             return self
         missing = [track for track in other.times if track not in self.times]
@@ -53,13 +49,9 @@ def read_modes(
 ) -> ModeFile:
     """Read the modes of a file.
 
-    Args:
-        path: the file.
-        columns: name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The
-            only column that is neither time nor object is that of the modes, whatever its name is.
-        object_column: column that tells several tracks apart; `none` for a file with one; None finds it by
-            its name.
-        time_unit: see `read_recordings`.
+    Columns are the name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
+    column that is neither time nor object is that of the modes, whatever its name is. The other arguments are those of
+    `read_recordings`.
 
     Raises:
         ArgumentError: the file cannot be read, or it is not clear what its columns mean.

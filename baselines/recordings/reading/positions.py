@@ -32,13 +32,8 @@ class Places(NamedTuple):
 
 
 def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Places, None]:
-    """Parse the columns of the positions; a unit of None is that of the header. There are no range rates.
-
-    Raises:
-        ArgumentError: a cell is not a number, a latitude or longitude is out of range, x and y have
-            different units, or a unit is given for latitudes and longitudes.
-    """
-    degrees = found.degrees
+    """Parse the columns of the positions; a unit of None is that of the header. There are no range rates."""
+    degrees = "lat" in found.roles
     axes = [found.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
     if degrees and unit not in (None, "m", *DEGREES):
@@ -67,11 +62,7 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Plac
 def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDArray[np.float64] | None]:
     """Parse ranges and bearings of a radar to positions, and range rates, (n,), if it measures them.
 
-    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x
-    axis.
-
-    Raises:
-        ArgumentError: a cell is not a number, or the column of the range rates is missing.
+    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
@@ -100,9 +91,6 @@ def check_positions(
 
     They are in `rows` (k,), at least two, at increasing times [s], or numbers of rows; `marked`: the caller or a column
     says that they are of one object.
-
-    Raises:
-        ArgumentError: they do not.
     """
     positions = places.values[rows]
     reason = None if marked else _unmarked_objects(seconds, positions)

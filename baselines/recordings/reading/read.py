@@ -92,16 +92,14 @@ def read_recordings(
             degrees = positions[:, ::-1].T
             projection = centred_projection(*degrees)
             positions = projection.forward(*degrees)
-        breaks: Any = ()  # a segment of a GPX track: reception was lost or the logger switched off
-        if table.segments is not None:
-            breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
-        recordings.append(
-            make_recording(
-                times.seconds[rows], positions, name=name, gap=gap, breaks=breaks,
-                unit=places.unit or UNKNOWN_UNIT, time_unit=times.unit, epoch=times.epoch,
-                projection=projection, radar=radar, rates=None if rates is None else rates[rows],
-            )
+        # a segment of a GPX track: reception was lost or the logger switched off
+        breaks: Any = () if table.segments is None else np.flatnonzero(np.diff(table.segments[rows])) + 1
+        recording = make_recording(
+            times.seconds[rows], positions, name=name, gap=gap, breaks=breaks, unit=places.unit or UNKNOWN_UNIT,
+            time_unit=times.unit, epoch=times.epoch, projection=projection, radar=radar,
+            rates=None if rates is None else rates[rows],
         )  # fmt: skip
+        recordings.append(recording)
     if not recordings:
         raise ArgumentError(f"{table.file}: no object has two measured positions")
     if len(recordings) < len(groups):
