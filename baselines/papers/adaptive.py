@@ -14,11 +14,10 @@ prints nu_n nu_(n-i)', which is the same for one axis):
 
 Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
 
-The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by
-itself, M is the mean over all ticks so far, the first gains are those of a line fit, and the gains are
-limited to those of a stable filter. Eq. (17) takes the covariance of successive prediction errors for that of
-successive innovations, and eq. (19) is biased, because the innovation contains earlier noise too
-(`noise_bias`).
+The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is
+the mean over all ticks so far, the first gains are those of a line fit, and the gains are limited to those of a
+stable filter. Eq. (17) takes the covariance of successive prediction errors for that of successive innovations, and
+eq. (19) is biased, because the innovation contains earlier noise too (`noise_bias`).
 
 The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third
 difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the

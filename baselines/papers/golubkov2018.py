@@ -7,9 +7,8 @@ segment for tables 3 and 4, but P is carried over, from P = I at the beginning, 
 exceed A, the largest wins. A segment without a decision counts its whole length and keeps q_A. A mode is
 correct if its type is correct (straight, left or right); the radius does not count.
 
-Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3)
-run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis
-("any lambda_ij").
+Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3) run to 2 n;
+rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis ("any lambda_ij").
 """
 
 import itertools

@@ -11,9 +11,8 @@ distribution of the delay, from tick 20, after which the turn begins, at four va
 not detect the turn within its 20 ticks, also after a false alarm, has missed it.
 
 Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
-`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one,
-p = 2, as in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are
-in logarithms.
+`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one, p = 2, as
+in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are in logarithms.
 """
 
 import math

@@ -1,5 +1,4 @@
-"""Novospaskyi 2025: g-h and Kalman filters on simulated radar tracks of flights, and better filters
-beside them.
+"""Novospaskyi 2025: g-h and Kalman filters on simulated radar tracks of flights, and better filters beside them.
 
 A. Novospaskyi, "Analysis of the efficiency of GH and Kalman filters for tracking moving objects under
 different noise models", master's thesis (in Ukrainian), National University of Kyiv-Mohyla Academy, 2025.

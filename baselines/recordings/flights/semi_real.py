@@ -1,12 +1,11 @@
 """Recorded flights in the setting of `HybridTrackQuickest-v0`: real motion, simulated noise.
 
-The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one.
-White noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of
-the flight is as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma
-and times in ticks, the environment's deciders then read a flight as they are, without having seen one. Its
-turns have a radius of 25 v s, which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at
-115 m/s (tan bank = v omega / g); aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg,
-whichever is slower (ICAO Doc 8168).
+The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one. White
+noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of the flight is
+as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma and times in ticks,
+the environment's deciders then read a flight as they are, without having seen one. Its turns have a radius of 25 v s,
+which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v omega / g); aircraft in
+civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc 8168).
 """
 
 from collections.abc import Sequence
