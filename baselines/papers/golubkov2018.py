@@ -66,15 +66,10 @@ KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
 
 
 class Estimates(NamedTuple):
-    """Output of a filter for n runs of T ticks. A single run has no first axis.
+    """Output of a filter for n runs of T ticks. A single run has no first axis."""
 
-    Attributes:
-        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s].
-        covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
-    """
-
-    estimates: FloatArray
-    covariances: FloatArray
+    estimates: FloatArray  # (n, T, 4) [x, vx, y, vy] [m, m/s]
+    covariances: FloatArray  # (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis
 
 
 class _Known(NamedTuple):

@@ -111,12 +111,12 @@ def _decide_piece(
     measured = ~np.isnan(piece.measurements[:, 0])
     origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
     points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
-    total, M = len(points), tracker.options.hypotheses
+    options: Any = tracker.options
+    total, M = len(points), options.hypotheses
     found = TickDecisions(
         np.zeros(total, np.int64), np.zeros(total, np.bool_), np.empty((total, M)), np.empty((total, 4)),
         np.empty((total, 4, 4)), np.full((len(lengths), 4), -1),
     )  # fmt: skip
-    options: Any = tracker.options
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
     else:  # from the first measurements, with known switches those of the first piece

@@ -22,33 +22,21 @@ UNKNOWN_UNIT = "units"  # unit of a length that the file does not name
 class Recording:
     """Measured positions of one object. `make_recording` checks arrays and makes one.
 
-    Attributes:
-        name: name of the object.
-        times: (n,) strictly increasing times of the rows [`time_unit`].
-        positions: (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement.
-        tick: nominal tick, the median step of the times [`time_unit`].
-        pieces: first row and end of each piece between gaps, in order. A piece begins and ends with a
-            measurement, may consist of a single row, and holds no two successive measurements that are
-            further apart than the gap. Rows outside of all pieces have no measurement.
-        unit: unit of length: `m`, another unit that the file names, or `units` if it names none.
-        time_unit: `s`, or `ticks` for a recording without times.
-        epoch: date of time 0 in UTC, ISO 8601; None for times without a date.
-        projection: from latitude and longitude to `positions`; None if the file has no degrees.
-        radar: whose ranges and bearings `positions` are converted from; None for measured positions.
-        rates: (n,) its range rates, NaN without one; None if it measures none.
+    A piece begins and ends with a measurement, may consist of a single row, and holds no two successive measurements
+    that are further apart than the gap. Rows outside of all pieces have no measurement.
     """
 
-    name: str
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    tick: float
-    pieces: tuple[tuple[int, int], ...]
-    unit: str = UNKNOWN_UNIT
-    time_unit: str = "s"
-    epoch: str | None = None
-    projection: "Projection | None" = None
-    radar: Radar | None = None
-    rates: NDArray[np.float64] | None = None
+    name: str  # of the object
+    times: NDArray[np.float64]  # (n,) strictly increasing, of the rows [`time_unit`]
+    positions: NDArray[np.float64]  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
+    tick: float  # the median step of the times [`time_unit`]
+    pieces: tuple[tuple[int, int], ...]  # first row and end of each piece between gaps, in order
+    unit: str = UNKNOWN_UNIT  # of length: `m`, another one that the file names, or `units` if it names none
+    time_unit: str = "s"  # or `ticks` for a recording without times
+    epoch: str | None = None  # date of time 0 in UTC, ISO 8601; None for times without a date
+    projection: "Projection | None" = None  # from latitude and longitude to `positions`
+    radar: Radar | None = None  # whose ranges and bearings `positions` are converted from
+    rates: NDArray[np.float64] | None = None  # (n,) its range rates, NaN without one
 
     @property
     def measured(self) -> NDArray[np.bool_]:

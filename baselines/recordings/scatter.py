@@ -110,10 +110,8 @@ def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
-    before, after = (np.full(len(steps), np.inf) for _ in range(2))
-    change = np.hypot(*np.diff(steps, axis=0).T)
-    before[1:], after[:-1] = change, change
-    jump = (np.hypot(*steps.T) > limits) & (np.minimum(before, after) > 0.5 * limits)
+    change = np.pad(np.hypot(*np.diff(steps, axis=0).T), 1, constant_values=np.inf)
+    jump = (np.hypot(*steps.T) > limits) & (np.minimum(change[:-1], change[1:]) > 0.5 * limits)
     return np.split(rows, np.flatnonzero(jump) + 1)
 
 

@@ -48,17 +48,11 @@ version and seed give the same files.
 
 @dataclass(frozen=True, eq=False)
 class RadarData:
-    """The data set.
+    """The data set."""
 
-    Attributes:
-        seed: it was made with.
-        flights: F flights, the training flights first.
-        tracks: measurements by split ("training", "test") and noise ("gaussian", "levy").
-    """
-
-    seed: int
-    flights: list[Flight]
-    tracks: dict[str, dict[Noise, Tracks]]
+    seed: int  # it was made with
+    flights: list[Flight]  # the training flights first
+    tracks: dict[str, dict[Noise, Tracks]]  # by split ("training", "test") and noise ("gaussian", "levy")
 
     def flights_of(self, split: str) -> list[Flight]:
         """Return the flights of a split."""
