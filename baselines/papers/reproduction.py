@@ -168,7 +168,9 @@ def table_row(
     `interval` has the results (C,) of `study_interval` or `both_intervals`; `excuses` are by column.
     """
     found = np.array([*interval], np.float64).T.tolist()
-    return [
-        Cell(table, row, column, value, *bounds[:3], digits, note, *bounds[3:], excuse=(excuses or {}).get(column, ""))
-        for column, value, bounds in zip(columns, published, found, strict=True)
-    ]
+    cells = []
+    for column, value, (ours, low, high, *more) in zip(columns, published, found, strict=True):
+        own = dict(zip(("own_low", "own_high", "median"), more, strict=False))
+        excuse = (excuses or {}).get(column, "")
+        cells.append(Cell(table, row, column, value, ours, low, high, digits, note, **own, excuse=excuse))
+    return cells

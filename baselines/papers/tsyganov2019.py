@@ -46,10 +46,10 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     findings: list[Finding] = []
     examples = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
-        variances = {"process_variance": 0.0, "measurement_variance": variance}
+        variances: dict[str, Any] = {"process_variance": 0.0, "measurement_variance": variance}
         recording = simulate(SCHEME, runs, seed + index, start=START, **variances)
         for variant, options in VARIANTS.items():
-            settings = {"radii": [RADIUS], "alpha": ALPHA} | variances | options
+            settings: dict[str, Any] = {"radii": [RADIUS], "alpha": ALPHA} | variances | options
             tracks = track_ate(recording.measurements, recording.lengths, START, **settings)
             row = rmse_row("Table, RMSE", name, TABLE[name], tracks.estimates, recording.truth, seed)
             if variant == AS_PUBLISHED:

@@ -37,7 +37,8 @@ class ModeFile(NamedTuple):
         missing = [track for track in other.times if track not in self.times]
         if missing:
             raise reject(f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}")
-        return ModeFile(*({track: own[track] for track in other.times} for own in self))
+        order = list(other.times)
+        return ModeFile({one: self.times[one] for one in order}, {one: self.modes[one] for one in order})
 
 
 def read_modes(
