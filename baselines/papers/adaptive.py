@@ -14,11 +14,10 @@ prints nu_n nu_(n-i)', which is the same for one axis):
 
 Added up, C P_e C' + R = H_0, so that the gain of the positions is I - R H_0^-1 (`published_gain`).
 
-The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by
-itself, M is the mean over all ticks so far, the first gains are those of a line fit, and the gains are
-limited to those of a stable filter. Eq. (17) takes the covariance of successive prediction errors for that of
-successive innovations, and eq. (19) is biased, because the innovation contains earlier noise too
-(`noise_bias`).
+The paper does not say what M, the start and the limits of the gain are. Here: each axis is filtered by itself, M is
+the mean over all ticks so far, the first gains are those of a line fit, and the gains are limited to those of a
+stable filter. Eq. (17) takes the covariance of successive prediction errors for that of successive innovations, and
+eq. (19) is biased, because the innovation contains earlier noise too (`noise_bias`).
 
 The corrected filter keeps the identity and takes both of its terms from means that are not biased: the third
 difference of the measurements has the variance (1 + 9 + 9 + 1) R if the motion is smooth, and H_0 is the
@@ -35,14 +34,11 @@ from hybrid_env.checks import FloatArray, check_between, check_flag, check_integ
 
 
 class GainFilter(TrackFilter):
-    """A filter of [x, v] per axis with gains: no covariance and no likelihood.
+    """A filter of [x, v] per axis with gains, (2, B, d) or (2, B, 1), of positions [-] and velocities [1/s].
 
-    Two-point start: a track has the position of its first measurement and no velocity; the second gives the
-    position z_2 and the velocity (z_2 - z_1) / t.
-
-    Attributes:
-        gains: (2, B, d) or (2, B, 1) of positions [-] and velocities [1/s] at the last measurement.
-        longest_gap: time between two measurements [s] after which a track starts anew.
+    It has no covariance and no likelihood. Two-point start: a track has the position of its first measurement and no
+    velocity; the second gives the position z_2 and the velocity (z_2 - z_1) / t. It starts anew after `longest_gap`
+    without a measurement [s].
     """
 
     has_covariance = False
@@ -90,8 +86,7 @@ class GHFilter(GainFilter):
     """The g-h filter of positions in d dimensions.
 
     With x, v the prediction at a measurement z and t the time since the last one:
-    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`. After a longer gap without
-    measurements a track starts anew.
+    x' = x + g (z - x), v' = v + h / t (z - x). For its start see `GainFilter`.
 
     Args:
         axes: number of dimensions d.
@@ -122,9 +117,7 @@ class GHFilter(GainFilter):
         return np.stack([np.full(self.tracks, self.g), rate])[..., None]
 
 
-DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])
-"""Coefficients of the third backward difference D^3, newest value first."""
-
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # coefficients of the third backward difference D^3, newest value first
 LAGS = 5  # of H_0 to H_4
 
 
@@ -134,13 +127,9 @@ def third_difference(values: FloatArray) -> FloatArray:
 
 
 def products(position: FloatArray, velocity: FloatArray, innovation: FloatArray) -> FloatArray:
-    """Products whose means identify the gain, (8, ...).
+    """Products whose means identify the gain, (8, ...): H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
 
-    They are H_0 to H_4, then D^3 x_e nu, D^3 v_e nu and D^3 nu nu.
-
-    Args:
-        position, velocity: (4, ...) last predictions, newest first [m, m/s].
-        innovation: (5, ...) last innovations, newest first [m].
+    Of the last four predictions [m, m/s] and five innovations [m], newest first.
     """
     differences = [third_difference(values) for values in (position, velocity, innovation)]
     return np.stack([*innovation[:LAGS], *differences]) * innovation[0]
@@ -160,13 +149,9 @@ def published_gain(means: FloatArray, tau: float) -> tuple[FloatArray, FloatArra
 
 
 def noise_bias(gain: float) -> float:
-    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains.
+    """Ratio of the R of eq. (19) to the true one, in uniform motion with constant gains g and h = g^2 / (2 - g).
 
-    The gains are g and h = g^2 / (2 - g). The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so
-    that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
-
-    Args:
-        gain: g, in (0, 1].
+    The prediction is sum_i c_i z_(n-i), and D^3 of the motion is 0, so that M[D^3 z nu'] = R (1 + 3 c_1 - 3 c_2 + c_3).
     """
     position, velocity = gain, gain**2 / (2.0 - gain)  # after a measurement of 1, in units of a tick
     g, h = position, velocity
@@ -179,17 +164,10 @@ def noise_bias(gain: float) -> float:
 
 
 class ConstantStepFilter(GainFilter):
-    """A filter with gains that depend on past innovations, for equal time steps.
+    """A filter with gains that depend on past innovations, for d axes and equal time steps of tau [s].
 
     After the start it has the gains of a line fitted to all measurements, with n measurements
     K_1 = 2 (2 n - 1) / (n (n + 1)) and K_2 = 6 / (n (n + 1) T), until it adapts.
-
-    Args:
-        axes: number of dimensions d.
-        tau: length of a tick [s].
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
     def __init__(self, axes: int, tau: float):
@@ -229,15 +207,19 @@ def _shifted(history: FloatArray, newest: FloatArray) -> FloatArray:
 
 
 class AdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter as published, each axis by itself.
+    """The adaptive filter as published, each axis by itself, for equal time steps.
 
     Products of ticks around a missing measurement are left out of the means.
 
     Args:
-        axes, tau: see `ConstantStepFilter`.
+        axes: number of dimensions d.
+        tau: length of a tick [s].
         limited: limits the gains to 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T), which the paper does
             not state. Without limits its estimates are worse than the measurements.
         start: number of products before the filter adapts.
+
+    Raises:
+        ArgumentError: an argument has a value that is not allowed; in `predict`, a time step is not `tau`.
     """
 
     def __init__(self, axes: int, tau: float, *, limited: bool = True, start: int = 10):
@@ -272,12 +254,10 @@ class AdaptiveFilter(ConstantStepFilter):
 
 
 class CorrectedAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with estimates of R and H_0 that are not biased.
-
-    All axes have one gain, from means over the axes.
+    """The adaptive filter with estimates of R and H_0 that are not biased, and one gain for all axes, from their means.
 
     Args:
-        axes, tau: see `ConstantStepFilter`.
+        axes, tau: see `AdaptiveFilter`.
         window: number of innovations in H_0. A short window follows a manoeuvre quickly, a long one has
             a steadier gain. The filter adapts after two windows.
         smallest_gain, largest_gain: limits of K_1 = 1 - R / H_0.

@@ -7,26 +7,18 @@ segment for tables 3 and 4, but P is carried over, from P = I at the beginning, 
 exceed A, the largest wins. A segment without a decision counts its whole length and keeps q_A. A mode is
 correct if its type is correct (straight, left or right); the radius does not count.
 
-Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3)
-run to 2 n; rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis
-("any lambda_ij").
+Deviations from the published text: Sigma = H P H' + R (published as H' P H + R); the turns after eq. (3) run to 2 n;
+rule (5) tests i only against q_A, as the algorithm does, not against any other hypothesis ("any lambda_ij").
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.papers.reproduction import (
-    PAPER_RUNS,
-    Cell,
-    Finding,
-    Reproduction,
-    rmse_row,
-    table_row,
-    with_own_interval,
-)
+from baselines.papers.reproduction import PAPER_RUNS, Cell, Finding, Reproduction, both_intervals, rmse_row, table_row
 from baselines.recordings.arrays import Filters, check_recording, make_filters, write_estimate
 from baselines.recordings.ate import Tracks, track_ate
 from baselines.rules.measurements import run_compiled
@@ -39,16 +31,10 @@ from hybrid_env.simulation import Simulation, simulate
 
 PAPER = "Golubkov 2018"
 SCHEME = "golubkov2018"
-START = (0.0, 0.0, 0.0, 2.0)
-"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
-
-RADII = tuple(float(radius) for radius in range(1, 11))
-"""Turn radii of the 21 hypotheses [m]."""
-
+START = (0.0, 0.0, 0.0, 2.0)  # state one tick before the first measurement, [x, vx, y, vy] [m, m/s]
+RADII = tuple(float(radius) for radius in range(1, 11))  # turn radii of the 21 hypotheses [m]
 ALPHA = 1e-3
-MEASUREMENT_VARIANCES = {"R1": 1.0, "R2": 0.1, "R3": 0.01}
-"""R [m^2] of each setting."""
-
+MEASUREMENT_VARIANCES = {"R1": 1.0, "R2": 0.1, "R3": 0.01}  # R [m^2] of each setting
 PIECES = ("1", "2", "3", "4", "5", "6", "mean")
 TABLE_2 = {
     "R1": (0.3552, 0.2738, 0.3618, 0.2587, 0.6316),
@@ -65,12 +51,11 @@ TABLE_4 = {
     "R2": (22.18, 15.95, 26.3, 22.23, 20.48, 26.98, 22.353),
     "R3": (14.94, 11.24, 17.04, 14.66, 14.66, 18.44, 15.163),
 }
-CORRECT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}
-"""Published percentages of correct modes."""
-
+CORRECT_MODES = {"R1": 72.5, "R2": 77.0, "R3": 79.8}  # published percentages of correct modes
 SCANNED_TAU = (0.05, 0.1, 0.2)  # [s]
 SCANNED_ALPHA = (0.05, 0.01, 1e-3, 1e-4)
 SCANNED_RUNS = 100
+# What was tried for table 2: arguments of `filter_known_modes`.
 KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
     "P carried over from I, as reported": {},
     "P := I at every switch": {"carry_covariance": False},
@@ -78,19 +63,13 @@ KNOWN_MODES_SETTINGS: dict[str, dict[str, Any]] = {
     "P carried over from 0": {"start_covariance": (0.0, 0.0, 0.0)},
     "start from the first measurements": {"start": None},
 }
-"""What was tried for table 2: arguments of `filter_known_modes`."""
 
 
 class Estimates(NamedTuple):
-    """Output of a filter for n runs of T ticks. A single run has no first axis.
+    """Output of a filter for n runs of T ticks. A single run has no first axis."""
 
-    Attributes:
-        estimates: (n, T, 4) estimates [x, vx, y, vy] [m, m/s].
-        covariances: (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis.
-    """
-
-    estimates: FloatArray
-    covariances: FloatArray
+    estimates: FloatArray  # (n, T, 4) [x, vx, y, vy] [m, m/s]
+    covariances: FloatArray  # (n, T, 2, 3) P_XX, P_XV, P_VV of (position, velocity) on each axis
 
 
 class _Known(NamedTuple):
@@ -154,9 +133,6 @@ def filter_known_modes(
         start_covariance: (3,) initial xx, xv, vv of (position, velocity) on each axis.
         carry_covariance: False resets the covariance to `start_covariance` at every switch.
 
-    Returns:
-        Estimates and covariances; without the first axis for a single run.
-
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
@@ -177,28 +153,19 @@ def filter_known_modes(
 
 
 def run_ate(recording: Simulation, variance: float, **options: Any) -> Tracks:
-    """Run ATE with the 21 hypotheses of the paper.
-
-    Args:
-        recording: simulated runs.
-        variance: R [m^2].
-        **options: of `baselines.track_ate`.
-    """
+    """Run ATE with the 21 hypotheses of the paper; options are those of `baselines.track_ate`."""
     chosen: dict[str, Any] = {"start": START, "alpha": ALPHA} | options
     return track_ate(recording.measurements, recording.lengths, radii=RADII, measurement_variance=variance, **chosen)
 
 
+def decided_radii(tracks: Tracks) -> FloatArray:
+    """(n, K) signed radii of the decided hypotheses, 0 if straight."""
+    return np.array([0.0, *RADII, *(-radius for radius in RADII)])[tracks.decided]
+
+
 def correct_types(tracks: Tracks, recording: Simulation) -> BoolArray:
     """(n, K) True where the decided type (straight, left or right) is correct."""
-    n = len(RADII)
-    sides = np.where(tracks.decided == 0, 0, np.where(tracks.decided <= n, 1, -1))
-    return sides == np.sign(recording.signed_radii)
-
-
-def correct_hypotheses(tracks: Tracks, recording: Simulation) -> BoolArray:
-    """(n, K) True where the decided hypothesis is correct, including its radius."""
-    signed_radii = np.array([0.0, *RADII, *(-radius for radius in RADII)])
-    return signed_radii[tracks.decided] == recording.signed_radii
+    return np.sign(decided_radii(tracks)) == np.sign(recording.signed_radii)
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
@@ -219,10 +186,8 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         recording = simulate(SCHEME, runs, seed + index, start=START, measurement_variance=variance)
         tracks = run_ate(recording, variance)
         cells += _known_modes_cells(name, recording, seed) + _ate_cells(name, recording, tracks, seed)
-        findings += [
-            _refinement_finding(name, recording, tracks, run_ate(recording, variance, refine_radius=True)),
-            *_spread(name, recording, tracks),
-        ]
+        refined = run_ate(recording, variance, refine_radius=True)
+        findings += [_refinement_finding(name, recording, tracks, refined), *_spread(name, recording, tracks)]
         examples[name] = (recording, tracks)
     findings += _scans(seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)
@@ -230,20 +195,18 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
 
 def _known_modes_cells(name: str, recording: Simulation, seed: int, **options: Any) -> list[Cell]:
     """A row of table 2, with options of `filter_known_modes`."""
-    chosen = {"start": START} | options
     estimates = filter_known_modes(
         recording.measurements, recording.lengths, recording.signed_radii,
-        measurement_variance=MEASUREMENT_VARIANCES[name], **chosen,
+        measurement_variance=MEASUREMENT_VARIANCES[name], **{"start": START} | options,
     ).estimates  # fmt: skip
-    table = "Table 2, RMSE with known modes"
-    return rmse_row(table, name, TABLE_2[name], estimates, recording.truth, seed)
+    return rmse_row("Table 2, RMSE with known modes", name, TABLE_2[name], estimates, recording.truth, seed)
 
 
 def _ate_cells(name: str, recording: Simulation, tracks: Tracks, seed: int) -> list[Cell]:
     """A row of tables 3 and 4 and of the percentages."""
     ticks = np.concatenate([tracks.ticks, tracks.ticks.mean(1, keepdims=True)], axis=1)
     correct = 100.0 * correct_types(tracks, recording).mean(1, keepdims=True)
-    times, types = (with_own_interval(values, lambda means: means, seed) for values in (ticks, correct))
+    times, types = (both_intervals(values, lambda means: means, seed) for values in (ticks, correct))
     return [
         *rmse_row("Table 3, RMSE of ATE", name, TABLE_3[name], tracks.estimates, recording.truth, seed),
         *table_row("Table 4, decision time in ticks", name, PIECES, TABLE_4[name], times, 2),
@@ -256,18 +219,16 @@ def _spread(name: str, recording: Simulation, tracks: Tracks) -> list[Finding]:
     squares = ((tracks.estimates - recording.truth) ** 2).mean(1).sum(-1)
     worst = np.sort(squares)[-max(round(0.01 * squares.size), 1) :]
     blocks = [np.sqrt(block.mean()) for block in np.array_split(squares, max(squares.size // PAPER_RUNS, 1))]
-    radius = 100.0 * correct_hypotheses(tracks, recording).mean()
+    radius = 100.0 * (decided_radii(tracks) == recording.signed_radii).mean()
+    spread = (
+        f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
+        f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error"
+    )
+    claim = f"{CORRECT_MODES[name]} %, what counts not stated"
     return [
-        Finding(
-            f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs",
-            f"nRMSE {min(blocks):.2f} to {max(blocks):.2f}; the worst 1 % of all runs carry "
-            f"{100.0 * worst.sum() / squares.sum():.0f} % of the squared error",
-        ),
-        Finding(
-            f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %",
-            f"{CORRECT_MODES[name]} %, what counts not stated",
-        ),
-    ]  # fmt: skip
+        Finding(f"{name}: table 3 in {len(blocks)} studies of {PAPER_RUNS} runs", spread),
+        Finding(f"{name}: modes that are correct if the radius counts too", f"{radius:.1f} %", claim),
+    ]
 
 
 def _scans(seed: int) -> list[Finding]:
@@ -284,34 +245,25 @@ def _scans(seed: int) -> list[Finding]:
                 label = f"tables 3, 4 and percentages with tau = {tau:g} s, alpha = beta = {alpha:g}"
                 tracks = run_ate(one, variance, tau=tau, alpha=alpha)
                 found.setdefault(label, []).extend(_ate_cells(name, one, tracks, seed))
-        recording = simulate(SCHEME, SCANNED_RUNS, seed + index, start=START, measurement_variance=variance)
+        one = simulate(SCHEME, SCANNED_RUNS, seed + index, start=START, measurement_variance=variance)
         label = "tables 3, 4 and percentages with a start from the first measurements"
-        cells = _ate_cells(name, recording, run_ate(recording, variance, start=None), seed)
-        found.setdefault(label, []).extend(cells)
+        found.setdefault(label, []).extend(_ate_cells(name, one, run_ate(one, variance, start=None), seed))
         for setting, options in KNOWN_MODES_SETTINGS.items():
-            cells = _known_modes_cells(name, recording, seed, **options)
-            found.setdefault(f"table 2, {setting}", []).extend(cells)
+            found.setdefault(f"table 2, {setting}", []).extend(_known_modes_cells(name, one, seed, **options))
     return [
         Finding(f"tried, {SCANNED_RUNS} runs: {label}", inside(cells), "not stated") for label, cells in found.items()
     ]
 
 
 def _refinement_finding(name: str, recording: Simulation, before: Tracks, after: Tracks) -> Finding:
-    """Effect of refining the radius after the decision, which the paper names as future work.
-
-    The most likely turn in the decided direction becomes the active mode.
-    """
+    """Effect of taking the most likely turn in the decided direction after the decision."""
 
     def percentages_and_error(tracks: Tracks) -> tuple[float, float, float]:
         squares = ((tracks.estimates - recording.truth) ** 2).mean((0, 1)).sum()
-        types = correct_types(tracks, recording).mean()
-        hypotheses = correct_hypotheses(tracks, recording).mean()
-        return 100 * hypotheses, 100 * types, float(np.sqrt(squares))
+        hypotheses = (decided_radii(tracks) == recording.signed_radii).mean()
+        return 100 * hypotheses, 100 * correct_types(tracks, recording).mean(), float(np.sqrt(squares))
 
-    old, new = percentages_and_error(before), percentages_and_error(after)
-    return Finding(
-        f"{name}: radius refined after the decision",
-        f"correct radius {old[0]:.1f} -> {new[0]:.1f} %, "
-        f"correct type {old[1]:.1f} -> {new[1]:.1f} %, nRMSE {old[2]:.3f} -> {new[2]:.3f}",
-        "named as future work",
-    )
+    pairs = zip(percentages_and_error(before), percentages_and_error(after), strict=True)
+    text = "correct radius {:.1f} -> {:.1f} %, correct type {:.1f} -> {:.1f} %, nRMSE {:.3f} -> {:.3f}"
+    change = text.format(*itertools.chain(*pairs))
+    return Finding(f"{name}: radius refined after the decision", change, "named as future work")

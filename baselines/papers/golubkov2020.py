@@ -3,18 +3,16 @@
 The nominal filter assumes straight motion. At every tick a new filter of each turn starts from the nominal
 estimate and covariance, for the hypothesis that the turn begins at this tick. lambda_k is the mean of the
 likelihood ratios of all start times so far, eq. (6); a switch is declared when lambda_k >= A. k lambda_k is
-the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but they are not error
-probabilities, as the false-alarm rates without a turn show.
+the Shiryaev-Roberts statistic: alpha and beta determine the thresholds, but are no error probabilities, as
+the false-alarm rates without a turn show.
 
-The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta. The
-reproduction gives the distribution of the delay at four values of alpha. Delays are counted from tick 20,
-after which the turn begins. A run counts as missed if the turn is not detected within its 20 ticks; this
-includes runs with an earlier false alarm.
+The paper shows one realisation, with a delay of 12 ticks, and states neither alpha nor beta; here is the
+distribution of the delay, from tick 20, after which the turn begins, at four values of alpha. A run that does
+not detect the turn within its 20 ticks, also after a false alarm, has missed it.
 
 Deviations from the published text: the root in eq. (7) is |Sigma_0| / |Sigma_1| (published inverted;
-`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one,
-p = 2, as in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are
-in logarithms.
+`published_root=True` uses the published ratio), and Sigma = H P H' + R. The tested turn is the right one, p = 2, as
+in the experiment, not p = 1 as in the algorithm; here any turn can be tested. All computations are in logarithms.
 """
 
 import math
@@ -37,25 +35,16 @@ from hybrid_env.simulation import Simulation, simulate
 
 PAPER = "Golubkov 2020"
 SCHEME = "golubkov2020"
-SWITCH = 20
-"""Number of ticks before the turn."""
-
-START = (0.0, 0.0, 0.0, 2.0)
-"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
-
+SWITCH = 20  # number of ticks before the turn
+START = (0.0, 0.0, 0.0, 2.0)  # state one tick before the first measurement, [x, vx, y, vy] [m, m/s]
 RIGHT_TURN = 2  # p = 2
 ALPHAS = (0.1, 0.05, 0.01, 0.001)
-PUBLISHED_DELAY = 12
-"""Delay of the published realisation [ticks]."""
-
+PUBLISHED_DELAY = 12  # delay of the published realisation [ticks]
 PERCENTILES = (5, 25, 50, 75, 95)
 RUNS_AT_ONCE = 256  # bounds the memory
-HORIZON = 60
-"""Length of the turn in the identification study [ticks]."""
-
+HORIZON = 60  # length of the turn in the identification study [ticks]
+# Turn radii of each bank in the identification study [m].
 IDENTIFICATION = {"3 hypotheses": (5.0,), "21 hypotheses": tuple(float(radius) for radius in range(1, 11))}
-"""Turn radii of each bank in the identification study [m]."""
-
 MEAN_DELAY = "mean delay of the detected runs"
 ONE_RUN = "one observation beside four values of alpha, which is not stated"
 PUBLISHED_TABLE = "Detection delay of the published realisation, ticks"
@@ -68,14 +57,13 @@ class Detection(NamedTuple):
     """Results of the detector for n runs of T ticks and M hypotheses. A single run has no first axis.
 
     Attributes:
-        ticks: (n,) detection time, the first tick at which a tested hypothesis is declared, counted from 1;
-            0 if there is no detection.
-        modes: (n,) the hypothesis with the largest ratio at this tick; -1 if there is no detection.
+        ticks: (n,) first tick at which a tested hypothesis is declared, counted from 1; 0 without a detection.
+        modes: (n,) the hypothesis with the largest ratio at this tick; -1 without a detection.
         log_ratios: (n, T, M) ln lambda_k of each turn, NaN in the column of the straight line.
         upper: ln A.
         lower: ln B.
         accepted: (n,) first tick at which every tested ratio is <= B, the published decision that there is
-            no change; 0 if this does not occur. It does not stop the detection.
+            no change, which does not stop the detection; 0 without one.
     """
 
     ticks: IntArray
@@ -133,7 +121,19 @@ def detect_switch(
     for first in range(0, len(values), RUNS_AT_ONCE):
         part = slice(first, first + RUNS_AT_ONCE)
         log_ratios[part, :, 1:] = _log_ratios(values[part], starts[part], bank_radii, model, root)
-    return _decide(log_ratios, chosen, upper, lower, margin, np.ndim(measurements) == 2)
+    ranked = np.sort(log_ratios[:, :, chosen], axis=-1)
+    largest = ranked[:, :, -1]
+    passed, below = largest >= upper, largest <= lower
+    if chosen.size > 1:
+        passed &= largest - ranked[:, :, -2] >= margin
+    detected, first_tick = passed.any(1), passed.argmax(1)
+    at = log_ratios[np.arange(len(values)), first_tick][:, chosen]
+    ticks = np.where(detected, first_tick + 1, 0)
+    found = np.where(detected, chosen[at.argmax(1)], -1)
+    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
+    if np.ndim(measurements) == 2:
+        return Detection(ticks[0], found[0], log_ratios[0], upper, lower, accepted[0])
+    return Detection(ticks, found, log_ratios, upper, lower, accepted)
 
 
 def _log_ratios(
@@ -169,55 +169,28 @@ def _log_determinants(filters: NDArray[Any], model: FilterModel) -> FloatArray:
     return -np.log(1.0 - x / model.variance_x) - np.log(1.0 - y / model.variance_y)
 
 
-def _decide(
-    log_ratios: FloatArray, tested: NDArray[Any], upper: float, lower: float, margin: float, single: bool
-) -> Detection:
-    """Apply rule (3) to the ratios of the tested hypotheses."""
-    ranked = np.sort(log_ratios[:, :, tested], axis=-1)
-    largest = ranked[:, :, -1]
-    passed = largest >= upper
-    if tested.size > 1:
-        passed &= largest - ranked[:, :, -2] >= margin
-    detected = passed.any(1)
-    first = passed.argmax(1)
-    at = log_ratios[np.arange(len(first)), first][:, tested]
-    ticks = np.where(detected, first + 1, 0)
-    modes = np.where(detected, tested[at.argmax(1)], -1)
-    below = largest <= lower
-    accepted = np.where(below.any(1), below.argmax(1) + 1, 0)
-    if single:
-        return Detection(ticks[0], modes[0], log_ratios[0], upper, lower, accepted[0])
-    return Detection(ticks, modes, log_ratios, upper, lower, accepted)
-
-
 def run_detector(recording: Simulation, alpha: float, **options: Any) -> Detection:
     """Run the paper's detector of a right turn; options are those of `detect_switch`."""
     return detect_switch(recording.measurements, START, tested=[RIGHT_TURN], alpha=alpha, **options)
 
 
 def delay_statistics(ticks: IntArray) -> dict[str, float]:
-    """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks].
-
-    Args:
-        ticks: (n,) detection tick of each run, 0 if there is none.
-    """
+    """Rates of false alarms and missed turns [%], mean and quantiles of the delay [ticks], of detections (n,)."""
     delays = ticks[ticks > SWITCH] - SWITCH
-    statistics = {"false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean())}
-    statistics[MEAN_DELAY] = float(delays.mean()) if delays.size else math.nan
-    for percentile in PERCENTILES:
-        statistics[f"{percentile} % quantile"] = float(np.percentile(delays, percentile)) if delays.size else math.nan
-    return statistics | {"missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size)}
+    known = delays if delays.size else np.array([math.nan])
+    quantiles = zip(PERCENTILES, np.percentile(known, PERCENTILES).tolist(), strict=True)
+    return {
+        "false alarms by tick 20, %": 100.0 * float(((ticks > 0) & (ticks <= SWITCH)).mean()),
+        MEAN_DELAY: float(known.mean()),
+        **{f"{percentile} % quantile": value for percentile, value in quantiles},
+        "missed by tick 40, %": 100.0 * (1.0 - delays.size / ticks.size),
+    }
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Distribution of the detection delay, false alarms without a turn, and identification of the turn.
 
-    Args:
-        runs: number of runs, at least 2; the identification study uses a quarter of them.
-        seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
+    Arguments as of `golubkov2018.reproduce`; the identification study uses a quarter of the runs.
     """
     runs = check_integer("runs", runs, minimum=2)
     recording = simulate(SCHEME, runs, seed, start=START)
@@ -231,62 +204,47 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         statistics = delay_statistics(detection.ticks)
         delays = detection.ticks[detection.ticks > SWITCH] - SWITCH
         low, high = np.percentile(delays, [2.5, 97.5]) if delays.size else (math.nan, math.nan)
-        value = ([statistics[MEAN_DELAY]], [low], [high])
-        cells += table_row(
-            PUBLISHED_TABLE, row, [MEAN_DELAY], [PUBLISHED_DELAY], value, 1, DELAY_INTERVAL,
-            {MEAN_DELAY: ONE_RUN},
-        )  # fmt: skip
-        interval = ([*statistics.values()], *_bootstrap_interval(detection.ticks, seed))
+        value, excuses = ([statistics[MEAN_DELAY]], [low], [high]), {MEAN_DELAY: ONE_RUN}
+        names, theirs = [MEAN_DELAY], [PUBLISHED_DELAY]
+        cells += table_row(PUBLISHED_TABLE, row, names, theirs, value, 1, DELAY_INTERVAL, excuses)
+        draw = np.random.default_rng(seed).choice
+        resampled = [[*delay_statistics(draw(detection.ticks, runs)).values()] for _ in range(200)]
+        interval = ([*statistics.values()], *np.nanpercentile(resampled, [2.5, 97.5], axis=0))
         nothing = [math.nan] * len(statistics)
         cells += table_row(DISTRIBUTION, row, statistics, nothing, interval, 2, BOOTSTRAP_INTERVAL)
         false_alarms = 100.0 * (run_detector(no_turn, alpha).ticks > 0).mean()
-        published_root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
+        root = delay_statistics(run_detector(recording, alpha, published_root=True).ticks)
+        text = f"{MEAN_DELAY} {root[MEAN_DELAY]:.1f}, missed {root['missed by tick 40, %']:.1f} %"
         findings += [
             Finding(f"{row}: false alarms in 40 ticks without a turn", f"{false_alarms:.2f} %", f"{100 * alpha:g} %"),
-            Finding(
-                f"{row}: root of eq. (7) as published",
-                f"{MEAN_DELAY} {published_root[MEAN_DELAY]:.1f}, missed {published_root['missed by tick 40, %']:.1f} %",
-            ),
+            Finding(f"{row}: root of eq. (7) as published", text),
         ]
         examples[row] = (recording, detection)
     findings += _identification(max(runs // 4, 2), seed)
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="one run")
 
 
-def _bootstrap_interval(ticks: IntArray, seed: int) -> FloatArray:
-    """Bounds of the 95 % bootstrap confidence intervals of the `delay_statistics`, (2, S)."""
-    generator = np.random.default_rng(seed)
-    values = [list(delay_statistics(generator.choice(ticks, ticks.size)).values()) for _ in range(200)]
-    return np.asarray(np.nanpercentile(values, [2.5, 97.5], axis=0), np.float64)
-
-
 def _identification(runs: int, seed: int) -> list[Finding]:
-    """Identification of the turn at an unknown time, which the paper names as future work.
-
-    All turns are equally frequent.
-    """
+    """Identification of the turn at an unknown time, all turns equally frequent; named as future work."""
     findings = []
     for name, radii in IDENTIFICATION.items():
-        turns = [(side, radius) for side in "LR" for radius in radii]
+        turns = [f"{side}{HORIZON}r{radius:g}" for side in "LR" for radius in radii]
         parts = [
-            simulate(f"S{SWITCH} {side}{HORIZON}r{radius:g}", max(runs // len(turns), 1), seed + index, start=START)
-            for index, (side, radius) in enumerate(turns)
+            simulate(f"S{SWITCH} {turn}", max(runs // len(turns), 1), seed + index, start=START).measurements
+            for index, turn in enumerate(turns)
         ]
-        measurements = np.concatenate([part.measurements for part in parts])
-        truth = np.repeat(np.arange(1, len(turns) + 1), [len(part.measurements) for part in parts])
+        truth = np.repeat(np.arange(1, len(turns) + 1), [len(part) for part in parts])
         for margin in (0.0, math.log(9.0), math.log(99.0)):
-            detection = detect_switch(measurements, START, radii=radii, alpha=0.01, margin=margin)
-            detected = detection.ticks > SWITCH
-            correct_sides = (detection.modes > len(radii)) == (truth > len(radii))
+            found = detect_switch(np.concatenate(parts), START, radii=radii, alpha=0.01, margin=margin)
+            detected = found.ticks > SWITCH
+            sides = (found.modes > len(radii)) == (truth > len(radii))
             rule = "no margin" if margin == 0.0 else f"margin ln {math.exp(margin):.0f} over every other turn"
-            findings.append(
-                Finding(
-                    f"identification of the turn, {name}, alpha = 0.01, {rule}",
-                    f"correct direction {100 * correct_sides[detected].mean():.1f} %, correct turn "
-                    f"{100 * (detection.modes == truth)[detected].mean():.1f} %, mean delay "
-                    f"{(detection.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within {HORIZON} "
-                    f"ticks {100 * (detection.ticks == 0).mean():.1f} %",
-                    "named as future work",
-                )
+            text = (
+                f"correct direction {100 * sides[detected].mean():.1f} %, correct turn "
+                f"{100 * (found.modes == truth)[detected].mean():.1f} %, mean delay "
+                f"{(found.ticks[detected] - SWITCH).mean():.1f} ticks, not detected within {HORIZON} "
+                f"ticks {100 * (found.ticks == 0).mean():.1f} %"
             )
+            setting = f"identification of the turn, {name}, alpha = 0.01, {rule}"
+            findings.append(Finding(setting, text, "named as future work"))
     return findings

@@ -16,22 +16,17 @@ from baselines.papers.adaptive import LAGS, ConstantStepFilter, third_difference
 from hybrid_env.checks import FloatArray, check_flag, check_integer, reject
 
 LAGS_OF_POSITION = np.array([0.0, 3.0, -3.0, 1.0, 0.0])
+# Coefficients of the innovations in eq. (17) with N = 3, newest first.
 LAGS_OF_VELOCITY = np.array([0.0, 3.0, -6.0, 4.0, -1.0])
-"""Coefficients of the innovations in eq. (17) with N = 3, newest first."""
 
 
 def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited: bool = True) -> FloatArray:
-    """Gains of positions [-] and velocities [1/s], (2, ..., d, m).
+    """Gains of positions [-] and velocities [1/s], (2, ..., d, m), of the values of m = n d measured axes.
 
-    The limits are those of `adaptive.AdaptiveFilter`, in the directions in which the gain of a common
-    position is diagonal: with L L' = C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of
-    the identified covariance of the predicted position.
-
-    Args:
-        covariances: (..., m, m) H_0 [m^2], invertible; m values are the d axes of one sensor after another.
-        spread: (2, ..., d, m) position and velocity rows of P_e C' [m^2, m^2/s].
-        tau: tick [s].
-        limited: False takes eq. (5) as it is.
+    From H_0 (..., m, m) [m^2], invertible, and the rows of P_e C', (2, ..., d, m) [m^2, m^2/s]. The limits are those of
+    `adaptive.AdaptiveFilter`, in the directions in which the gain of a common position is diagonal: with
+    L L' = C' H_0^-1 C the eigenvectors of L' P L, where P is the symmetric part of the identified covariance of the
+    predicted position. Without limits it is eq. (5) as it is.
     """
     inverse = np.linalg.inv(covariances)
     if not limited:
@@ -51,20 +46,11 @@ def matrix_gain(covariances: FloatArray, spread: FloatArray, tau: float, limited
 
 
 class MatrixAdaptiveFilter(ConstantStepFilter):
-    """The adaptive filter with one gain matrix for all axes and sensors.
+    """The adaptive filter with one gain matrix for the d axes of the state and all n sensors.
 
-    A tick in which a sensor has no measurement has none, and products around it are left out of the means.
-
-    Args:
-        dimensions: d, number of axes of the state.
-        tau: length of a tick [s].
-        sensors: n; a measurement has the n d positions of one sensor after another.
-        limited: limits the gains, see `matrix_gain`.
-        start: number of products for each of the n d values before the filter adapts.
-
-    Attributes:
-        axes: n d.
-        gains: (2, B, d, n d) of positions [-] and velocities [1/s] at the last measurement.
+    A measurement has the n d positions of one sensor after another, its `axes`; it is missing where a sensor has none,
+    and products around it are left out of the means. The gains (2, B, d, n d) may be limited, see `matrix_gain`. The
+    filter adapts after `start` products for each of the n d values.
     """
 
     def __init__(self, dimensions: int, tau: float, *, sensors: int = 1, limited: bool = True, start: int = 10):

@@ -34,9 +34,7 @@ from hybrid_env.core.banks.bank import IDENTITY, FilterModel
 from hybrid_env.simulation import Simulation, simulate
 
 TAU = 0.1  # s
-VARIANCES = (1.0, 0.1, 0.01)
-"""R [m^2]."""
-
+VARIANCES = (1.0, 0.1, 0.01)  # R [m^2]
 FILTERS_AT_ONCE = 10_000  # of all tracks in one call; they fit into the cache of a processor
 MULTIPLE_MODELS = {"static": "static", "GPB1": "gpb1", "IMM": "imm", "GPB2": "gpb2"}
 
@@ -55,19 +53,19 @@ class Setting(NamedTuple):
         return np.repeat([0, 1, -1], [1, len(self.radii), len(self.radii)])
 
 
+REFINED = {"ATE": {}, "ATE, radius refined": {"refine_radius": True}}
+REWOUND = {
+    "ATE": tsyganov2019.VARIANTS[tsyganov2019.AS_PUBLISHED],
+    "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
+}
 SETTINGS = (
-    Setting(
-        golubkov2018, golubkov2018.RADII, 0.001, {"ATE": {}, "ATE, radius refined": {"refine_radius": True}}
-    ),
-    Setting(
-        tsyganov2019, (tsyganov2019.RADIUS,), 0.0,
-        {
-            "ATE": tsyganov2019.VARIANTS[tsyganov2019.AS_PUBLISHED],
-            "ATE, rewound": {"recalculation": "rewind", "reference": "straight"},
-        },
-    ),
-)  # fmt: skip
+    Setting(golubkov2018, golubkov2018.RADII, 0.001, REFINED),
+    Setting(tsyganov2019, (tsyganov2019.RADIUS,), 0.0, REWOUND),
+)
 
+# Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay: until the statement
+# is right to the end of the segment, or the whole segment. Wrong: segments that end with a wrong statement. Wrong
+# changes: of the statement to a wrong type. Kalman steps: predictions with corrections.
 METRICS = {
     "nRMSE": (Statistic(("squares",), np.sqrt), 3),
     "delay, ticks": (mean("delay"), 1),
@@ -75,10 +73,6 @@ METRICS = {
     "wrong changes in 1,000 ticks": (mean("wrong_changes"), 1),
     "Kalman steps a tick": (mean("steps"), 1),
 }
-"""Statistic and decimals. nRMSE: root of the sum of the mean squared errors of the state. Delay: until the
-statement is right to the end of the segment, or the whole segment. Wrong: segments that end with a wrong
-statement. Wrong changes: of the statement to a wrong type. Kalman steps: predictions with corrections."""
-
 COMPARED = ("nRMSE", "delay, ticks", "wrong, %")
 
 
@@ -155,7 +149,7 @@ def _no_output(recording: Simulation) -> Tracked:
 
 def _ticks_since(lengths: IntArray) -> IntArray:
     """Return the ticks since the last switch, (T,), 1 in the first tick of a segment."""
-    return np.arange(1, lengths.sum() + 1) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return np.concatenate([np.arange(1, length + 1) for length in lengths])
 
 
 def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Tracked]]:

@@ -11,42 +11,29 @@ import numpy as np
 from hybrid_env.checks import FloatArray
 
 RESAMPLES = 2000
-PAPER_RUNS = 100
-"""Number of runs of the studies in Golubkov 2018 and Tsyganov 2019."""
+PAPER_RUNS = 100  # of the studies in Golubkov 2018 and Tsyganov 2019
 
 STUDY_INTERVAL = f"The interval contains 95 % of studies with {PAPER_RUNS} runs."
+STATES = ("x1", "x2", "x3", "x4", "nRMSE")  # components of the state [m, m/s], and the norm of their RMSE
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One value of a table.
-
-    Attributes:
-        table, row, column: position of the value.
-        published: published value, NaN if it is illegible or not given.
-        ours: the same quantity from all runs of the reproduction.
-        low, high: bounds of the 95 % interval that `note` describes.
-        digits: number of decimals to print.
-        note: meaning of the interval.
-        own_low, own_high: 95 % interval of `ours` itself, NaN if it is not known.
-        median: of the quantity of single runs, NaN if it is not known.
-        excuse: why the value is no evidence, for example because a setting was fitted to it; it is then not
-            counted.
-    """
+    """One value of a table."""
 
     table: str
     row: str
     column: str
-    published: float
-    ours: float
-    low: float
+    published: float  # NaN if it is illegible or not given
+    ours: float  # the same quantity from all runs of the reproduction
+    low: float  # bounds of the 95 % interval that `note` describes
     high: float
-    digits: int = 4
+    digits: int = 4  # decimals to print
     note: str = STUDY_INTERVAL
-    own_low: float = math.nan
+    own_low: float = math.nan  # 95 % interval of `ours` itself, NaN if it is not known
     own_high: float = math.nan
-    median: float = math.nan
-    excuse: str = ""
+    median: float = math.nan  # of the quantity of single runs, NaN if it is not known
+    excuse: str = ""  # why the value is no evidence, as a setting was fitted to it; it is then not counted
 
     @property
     def verdict(self) -> str:
@@ -65,13 +52,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Finding:
-    """A result that the paper does not tabulate.
-
-    Attributes:
-        name: quantity and setting.
-        value: result, as text.
-        claim: statement of the paper on this quantity, empty if there is none.
-    """
+    """A result that the paper does not tabulate, as text, and what the paper claims of it, if anything."""
 
     name: str
     value: str
@@ -111,10 +92,7 @@ class Reproduction:
         return tables
 
     def count(self) -> dict[str, dict[str, tuple[int, int]]]:
-        """Number of published values inside the interval and in total, for each table that has any.
-
-        They are given for each `Cell.excuse` of the table; the values that count have "".
-        """
+        """Number of published values inside the interval and in total, by table and `Cell.excuse`, "" without one."""
         counts: dict[str, dict[str, tuple[int, int]]] = {}
         for cell in self.cells:
             if cell.verdict != "not published":
@@ -127,26 +105,19 @@ class Reproduction:
 def study_interval(
     per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Statistics of all runs, and the bootstrap interval of a study with fewer runs.
+    """Statistics of all runs, (C,), and the bounds of the 95 % bootstrap interval of a study with fewer runs, (C,).
 
-    Args:
-        per_run: (n, F) values of each run.
-        statistics: function from means over runs, (..., F), to statistics, (..., C).
-        seed: seed of the resampling.
-        study_runs: number of runs of one study.
-
-    Returns:
-        Statistics of all runs, lower and upper bounds of the 95 % interval, each (C,).
+    `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs, (..., F).
     """
     resampled = statistics(_draws(seed, study_runs, len(per_run)) @ per_run / study_runs)
     low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
     return statistics(per_run.mean(0)), low, high
 
 
-def with_own_interval(
+def both_intervals(
     per_run: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int, study_runs: int = PAPER_RUNS
 ) -> tuple[FloatArray, ...]:
-    """`study_interval`, the the 95 % interval of its first result, and the median of single runs."""
+    """`study_interval`, then the 95 % interval of its first result, and the median of single runs."""
     _, low, high = study_interval(per_run, statistics, seed, len(per_run))
     median = np.median(statistics(per_run), axis=0)
     return (*study_interval(per_run, statistics, seed, study_runs), low, high, median)
@@ -160,43 +131,25 @@ def _draws(seed: int, study_runs: int, runs: int) -> FloatArray:
 
 
 def paired_ratio(errors: FloatArray, others: FloatArray, seed: int) -> tuple[float, float, float]:
-    """Ratio of the mean errors of two filters on the same measurements, with its interval over flights.
-
-    Args:
-        errors: (runs, F) of the first filter.
-        others: (runs, F) of the second one.
-        seed: of the resampling.
-
-    Returns:
-        Ratio of the means over everything, and the bounds of its 95 % bootstrap interval over flights.
-    """
+    """Ratio of the mean errors (runs, F) of two filters, and its 95 % bootstrap interval over flights."""
     both = np.stack([errors.mean(0), others.mean(0)], axis=-1)
     value, low, high = study_interval(both, lambda means: means[..., 0] / means[..., 1], seed, len(both))
     return float(value), float(low), float(high)
 
 
-STATES = ("x1", "x2", "x3", "x4", "nRMSE")
-"""Columns of a table of RMSE: components of the state [m, m/s], and the norm of their RMSE."""
-
-
 def rmse_row(
     table: str, row: str, published: Iterable[float], estimates: FloatArray, truth: FloatArray, seed: int
 ) -> list[Cell]:
-    """Cells of one row of RMSE, with the interval of a study with `PAPER_RUNS` runs.
+    """Cells of one row of RMSE, in the columns `STATES`, with the interval of a study with `PAPER_RUNS` runs.
 
-    Args:
-        table, row: names of table and row.
-        published: (5,) published values of `STATES`, NaN where there is none.
-        estimates: (n, T, 4) of n runs.
-        truth: (n, T, 4).
-        seed: seed of the resampling.
+    `estimates` and `truth` are (n, T, 4) of n runs.
     """
 
     def rmse_and_norm(mean_squares: FloatArray) -> FloatArray:
         roots = np.sqrt(mean_squares)
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
-    interval = with_own_interval(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
+    interval = both_intervals(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
     return table_row(table, row, STATES, published, interval)
 
 
@@ -210,27 +163,14 @@ def table_row(
     note: str = STUDY_INTERVAL,
     excuses: Mapping[str, str] | None = None,
 ) -> list[Cell]:
-    """Cells of one row of a table.
+    """Cells of one row of a table with C columns; `published` is NaN where there is no value.
 
-    Args:
-        table, row: names of table and row.
-        columns: (C,) names of the columns.
-        published: (C,) published values, NaN where there is none.
-        interval: value, lower and upper bound of each column, from `study_interval`; also the other results
-            of `with_own_interval`.
-        digits: number of decimals to print.
-        note: meaning of the interval.
-        excuses: `Cell.excuse` by column.
+    `interval` has the results (C,) of `study_interval` or `both_intervals`; `excuses` are by column.
     """
-    known = np.array([*interval], np.float64)
-    found = np.full((len(known[0]), 6), math.nan)  # without those of `with_own_interval` if they are not given
-    found[:, : len(known)] = known.T
-    return [
-        Cell(
-            table, row, column, value, ours, low, high, digits, note, own_low, own_high, median,
-            (excuses or {}).get(column, ""),
-        )
-        for column, value, (ours, low, high, own_low, own_high, median) in zip(
-            columns, published, found.tolist(), strict=True
-        )
-    ]  # fmt: skip
+    found = np.array([*interval], np.float64).T.tolist()
+    cells = []
+    for column, value, (ours, low, high, *more) in zip(columns, published, found, strict=True):
+        own = dict(zip(("own_low", "own_high", "median"), more, strict=False))
+        excuse = (excuses or {}).get(column, "")
+        cells.append(Cell(table, row, column, value, ours, low, high, digits, note, **own, excuse=excuse))
+    return cells

@@ -19,18 +19,11 @@ from hybrid_env.simulation import simulate
 
 PAPER = "Tsyganov 2019"
 SCHEME = "tsyganov2019"
-START = (0.0, 0.0, 0.0, 0.25)
-"""State one tick before the first measurement, [x, vx, y, vy] [m, m/s]."""
-
-RADIUS = 5.0
-"""Turn radius [m]."""
-
+START = (0.0, 0.0, 0.0, 0.25)  # state one tick before the first measurement, [x, vx, y, vy] [m, m/s]
+RADIUS = 5.0  # turn radius [m]
 ALPHA = 1e-3
-MEASUREMENT_VARIANCES = {"R = 0.01": 0.01, "R = 0.1": 0.1, "R = 1": 1.0}
-"""R [m^2] of each setting."""
-
+MEASUREMENT_VARIANCES = {"R = 0.01": 0.01, "R = 0.1": 0.1, "R = 1": 1.0}  # R [m^2] of each setting
 CLAIM = "the motion modes were detected correctly in all three considered cases"
-
 ILLEGIBLE = math.nan
 TABLE = {
     "R = 0.01": (ILLEGIBLE, 0.0404, ILLEGIBLE, ILLEGIBLE, 0.3103),
@@ -47,39 +40,23 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
-    """Reproduce the published table, and compare the variants of the recalculation.
-
-    Args:
-        runs: number of runs per measurement variance, at least 2.
-        seed: seed of the simulated recordings.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
-    """
+    """Reproduce the table, and compare variants of the recalculation; arguments as of `golubkov2018.reproduce`."""
     runs = check_integer("runs", runs, minimum=2)
     cells: list[Cell] = []
     findings: list[Finding] = []
     examples = {}
     for index, (name, variance) in enumerate(MEASUREMENT_VARIANCES.items()):
-        recording = simulate(
-            SCHEME, runs, seed + index, start=START, process_variance=0.0, measurement_variance=variance
-        )
+        variances: dict[str, Any] = {"process_variance": 0.0, "measurement_variance": variance}
+        recording = simulate(SCHEME, runs, seed + index, start=START, **variances)
         for variant, options in VARIANTS.items():
-            tracks = track_ate(
-                recording.measurements, recording.lengths, START, radii=[RADIUS], process_variance=0.0,
-                measurement_variance=variance, alpha=ALPHA, **options,
-            )  # fmt: skip
+            settings: dict[str, Any] = {"radii": [RADIUS], "alpha": ALPHA} | variances | options
+            tracks = track_ate(recording.measurements, recording.lengths, START, **settings)
             row = rmse_row("Table, RMSE", name, TABLE[name], tracks.estimates, recording.truth, seed)
             if variant == AS_PUBLISHED:
                 cells += row
                 examples[name] = (recording, tracks)
             sides = np.array([0, 1, -1])[tracks.decided]
             correct = 100.0 * (sides == np.sign(recording.signed_radii)).mean()
-            findings.append(
-                Finding(
-                    f"{name}, {variant}",
-                    f"{correct:.1f} % of modes correct, nRMSE {row[-1].ours:.4f}",
-                    CLAIM if variant == AS_PUBLISHED else "",
-                )
-            )
+            text = f"{correct:.1f} % of modes correct, nRMSE {row[-1].ours:.4f}"
+            findings.append(Finding(f"{name}, {variant}", text, CLAIM if variant == AS_PUBLISHED else ""))
     return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples)

@@ -17,33 +17,22 @@ import numpy as np
 
 from baselines.estimation.kalman import KalmanFilter
 from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import run_filter
+from baselines.estimation.run_filter import Filtered, run_filter
 from baselines.papers.adaptive import AdaptiveFilter, CorrectedAdaptiveFilter, noise_bias, third_difference
 from baselines.papers.matrix_adaptive import MatrixAdaptiveFilter
-from baselines.papers.reproduction import Cell, Finding, Reproduction, table_row, with_own_interval
+from baselines.papers.reproduction import Cell, Finding, Reproduction, both_intervals, table_row
 from hybrid_env.checks import FloatArray, check_integer
 
 PAPER = "Zimchuk & Kankin"
-TAU = 0.1
-"""Length of a tick [s]."""
-
-VARIANCE = 25.0
-"""R [m^2]."""
-
+TAU = 0.1  # length of a tick [s]
+VARIANCE = 25.0  # R [m^2]
 AXES = 3
-SPEED = 100.0
-"""At the start, on each axis [m/s]; no filter depends on it."""
-
+SPEED = 100.0  # at the start, on each axis [m/s]; no filter depends on it
 ACCELERATION, JERK = 20.0, 2.0  # [m/s^2] from 20 to 30 s, [m/s^3] from 50 to 70 s
+# First and last tick of each leg; tick k is at (k + 1) T.
 LEGS = {"0-20 s": (0, 200), "20-30 s": (200, 300), "30-50 s": (300, 500), "50-70 s": (500, 700)}
-"""First and last tick of each leg; tick k is at (k + 1) T."""
-
-START_SPEED = 1000.0
-"""Standard deviation of the velocity at the start of the Kalman filters [m/s]."""
-
-SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0
-"""Standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2]."""
-
+START_SPEED = 1000.0  # standard deviation of the velocity at the start of the Kalman filters [m/s]
+SLOW, MEDIUM, FAST = 4.64, 20.0, 60.0  # standard deviations of the acceleration in the Kalman filters, sigma_w [m/s^2]
 PUBLISHED_ADAPTIVE = (3.95, 7.60, 4.12, 8.56)
 PUBLISHED_KALMAN = (3.94, 18.39, 3.64, 23.24)
 NOT_PUBLISHED = (np.nan,) * len(LEGS)
@@ -56,28 +45,22 @@ FITTED = {"20-30 s": "sigma_w was fitted to it"}
 MATRIX = "Matrix form over axis by axis, ratio of position RMSE in the plane"
 MATRIX_RUNS = 300
 CORRELATED = np.array([[0.0, 1.0], [1.0, 0.0]])
+# Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter gets the
+# mean.
 ERRORS = {
     "independent errors": VARIANCE * np.eye(2),
     "correlation of x and y 0.9": VARIANCE * (np.eye(2) + 0.9 * CORRELATED),
     "correlation of x and y -0.9": VARIANCE * (np.eye(2) - 0.9 * CORRELATED),
     "two sensors, R = 25 and 100": np.kron(np.diag([VARIANCE, 4.0 * VARIANCE]), np.eye(2)),
 }
-"""Covariances of the errors [m^2] in the plane, where x and y move alike; of two sensors the axis-wise filter
-gets the mean."""
 
 
 class Flights(NamedTuple):
-    """Simulated flights.
+    """n simulated flights at T times."""
 
-    Attributes:
-        times: (T,) [s].
-        truth: (T,) position on each axis [m].
-        measurements: (T, n, 3) [m].
-    """
-
-    times: FloatArray
-    truth: FloatArray
-    measurements: FloatArray
+    times: FloatArray  # (T,) [s]
+    truth: FloatArray  # (T,) position on each axis [m]
+    measurements: FloatArray  # (T, n, 3) [m]
 
 
 def true_position(times: FloatArray) -> FloatArray:
@@ -99,21 +82,22 @@ def simulate_flights(runs: int, seed: int) -> Flights:
 
 def kalman_positions(flights: Flights, deviation: float) -> FloatArray:
     """Positions (T, n, 3) by the Kalman filter CV; deviation: of the acceleration in a step [m/s^2]."""
-    model = MotionModel("CV", axes=1, noise=deviation**2, discretization="discrete")
-    kalman = KalmanFilter(model, VARIANCE, start_deviations=(START_SPEED,))
     shape = flights.measurements.shape
     single = flights.measurements.reshape(shape[0], -1, 1)  # the axes are independent
-    return run_filter(kalman, single, flights.times, keep_covariances=False).positions.reshape(shape)
+    return _filtered(single, flights.times, deviation).positions.reshape(shape)
+
+
+def _filtered(measured: FloatArray, times: FloatArray, deviation: float) -> Filtered:
+    model = MotionModel("CV", axes=1, noise=deviation**2, discretization="discrete")
+    kalman = KalmanFilter(model, VARIANCE, start_deviations=(START_SPEED,))
+    return run_filter(kalman, measured, times, keep_covariances=False)
 
 
 def adaptive_positions(flights: Flights, version: str) -> FloatArray:
     """Positions (T, n, 3) by the adaptive filter "as published", "without limits" or "corrected"."""
-    if version == "corrected":
-        filtered = run_filter(CorrectedAdaptiveFilter(AXES, TAU), flights.measurements, flights.times)
-    else:
-        published = AdaptiveFilter(AXES, TAU, limited=version == "as published")
-        filtered = run_filter(published, flights.measurements, flights.times)
-    return filtered.positions
+    corrected, limited = version == "corrected", version == "as published"
+    adaptive = CorrectedAdaptiveFilter(AXES, TAU) if corrected else AdaptiveFilter(AXES, TAU, limited=limited)
+    return run_filter(adaptive, flights.measurements, flights.times).positions
 
 
 def matrix_ratios(runs: int, seed: int) -> list[Cell]:
@@ -128,13 +112,12 @@ def matrix_ratios(runs: int, seed: int) -> list[Cell]:
         n, m = len(covariance) // 2, len(covariance)
         measured = flights.truth[:, None, None] + draw(np.zeros(m), covariance, (len(flights.times), runs))
         mean = measured.reshape(-1, runs, n, 2).mean(2)
+        compared = (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean)
         squares = [
             mean_squares(flights, run_filter(one, values, flights.times).positions).reshape(runs, 2, -1)
-            for one, values in (
-                (MatrixAdaptiveFilter(2, TAU, sensors=n), measured), (AdaptiveFilter(2, TAU), mean),
-            )
-        ]  # fmt: skip
-        values = with_own_interval(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
+            for one, values in compared
+        ]
+        values = both_intervals(np.concatenate(squares, -1).mean(1), ratio, seed, study_runs=1)
         cells += table_row(MATRIX, name, LEGS, NOT_PUBLISHED, values, 2, RUN_INTERVAL)
     return cells
 
@@ -154,48 +137,37 @@ def rmse(flights: Flights, positions: FloatArray) -> FloatArray:
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Table 1, other filters on the same measurements, and the doubtful points of the paper.
 
-    Args:
-        runs: number of flights, at least 2.
-        seed: seed of the measurement noise.
-
-    Raises:
-        ArgumentError: `runs` or `seed` is out of range.
+    `runs` is the number of flights; otherwise arguments as of `golubkov2018.reproduce`.
     """
     runs = check_integer("runs", runs, minimum=2)
     flights = simulate_flights(runs, seed)
     adaptive, slow = "adaptive, as published", f"Kalman, sigma_w = {SLOW:g}"
     rows = {
-        adaptive: (TABLE, PUBLISHED_ADAPTIVE, adaptive_positions(flights, "as published")),
-        slow: (TABLE, PUBLISHED_KALMAN, kalman_positions(flights, SLOW)),
-        "measurements": (SOUND, NOT_PUBLISHED, flights.measurements),
-        "adaptive, without limits": (SOUND, NOT_PUBLISHED, adaptive_positions(flights, "without limits")),
-        "adaptive, corrected": (SOUND, NOT_PUBLISHED, adaptive_positions(flights, "corrected")),
-        f"Kalman, sigma_w = {MEDIUM:g}": (SOUND, NOT_PUBLISHED, kalman_positions(flights, MEDIUM)),
-        f"Kalman, sigma_w = {FAST:g}": (SOUND, NOT_PUBLISHED, kalman_positions(flights, FAST)),
+        adaptive: adaptive_positions(flights, "as published"),
+        slow: kalman_positions(flights, SLOW),
+        "measurements": flights.measurements,
+        "adaptive, without limits": adaptive_positions(flights, "without limits"),
+        "adaptive, corrected": adaptive_positions(flights, "corrected"),
+        f"Kalman, sigma_w = {MEDIUM:g}": kalman_positions(flights, MEDIUM),
+        f"Kalman, sigma_w = {FAST:g}": kalman_positions(flights, FAST),
     }
+    published = {adaptive: PUBLISHED_ADAPTIVE, slow: PUBLISHED_KALMAN}
     cells: list[Cell] = []
-    for name, (table, published, positions) in rows.items():
-        values = with_own_interval(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
-        excuses = FITTED if name == slow else None
-        cells += table_row(table, name, LEGS, published, values, 2, RUN_INTERVAL, excuses)
+    for name, positions in rows.items():
+        table, theirs = (TABLE, published[name]) if name in published else (SOUND, NOT_PUBLISHED)
+        values = both_intervals(mean_squares(flights, positions), np.sqrt, seed, study_runs=1)
+        cells += table_row(table, name, LEGS, theirs, values, 2, RUN_INTERVAL, FITTED if name == slow else None)
     cells += matrix_ratios(min(runs, MATRIX_RUNS), seed)
-    errors = {name: rmse(flights, positions) for name, (_, _, positions) in rows.items()}
-    findings = [*_pattern(errors[adaptive], errors[slow]), *_doubtful_points(flights, seed)]
-    examples = {"flights": flights, **{name: positions for name, (_, _, positions) in rows.items()}}
-    return Reproduction(PAPER, runs, seed, tuple(cells), tuple(findings), examples, size="runs not stated")
+    pattern = _pattern(rmse(flights, rows[adaptive]), rmse(flights, rows[slow]))
+    findings = (*pattern, *_doubtful_points(flights, seed))
+    return Reproduction(PAPER, runs, seed, tuple(cells), findings, {"flights": flights, **rows}, size="runs not stated")
 
 
 def _pattern(adaptive: FloatArray, kalman: FloatArray) -> list[Finding]:
     """Errors of the adaptive filter relative to those of the Kalman filter."""
-    published = np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN)
-    return [
-        Finding(
-            f"RMSE of the adaptive filter over that of the Kalman filter, {leg}",
-            f"{adaptive[k] / kalman[k]:.2f}",
-            f"{published[k]:.2f}",
-        )
-        for k, leg in enumerate(LEGS)
-    ]
+    name = "RMSE of the adaptive filter over that of the Kalman filter"
+    ratios = zip(LEGS, adaptive / kalman, np.divide(PUBLISHED_ADAPTIVE, PUBLISHED_KALMAN), strict=True)
+    return [Finding(f"{name}, {leg}", f"{ours:.2f}", f"{published:.2f}") for leg, ours, published in ratios]
 
 
 def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
@@ -206,50 +178,36 @@ def _doubtful_points(flights: Flights, seed: int) -> list[Finding]:
     needed = []
     for leg, value, errors in zip(LEGS, PUBLISHED_KALMAN, scan.T, strict=True):
         crossings = np.flatnonzero((errors[:-1] - value) * (errors[1:] - value) <= 0.0)
-        levels = [
-            np.exp(np.interp(0.0, *_increasing(errors[k : k + 2] - value, np.log(SCANNED[k : k + 2]))))
-            for k in crossings
-        ]
+        levels = []
+        for k in crossings:
+            points = sorted(zip(errors[k : k + 2] - value, np.log(SCANNED[k : k + 2]), strict=True))
+            levels.append(np.exp(np.interp(0.0, *np.transpose(points))))
         needed.append(f"{leg}: {' or '.join(f'{level:.3g}' for level in levels) or 'none'}")
     error, innovation = _lag_products(flights)
-    return [
-        Finding(
-            "sigma_w with which the Kalman filter has the published RMSE, m/s^2",
-            "; ".join(needed),
-            "one Kalman filter, its process noise not stated",
+    found = {
+        "sigma_w with which the Kalman filter has the published RMSE, m/s^2": (
+            "; ".join(needed), "one Kalman filter, its process noise not stated",
         ),
-        Finding("R of eq. (19) over the true one, in uniform motion", bias, "1: eq. (19) gives R"),
-        Finding(
-            "eq. (18) minus eq. (19), largest difference in a run [m^2]",
-            f"{_equation_difference(flights):.1e}",
-            "two methods; they are the same one",
+        "R of eq. (19) over the true one, in uniform motion": (bias, "1: eq. (19) gives R"),
+        "eq. (18) minus eq. (19), largest difference in a run [m^2]": (
+            f"{_equation_difference(flights):.1e}", "two methods; they are the same one",
         ),
-        Finding(
-            f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: M[e_n e_(n-1)] of prediction errors and "
-            "M[nu_n nu_(n-1)] of innovations [m^2]",
-            f"{error:.2f} and {innovation:.2f}",
-            "equal, before eq. (17)",
+        f"Kalman, sigma_w = {MEDIUM:g}, 30-50 s: M[e_n e_(n-1)] of prediction errors and "
+        "M[nu_n nu_(n-1)] of innovations [m^2]": (
+            f"{error:.2f} and {innovation:.2f}", "equal, before eq. (17)",
         ),
-        Finding(
-            "settings that the paper does not state",
+        "settings that the paper does not state": (
             "mean over all ticks, axes by themselves, line fit for the first 10 products, "
             "0 <= K_1 <= 1, 0 <= K_2 <= K_1^2 / ((2 - K_1) T)",
         ),
-    ]
-
-
-def _increasing(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two points in the order that `np.interp` expects."""
-    order = np.argsort(x)
-    return x[order], y[order]
+    }  # fmt: skip
+    return [Finding(name, *texts) for name, texts in found.items()]
 
 
 def _lag_products(flights: Flights) -> tuple[float, float]:
     """Mean products of successive prediction errors and of successive innovations [m^2], 35 to 50 s."""
-    model = MotionModel("CV", axes=1, noise=MEDIUM**2, discretization="discrete")
-    kalman = KalmanFilter(model, VARIANCE, start_deviations=(START_SPEED,))
     measured = flights.measurements[:, :, :1]
-    filtered = run_filter(kalman, measured, flights.times, keep_covariances=False)
+    filtered = _filtered(measured, flights.times, MEDIUM)
     predicted = filtered.positions[:-1] + TAU * filtered.velocities[:-1]
     steady = slice(349, 499)
     error = (predicted - flights.truth[1:, None, None])[steady]

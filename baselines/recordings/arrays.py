@@ -14,33 +14,17 @@ from hybrid_env.limits import check_variances, check_within
 
 
 class Filters(NamedTuple):
-    """A bank and its model, as arguments of compiled functions. A recording uses the first lane.
+    """A bank and its model, as arguments of compiled functions. A recording uses the first lane."""
 
-    Attributes:
-        bank: bank of one block.
-        radii: (n,) turn radii [m].
-        model: length of a tick and noise variances.
-    """
-
-    bank: PublishedBank
-    radii: FloatArray
+    bank: PublishedBank  # of one block
+    radii: FloatArray  # (n,) [m]
     model: FilterModel
 
 
 def make_filters(
     radii: FloatArray, tau: float, process_variance: float, measurement_variance: float | ArrayLike
 ) -> Filters:
-    """Create the published bank and its model for recordings.
-
-    Args:
-        radii: (n,) turn radii [m], already checked.
-        tau: length of a tick [s], already checked.
-        process_variance: Q [m^2/s^2].
-        measurement_variance: R [m^2], one number or (x, y).
-
-    Raises:
-        ArgumentError: a variance has a value that is not allowed.
-    """
+    """Return the published bank and its model. Radii (n,) [m] and tick [s] are checked already."""
     process_variance = check_within("process_variance", process_variance)
     variances = axis_variances(check_variances(measurement_variance))
     model = FilterModel(tau, process_variance, float(variances[0]), float(variances[-1]))
@@ -82,11 +66,7 @@ def first_estimate(measurements: ArrayLike, tau: float, ticks: int = 10) -> Floa
 def check_recording(
     measurements: ArrayLike, lengths: Sequence[int] | IntArray, start: ArrayLike | None, tau: float
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4).
-
-    Raises:
-        ArgumentError: an argument has a value that is not allowed.
-    """
+    """Return checked measurements (n, T, 2), lengths (K,) and initial estimates (n, 4)."""
     single = dimensions(measurements) == 2
     values = check_array("measurements", measurements, (None, 2) if single else (None, None, 2))
     values = values[None] if single else values

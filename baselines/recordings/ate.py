@@ -63,7 +63,6 @@ class _Rule(NamedTuple):
 
 @internal
 def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
-    """Write the estimate, covariance and index of a mode at tick k."""
     write_estimate(bank, mode, output.estimates[k], output.covariances[k])
     output.modes[k] = mode
 
@@ -187,9 +186,6 @@ def track_ate(
         refine_radius: True runs all filters after the decision and uses the most likely hypothesis of the
             decided type; the published algorithm does not change the decided radius.
 
-    Returns:
-        Estimates, modes and decisions; without the first axis for a single run.
-
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
@@ -202,18 +198,13 @@ def track_ate(
     keep = check_choice("undecided", undecided, ("keep", "likeliest")) == "keep"
     straight = check_choice("reference", reference, ("active", "straight")) == "straight"
     method = RECALCULATIONS[check_choice("recalculation", recalculation, RECALCULATIONS)]
-    refine = check_flag("refine_radius", refine_radius)
-
-    rule = _Rule(upper, lower, straight, keep, method, refine)
+    rule = _Rule(upper, lower, straight, keep, method, check_flag("refine_radius", refine_radius))
+    segments = (runs, segment_lengths.size)
     found = Tracks(
-        estimates=np.empty((runs, total, 4)),
-        covariances=np.empty((runs, total, 2, 3)),
-        modes=np.empty((runs, total), np.int64),
-        decided=np.empty((runs, segment_lengths.size), np.int64),
-        ticks=np.empty((runs, segment_lengths.size), np.int64),
-        undecided=np.empty((runs, segment_lengths.size), np.bool_),
-        ratios=np.empty((runs, total, filters.bank.hypotheses.size)),
-    )
+        np.empty((runs, total, 4)), np.empty((runs, total, 2, 3)), np.empty((runs, total), np.int64),
+        np.empty(segments, np.int64), np.empty(segments, np.int64), np.empty(segments, np.bool_),
+        np.empty((runs, total, filters.bank.hypotheses.size)),
+    )  # fmt: skip
     for run in range(runs):
         of_run = Tracks(*(array[run] for array in found))
         run_compiled(_track_run, values[run], segment_lengths, starts[run], filters, rule, of_run)

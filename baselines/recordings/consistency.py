@@ -17,15 +17,9 @@ from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import FloatArray
 from hybrid_env.core.records import LANES
 
-LONGEST_CHUNK = 2048
-"""Ticks; the filters start anew at the beginning of each chunk."""
-
-CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)
-"""Median of the squared length of a normalised innovation in two dimensions."""
-
-FAR = 13.8
-"""Squared length that a normalised innovation exceeds with probability 0.001."""
-
+LONGEST_CHUNK = 2048  # ticks; the filters start anew at the beginning of each chunk
+CHI_SQUARE_MEDIAN = 2.0 * math.log(2.0)  # median of the squared length of a normalised innovation in two dimensions
+FAR = 13.8  # squared length that a normalised innovation exceeds with probability 0.001
 LARGEST_RATIO = 1.5
 LARGEST_SCATTER = 3.0
 LARGEST_CORRELATION = 0.25
@@ -35,41 +29,32 @@ FEWEST = 30  # innovations
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """Agreement of model and measurements.
+    """Agreement of model and measurements: normalised innovations, of the most probable mode, and scatter.
 
-    Attributes:
-        innovations: of each piece of the grid, (T, 2), of the most probable mode, in standard deviations;
-            NaN without a measurement and where the filters start.
-        ratio: median length of the normalised innovations over that of the model, 1 if the model holds.
-        correlation: of successive normalised innovations, 0 if the model holds.
-        far: share of normalised innovations longer than 99.9 % of those of the model.
-        scatter: standard deviation of the measurements by their third differences, over that of the model;
-            NaN if there are too few measurements, and with a radar, whose noise depends on the range.
-        count: number of innovations.
+    The scatter is the standard deviation of the measurements by their third differences, over that of the model;
+    NaN if there are too few measurements, and with a radar, whose noise depends on the range.
     """
 
-    innovations: tuple[FloatArray, ...]
-    ratio: float
-    correlation: float
-    far: float
+    innovations: tuple[FloatArray, ...]  # of each piece, (T, 2), NaN without a measurement and where filters start
+    ratio: float  # median length over that of the model, 1 if the model holds
+    correlation: float  # of successive ones, 0 if the model holds
+    far: float  # share that is longer than 99.9 % of those of the model
     scatter: float
-    count: int
+    count: int  # number of innovations
 
     def warnings(self, model: TrackModel) -> list[str]:
         """Return a plain sentence for everything that does not fit."""
-        found = []
-        scatter = 1.0 if math.isnan(self.scatter) else self.scatter
         if self.count < FEWEST:
             return [f"only {self.count} innovations: whether the model fits cannot be checked"]
-        if not 1.0 / LARGEST_SCATTER <= scatter <= LARGEST_SCATTER:
-            found.append(f"the measurements scatter {_times(scatter)} what R says: check units and R")
+        found = []
+        given, better = (", ".join(f"{radius:.4g}" for radius in some) for some in (model.radii, model.better_radii))
+        if self.scatter > LARGEST_SCATTER or self.scatter < 1.0 / LARGEST_SCATTER:
+            found.append(f"the measurements scatter {_times(self.scatter)} what R says: check units and R")
         elif not 1.0 / LARGEST_RATIO <= self.ratio <= LARGEST_RATIO:
             found.append(f"residuals are {_times(self.ratio)} what the model says: check units, R, Q and radii")
-        given = ", ".join(f"{radius:.4g}" for radius in model.radii)
-        if not found and model.better_radii:
-            radii = ", ".join(f"{radius:.4g}" for radius in model.better_radii)
-            found.append(f"turns of radius {given} do not explain the recording, {radii} does: check units and radii")
-        elif not found and not model.turns and "radii" not in model.estimated:
+        elif better:
+            found.append(f"turns of radius {given} do not explain the recording, {better} does: check units and radii")
+        elif not model.turns and "radii" not in model.estimated:
             found.append(
                 f"turns of radius {given} explain the recording no better than straight motion: check units "
                 "and radii, if there are turns"
@@ -89,13 +74,7 @@ def _times(ratio: float) -> str:
 
 
 def check_consistency(grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()) -> Consistency:
-    """Return the normalised innovations of a recording and what they say about a model.
-
-    Args:
-        grid: the recording on ticks.
-        model: of the recording.
-        lengths: ticks between known switches.
-    """
+    """Return what the normalised innovations of a recording, of `lengths` between known switches, say of a model."""
     scale = math.sqrt(model.measurement_variance)
     longest = max(min(LONGEST_CHUNK, -(-grid.total // LANES)), SHORTEST_CHUNK)
     places = cut(grid, longest)

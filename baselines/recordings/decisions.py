@@ -23,21 +23,14 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused, Radar
 
-VARIANCE, TICK = 0.1, 0.1
-"""Measurement variance and tick in the units of the filters."""
-
+VARIANCE, TICK = 0.1, 0.1  # measurement variance and tick in the units of the filters
 MOST_TICKS = 50  # for the first state
 FEWEST = 3  # measurements
 SURE = 0.6  # probability of a mode that counts as known
 
 
 class ModelUnits(NamedTuple):
-    """Scales from the units of a recording to those of the filters.
-
-    Attributes:
-        length: of lengths.
-        velocity: of velocities.
-    """
+    """Scales from the units of a recording to those of the filters, of lengths and velocities."""
 
     length: float
     velocity: float
@@ -47,11 +40,6 @@ class ModelUnits(NamedTuple):
         """Return the units in which R and tick are those of the filters."""
         length = math.sqrt(VARIANCE / model.measurement_variance)
         return cls(length, length * model.tau / TICK)
-
-    @property
-    def state(self) -> FloatArray:
-        """Scales of [x, vx, y, vy]."""
-        return np.array([self.length, self.velocity, self.length, self.velocity])
 
     def options(self, model: TrackModel, radar: Radar | None = None) -> dict[str, object]:
         """Return the options of an environment with the model of a recording, and with its radar."""
@@ -69,24 +57,16 @@ class ModelUnits(NamedTuple):
 class TickDecisions:
     """Decisions at the T ticks of a piece between gaps, in the units of the recording.
 
-    Attributes:
-        modes: (T,) stated or last decided mode. Ticks before the first decision have its mode.
-        decided: (T,) False before the first statement, and with known switches before the decision of a
-            piece.
-        probabilities: (T, M) of the modes.
-        estimates: (T, 4) [x, vx, y, vy].
-        covariances: (T, 4, 4); infinite for the velocity after a single measurement.
-        pieces: (K, 4) first tick, end, mode and tick of the decision of each piece, counted from 0; -1 for a
-            piece without a decision. With known switches a piece lies between two of them, and its mode is
-            that at its end; otherwise it is a run of one mode.
+    In `pieces`, one with known switches lies between two of them, and its mode is that at its end; otherwise it is a
+    run of one mode.
     """
 
-    modes: IntArray
-    decided: BoolArray
-    probabilities: FloatArray
-    estimates: FloatArray
-    covariances: FloatArray
-    pieces: IntArray
+    modes: IntArray  # (T,) stated or last decided; ticks before the first decision have its mode
+    decided: BoolArray  # (T,) False before the first statement, and with known switches before that of a piece
+    probabilities: FloatArray  # (T, M) of the modes
+    estimates: FloatArray  # (T, 4) [x, vx, y, vy]
+    covariances: FloatArray  # (T, 4, 4); infinite for the velocity after a single measurement
+    pieces: IntArray  # (K, 4) first tick, end, mode, and tick of the decision, -1 without one
 
 
 def decide_recording(
@@ -97,29 +77,20 @@ def decide_recording(
     lengths: Sequence[int] = (),
     start: FloatArray | None = None,
 ) -> list[TickDecisions]:
-    """Run a decider over the pieces of a recording.
+    """Run a decider over the pieces of a recording, whose tracker has the options of `ModelUnits.options`.
 
-    Args:
-        grid: the recording on ticks.
-        model: of the recording.
-        tracker: decider and bank, whose options are those of `ModelUnits.options`.
-        lengths: ticks between the known switches; their sum is the number of ticks.
-        start: (4,) exact state [x, vx, y, vy] one tick before the first measurement; None starts from the
-            first measurements.
+    Lengths are ticks between the known switches. `start` is the exact state (4,) [x, vx, y, vy] one tick before the
+    first measurement; None starts from the first measurements.
 
     Raises:
-        ArgumentError: the lengths do not fit the recording.
+        ArgumentError: the sum of the lengths is not the number of ticks, or there are gaps.
     """
     check_lengths(grid, lengths)
     return [_decide_piece(piece, grid.radar, model, tracker, lengths, start) for piece in grid.pieces]
 
 
 def check_lengths(grid: TickGrid, lengths: Sequence[int]) -> None:
-    """Check the ticks between known switches.
-
-    Raises:
-        ArgumentError: they do not fit the recording.
-    """
+    """Raise `ArgumentError` if the ticks between known switches do not fit the recording."""
     if lengths and len(grid.pieces) > 1:
         raise reject("lengths", tuple(lengths), f"none with {len(grid.pieces) - 1} gaps, or a longer --gap")
     if lengths and sum(lengths) != grid.total:
@@ -136,35 +107,43 @@ def _decide_piece(
     start: FloatArray | None,
 ) -> TickDecisions:
     units = ModelUnits.of(model)
-    scales, origin = units.state, np.zeros(4)
+    scales, origin = np.array([*units, *units]), np.zeros(4)
     measured = ~np.isnan(piece.measurements[:, 0])
     origin[::2] = piece.measurements[measured][0] if radar is None else radar.position
     points, rates = (piece.measurements - origin[::2]) * units.length, piece.rates * units.velocity
-    total, M = len(points), tracker.options.hypotheses
+    options: Any = tracker.options
+    total, M = len(points), options.hypotheses
     found = TickDecisions(
         np.zeros(total, np.int64), np.zeros(total, np.bool_), np.empty((total, M)), np.empty((total, 4)),
         np.empty((total, 4, 4)), np.full((len(lengths), 4), -1),
     )  # fmt: skip
     if start is not None:
         tracker.begin((start - origin) * scales, np.zeros((4, 4)))
-    else:
-        _begin_from_first(tracker, points, rates, lengths)
+    else:  # from the first measurements, with known switches those of the first piece
+        known = slice(lengths[0] if lengths else None)
+        first = first_state(points[known], options, 0.0 if lengths else options.assumed_hazard, rates[known])
+        estimate, covariance, mode = first or (None, None, None)
+        # an announced switch begins the first piece, whatever the mode before it
+        tracker.begin(estimate, covariance, None if lengths else mode)
     ends = np.cumsum(lengths, dtype=np.int64)
     found.pieces[:, 0], found.pieces[:, 1] = ends - lengths, ends
     switches = dict(zip(found.pieces[:, 0].tolist(), lengths, strict=True))
-    for k, (point, known) in enumerate(zip(points.tolist(), measured.tolist(), strict=True)):
+    for k, ((x, y), seen) in enumerate(zip(points.tolist(), measured.tolist(), strict=True)):
         if k in switches:
             tracker.switch(switches[k])
-        now = tracker.update(_measured(point, rates[k], tracker.options) if known else None)
+        measurement: Any = (x, y) if seen else None
+        if seen and options.sensors:  # a radar at the origin
+            measurement = Fused((x, y), options.sensors[0].noise(x, y), (float(rates[k]),))
+        now = tracker.update(measurement)
         found.modes[k], found.decided[k] = now.mode, now.decided
         found.probabilities[k] = now.probabilities
         found.estimates[k], found.covariances[k] = now.estimate, now.covariance
         if now.recalculated is not None:
-            first = k + 1 - len(now.recalculated[0])
-            found.estimates[first : k + 1], found.covariances[first : k + 1] = now.recalculated
-            found.modes[first : k + 1] = now.mode
+            again = slice(k + 1 - len(now.recalculated[0]), k + 1)
+            found.estimates[again], found.covariances[again] = now.recalculated
+            found.modes[again] = now.mode
     if lengths:
-        _decide_pieces(found, tracker.options)
+        _decide_pieces(found, options)
     found.estimates[:] = found.estimates / scales + origin
     found.covariances[:] /= np.outer(scales, scales)
     stated = np.flatnonzero(found.decided)
@@ -173,41 +152,15 @@ def _decide_piece(
     return found if lengths else _with_runs(found)
 
 
-def _measured(point: list[float], rate: float, options: Any) -> tuple[float, float] | Fused:
-    """Return what the tracker reads of a measurement; a radar is at the origin."""
-    if not options.sensors:
-        return point[0], point[1]
-    return Fused((point[0], point[1]), options.sensors[0].noise(*point), (float(rate),))
-
-
-def _begin_from_first(tracker: OnlineTracker, points: FloatArray, rates: FloatArray, lengths: Sequence[int]) -> None:
-    """Begin a track from its first measurements, with known switches those of the first piece.
-
-    An announced switch begins the first piece, whatever the mode before it.
-    """
-    options: Any = tracker.options
-    hazard = 0.0 if lengths else options.assumed_hazard
-    known = slice(lengths[0] if lengths else None)
-    state = first_state(points[known], options, hazard, rates[known])
-    if state is None:
-        tracker.begin()
-    else:
-        estimate, covariance, mode = state
-        tracker.begin(estimate, covariance, None if lengths else mode)
-
-
 def _decide_pieces(found: TickDecisions, options: Any) -> None:
     """Write modes and decisions of pieces of known lengths; one without a decision is as in the options."""
     for piece in found.pieces:
         first, end = piece[:2]
-        decided = np.flatnonzero(found.decided[first:end])
+        piece[2], decided = found.modes[end - 1], np.flatnonzero(found.decided[first:end])
         if decided.size:
-            when = first + decided[0]
-            piece[2:] = found.modes[end - 1], when
+            piece[3] = first + decided[0]
         elif options.undecided == "likeliest":
             piece[2] = found.probabilities[end - 1].argmax()
-        else:
-            piece[2] = found.modes[end - 1]
 
 
 def _with_runs(found: TickDecisions) -> TickDecisions:
@@ -226,21 +179,15 @@ def first_state(
 ) -> tuple[FloatArray, FloatArray, int | None] | None:
     """Return the state one tick before the first measurement, seen backwards; None with too few measurements.
 
-    A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an
-    error there passes on from piece to piece. A straight line through the first measurements is not good
-    enough when the object turns by much in a tick. So the interacting multiple model bank runs backwards over
-    the first ticks; its mean is the first estimate, and its most probable mode the first mode. These
-    measurements are thus used twice, for the start and for the decisions, which a recording allows and a live
-    sensor does not.
+    A bank for known switches takes its first estimate as exact: the centre of a turn follows from it, and an error
+    there passes on from piece to piece. A straight line through the first measurements is not good enough when the
+    object turns by much in a tick. So the interacting multiple model bank runs backwards over the first ticks; its mean
+    is the first estimate, and its most probable mode the first mode. These measurements are thus used twice, for the
+    start and for the decisions, which a recording allows and a live sensor does not.
 
-    Args:
-        measurements: (T, 2) [m], the first one measured, NaN without a measurement. At most 50 are used.
-        options: of the model.
-        hazard: probability of a switch in a tick, 0 if there is none in these ticks.
-        rates: (T,) range rates, if the sensor of the options is a radar.
-
-    Returns:
-        Estimate (4,) [x, vx, y, vy] [m, m/s], covariance (4, 4), and mode, None if none is probable enough.
+    Of the measurements (T, 2) [m], NaN without one but the first, at most 50 are used. The hazard is the probability of
+    a switch in a tick. Range rates (T,) are those of a radar. The result is the estimate (4,) [x, vx, y, vy] [m, m/s],
+    its covariance (4, 4), and the mode, None if none is probable enough.
     """
     used = measurements[:MOST_TICKS]
     if (~np.isnan(used[:, 0])).sum() < FEWEST:
@@ -250,12 +197,9 @@ def first_state(
     if rates is not None and options.sensors and isinstance(options.sensors[0], Radar):
         rates = np.append(-rates[:MOST_TICKS][::-1], np.nan)
         chunks = make_chunks([backwards], None, [rates], options.sensors[0])
-    variances = np.broadcast_to(options.variances, 2)
+    x, y = map(float, np.broadcast_to(options.variances, 2))
     radii, M = np.array(options.radii), options.hypotheses
-    model = FilterModel(
-        options.tau, options.process_variance, float(variances[0]), float(variances[1]), 1.0 - hazard,
-        hazard / (M - 1),
-    )  # fmt: skip
+    model = FilterModel(options.tau, options.process_variance, x, y, 1.0 - hazard, hazard / (M - 1))
     output = recorded_pass(chunks, radii, model)
     reverse = np.array([1.0, -1.0, 1.0, -1.0])
     covariance = chunks.block["covariance"][0, :, 0][SQUARE] * np.outer(reverse, reverse)

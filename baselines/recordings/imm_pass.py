@@ -1,9 +1,8 @@
 """The interacting multiple model bank over recorded measurements: likelihood and normalised innovations.
 
-The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over
-the ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a
-recording between gaps are cut into chunks of about equal length, which run side by side in the lanes of a
-block, as the tracks of an environment do.
+The likelihood is that of the innovations, ln p(z_k | z_1 .. z_k-1) of the mixture over the modes, summed over the
+ticks. It is what `model_fit` maximises, and its innovations show whether the model fits. The pieces of a recording
+between gaps are cut into chunks of about equal length, which run side by side in the lanes of a block.
 """
 
 import math
@@ -25,60 +24,34 @@ from hybrid_env.core.polar import position_noise
 from hybrid_env.core.records import LANES, MEASURED_FIELDS, lanes_of
 from hybrid_env.sensors import Radar, sensor_table
 
+# What `step_imm` reads and writes of a track.
 PASS_BLOCK = lanes_of(*MEASURED_FIELDS, ("estimate", np.float64, (4,)), ("covariance", np.float64, (10,)))
-"""What `step_imm` reads and writes of a track."""
-
+# All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used.
 FIRST, LAST = np.uint64(0), np.uint64(LANES)
-"""All lanes of a block, which are stepped by SIMD code; what those without a chunk hold is not used."""
-
-BURN_IN = 3
-"""Measurements after the start that do not count: they depend on how the velocity was found."""
-
-
-FIT_TICKS = 4096
-"""Ticks that are used; a longer recording is represented by chunks of it, evenly spread."""
-
-SHORTEST_CHUNK = 256
-"""Ticks; every chunk forgets the velocity of the one before, and with it what it says about Q."""
+BURN_IN = 3  # measurements after the start that do not count: they depend on how the velocity was found
+FIT_TICKS = 4096  # ticks that are used; a longer recording is represented by chunks of it, evenly spread
+SHORTEST_CHUNK = 256  # ticks; every chunk forgets the velocity of the one before, and with it what it says about Q
 
 
 class Chunks(NamedTuple):
-    """Parts of a recording, each in a lane of a block.
+    """Parts of a recording, each in a lane of one of B blocks."""
 
-    Attributes:
-        measurements: (B, T, 2, LANES), NaN without a measurement and after the end of a chunk.
-        switches: (B, T, LANES) True at the first tick after a known switch, in which all modes are equally
-            probable.
-        lanes: (B,) number of lanes with a chunk, the first ones.
-        block: (1,) record `PASS_BLOCK`, temporary memory.
-        rates: (B, T, LANES) range rates, NaN without one.
-        sensors: (1,) record `SENSOR` of a radar at the origin that made the measurements, or none.
-    """
-
-    measurements: FloatArray
-    switches: BoolArray
-    lanes: IntArray
-    block: NDArray[Any]
-    rates: FloatArray
-    sensors: NDArray[Any]
+    measurements: FloatArray  # (B, T, 2, LANES), NaN without a measurement and after the end of a chunk
+    switches: BoolArray  # (B, T, LANES) at the first tick after a known switch; all modes are then equally probable
+    lanes: IntArray  # (B,) number of lanes with a chunk, the first ones
+    block: NDArray[Any]  # (1,) record `PASS_BLOCK`, temporary memory
+    rates: FloatArray  # (B, T, LANES) range rates, NaN without one
+    sensors: NDArray[Any]  # (1,) record `SENSOR` of a radar at the origin that made the measurements, or none
 
 
 class PassOutput(NamedTuple):
-    """What a pass records at every tick, or arrays of length 0 to record nothing.
+    """What a pass records at every tick, NaN where there is none, or arrays of length 0 to record nothing."""
 
-    Attributes:
-        white: (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y; NaN
-            where there is none.
-        probabilities: (B, T, M, LANES) of the modes.
-    """
-
-    white: FloatArray
-    probabilities: FloatArray
+    white: FloatArray  # (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y
+    probabilities: FloatArray  # (B, T, M, LANES) of the modes
 
 
-def no_output() -> PassOutput:
-    """Return an output that records nothing."""
-    return PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
+NO_OUTPUT = PassOutput(np.empty((0, 0, 2, LANES)), np.empty((0, 0, 0, LANES)))
 
 
 def make_chunks(
@@ -89,22 +62,20 @@ def make_chunks(
 ) -> Chunks:
     """Put parts of a recording into lanes. Parts of equal length waste no time.
 
-    Args:
-        parts: measurements of each, (T_i, 2).
-        switches: whether a known switch precedes each tick, (T_i,); None if switches are not known.
-        rates: range rates of each, (T_i,).
-        radar: at the origin, that made the measurements.
+    Each has measurements (T_i, 2), by option whether a known switch precedes each tick and range rates, (T_i,). The
+    radar that made the measurements is at the origin.
     """
     blocks = -(-len(parts) // LANES)
     longest = max(map(len, parts))
     measurements = np.full((blocks, longest, 2, LANES), np.nan)
-    begins, own_rates = (np.zeros((blocks, longest, LANES), np.bool_), np.full((blocks, longest, LANES), np.nan))
+    begins, own_rates = np.zeros((blocks, longest, LANES), np.bool_), np.full((blocks, longest, LANES), np.nan)
     for k, part in enumerate(parts):
-        measurements[k // LANES, : len(part), :, k % LANES] = part
+        b, rows, lane = k // LANES, slice(len(part)), k % LANES
+        measurements[b, rows, :, lane] = part
         if switches is not None:
-            begins[k // LANES, : len(part), k % LANES] = switches[k]
+            begins[b, rows, lane] = switches[k]
         if rates is not None:
-            own_rates[k // LANES, : len(part), k % LANES] = rates[k]
+            own_rates[b, rows, lane] = rates[k]
     lanes = np.minimum(len(parts) - LANES * np.arange(blocks), LANES)
     block = aligned_zeros((1,), PASS_BLOCK)
     block["noise"][:, ::2], block["rates"] = 1.0, np.nan
@@ -139,11 +110,10 @@ def _begin(bank: ImmBank, block: Any, lane: int, last: FloatArray, ticks: int, t
         block.covariance[k, lane] = 0.0
     for axis in range(2):
         variance = (model.variance_x if axis == 0 else model.variance_y) * block.noise[2 * axis, lane]
+        spread = 2.0 * variance / (time * time) + ticks * model.process_variance + bend * bend
         block.covariance[0 if axis == 0 else 7, lane] = variance
         block.covariance[1 if axis == 0 else 8, lane] = variance / time
-        block.covariance[4 if axis == 0 else 9, lane] = (
-            2.0 * variance / (time * time) + ticks * model.process_variance + bend * bend
-        )
+        block.covariance[4 if axis == 0 else 9, lane] = spread
     begin_imm(bank, block, lane, -1)
 
 
@@ -165,44 +135,26 @@ def _record(bank: ImmBank, lane: int, measured: bool, white: FloatArray, probabi
 def imm_pass(
     chunks: Chunks, bank: ImmBank, radii: FloatArray, model: FilterModel, output: PassOutput
 ) -> tuple[float, int]:
-    """Run the bank over all chunks.
+    """Run the bank over all chunks; return the logarithm of the likelihood, and the number of measurements in it.
 
     A chunk starts with its first two measurements, which do not count, nor do `BURN_IN` more. All modes are
-    equally probable at first.
-
-    Args:
-        chunks: measurements.
-        bank: of one block, overwritten.
-        radii: (n,) turn radii; none is a bank of straight motion.
-        model: tick, variances and transition probabilities.
-        output: arrays that are filled, see `PassOutput`.
-
-    Returns:
-        Logarithm of the likelihood, and the number of measurements in it.
+    equally probable at first. The bank, of one block, and the output are overwritten; no radii (n,) is a bank of
+    straight motion.
     """
     total, count = 0.0, 0
     block = chunks.block[0]
     turn = 0.0
     for radius in radii:
         turn = max(turn, 1.0 / radius)
-    seen = np.zeros(LANES, np.int64)
-    when = np.zeros(LANES, np.int64)
-    last = np.zeros((LANES, 2))
+    seen, when, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros((LANES, 2))
     records = output.white.shape[0] > 0
     same = 1.0 / (2 * radii.size + 1)
     renewed = FilterModel(
-        model.tau,
-        model.process_variance,
-        model.variance_x,
-        model.variance_y,
-        same,
-        same,
-        model.freedom,
+        model.tau, model.process_variance, model.variance_x, model.variance_y, same, same, model.freedom,
         model.exact_anchor,
-    )
+    )  # fmt: skip
     for b in range(chunks.measurements.shape[0]):
-        for lane in range(LANES):
-            seen[lane] = 0
+        seen[:] = 0
         lanes = chunks.lanes[b]
         for k in range(chunks.measurements.shape[1]):
             measurement = chunks.measurements[b, k]
@@ -278,7 +230,8 @@ def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, 
         switches = [begins[a:b] for _, a, b in places]
     parts = [grid.pieces[k].measurements[a:b] for k, a, b in places]
     if grid.radar is None:
-        return make_chunks([_from_first(part) / scale for part in parts], switches)
+        origins = [np.vstack([part[~np.isnan(part[:, 0])], np.zeros(2)])[0] for part in parts]
+        return make_chunks([(part - origin) / scale for part, origin in zip(parts, origins, strict=True)], switches)
     values = [(part - np.array(grid.radar.position)) / scale for part in parts]
     rates = [grid.pieces[k].rates[a:b] * velocity for k, a, b in places]
     return make_chunks(values, switches, rates, grid.radar.scaled(1.0 / scale, velocity))
@@ -287,18 +240,9 @@ def chunks_at(grid: TickGrid, places: list[tuple[int, int, int]], scale: float, 
 def recorded_pass(chunks: Chunks, radii: FloatArray, model: FilterModel) -> PassOutput:
     """Return innovations and probabilities of the modes of chunks at every tick, NaN where there are none.
 
-    Args:
-        chunks: measurements; their block holds the last estimates afterwards.
-        radii: (n,) turn radii.
-        model: tick, variances and transition probabilities.
+    The block of the chunks holds the last estimates afterwards.
     """
     shape, modes = chunks.measurements.shape[:2], 2 * len(radii) + 1
     output = PassOutput(np.full((*shape, 2, LANES), np.nan), np.full((*shape, modes, LANES), np.nan))
     run_compiled(imm_pass, chunks, bank_arrays(ImmBank, len(radii)), radii, model, output)
     return output
-
-
-def _from_first(values: FloatArray) -> FloatArray:
-    """Return positions relative to the first measurement."""
-    measured = np.flatnonzero(~np.isnan(values[:, 0]))
-    return values - values[measured[0]] if measured.size else values

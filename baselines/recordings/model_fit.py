@@ -1,18 +1,19 @@
 """Measurement noise, process noise, turn radii and durations by maximum likelihood of the innovations.
 
-What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths
-are in standard deviations of the measurement and all times in ticks, so that the units of the recording do
-not matter. The model is that of the interacting multiple model bank (`imm_pass`).
+What is not given is found from the recording: first on a coarse grid, then by the simplex method. All lengths are in
+standard deviations of the measurement and all times in ticks, so that the units of the recording do not matter. The
+model is that of the interacting multiple model bank (`imm_pass`).
 """
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from baselines.recordings.imm_pass import Chunks, fit_chunks, imm_pass, no_output, recorded_pass
+from baselines.recordings.imm_pass import NO_OUTPUT, Chunks, fit_chunks, imm_pass, recorded_pass
 from baselines.recordings.scatter import median_speed, median_step, noise_estimate
 from baselines.recordings.ticks import TickGrid
 from baselines.rules.measurements import run_compiled
@@ -20,58 +21,40 @@ from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.core.banks.bank import FilterModel, bank_arrays
 from hybrid_env.core.banks.imm import ImmBank
 
-SMALLEST_NOISE = 1e-4
-"""Smallest standard deviation of a measurement, over the median motion of a tick."""
-
+SMALLEST_NOISE = 1e-4  # smallest standard deviation of a measurement, over the median motion of a tick
+# Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
-"""Turns of a tick that are tried [rad]: 0.004 to 1.02."""
-
-PROCESS_NOISES = (1e-5, 1e-3, 1e-1)
-"""Q tau^2 / R that are tried."""
-
+PROCESS_NOISES = (1e-5, 1e-3, 1e-1)  # Q tau^2 / R that are tried
 FIRST_DURATION = 75.0  # ticks
-NEVER = 0.0
-"""The duration of modes that only change at known switches."""
-
+NEVER = 0.0  # the duration of modes that only change at known switches
 DURATIONS = (10.0, 1e5)  # ticks
 SURE = 0.6  # probability of a mode that counts
 SHORTEST = 5  # ticks of a change that counts
 SMALLEST_PROCESS_NOISE = 1e-10  # Q tau^2 / R
 MAX_RADII = 3
 EVALUATIONS = 60  # of the simplex method
-DISTINCT = 0.25
-"""Smallest difference of the logarithms of two radii that are proposed together."""
-
-CLEARLY = 5.0
-"""Difference of log-likelihoods beyond the criterion: the filters are only an approximation."""
+DISTINCT = 0.25  # smallest difference of the logarithms of two radii that are proposed together
+CLEARLY = 5.0  # difference of log-likelihoods beyond the criterion: the filters are only an approximation
 
 
 @dataclass(frozen=True)
 class TrackModel:
-    """What the filters assume of a recording, in its units.
+    """What the filters assume of a recording, in its units."""
 
-    Attributes:
-        radii: turn radii, each to the left and to the right.
-        measurement_variance: R of each coordinate.
-        process_variance: Q of each velocity in a tick.
-        duration: mean duration of a segment [ticks].
-        speed: median speed.
-        tau: tick.
-        estimated: names of the attributes above that were not given.
-        turns: whether turns of these radii explain the recording better than straight motion alone.
-        better_radii: radii proposed by the recording that explain it better than the given ones; empty if
-            there are none.
-    """
+    radii: tuple[float, ...]  # of turns, each to the left and to the right
+    measurement_variance: float  # R of each coordinate
+    process_variance: float  # Q of each velocity in a tick
+    duration: float  # mean, of a segment [ticks]
+    speed: float  # median
+    tau: float  # tick
+    estimated: tuple[str, ...] = ()  # names of the attributes above that were not given
+    turns: bool = True  # whether turns of these radii explain the recording better than straight motion alone
+    better_radii: tuple[float, ...] = ()  # proposed by the recording, which they explain better than the given ones
 
-    radii: tuple[float, ...]
-    measurement_variance: float
-    process_variance: float
-    duration: float
-    speed: float
-    tau: float
-    estimated: tuple[str, ...] = ()
-    turns: bool = True
-    better_radii: tuple[float, ...] = ()
+    @property
+    def of_bank(self) -> FilterModel:
+        """Return the model of the bank, of lengths in any unit and times in ticks."""
+        return imm_model(self.measurement_variance, self.process_variance, self.duration, len(self.radii))
 
     @property
     def turn_rates(self) -> tuple[float, ...]:
@@ -79,31 +62,16 @@ class TrackModel:
         return tuple(self.speed / radius for radius in self.radii)
 
 
-@dataclass(frozen=True)
-class _Parameters:
-    """Parameters in standard deviations of the measurement before the fit, and ticks."""
-
-    variance: float
-    process: float
-    duration: float
-    radii: tuple[float, ...]
-
-    @property
-    def model(self) -> FilterModel:
-        """That of the bank."""
-        return imm_model(self.variance, self.process, self.duration, len(self.radii))
-
-
 class _Likelihood:
     """Logarithm of the likelihood of chunks of a recording; the number of modes may differ."""
 
     def __init__(self, chunks: Chunks):
-        self.chunks, self.output = chunks, no_output()
+        self.chunks = chunks
         self.bank = functools.cache(functools.partial(bank_arrays, ImmBank))
 
-    def __call__(self, at: _Parameters) -> float:
+    def __call__(self, at: TrackModel) -> float:
         bank, radii = self.bank(len(at.radii)), np.array(at.radii, float)
-        total: float = run_compiled(imm_pass, self.chunks, bank, radii, at.model, self.output)[0]
+        total: float = run_compiled(imm_pass, self.chunks, bank, radii, at.of_bank, NO_OUTPUT)[0]
         return total if math.isfinite(total) else -math.inf
 
 
@@ -124,14 +92,9 @@ def fit_model(
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood.
 
-    Args:
-        grid: the recording on ticks.
-        radii: turn radii [unit of length]; None proposes one to three, as many as the Bayesian information
-            criterion allows.
-        measurement_variance: R; with a radar it is `nominal_variance`.
-        process_variance: Q.
-        duration: mean duration of a segment [ticks].
-        lengths: ticks between known switches; then `duration` has no effect.
+    Without radii [unit of length], one to three are proposed, as many as the Bayesian information criterion allows.
+    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration of a
+    segment [ticks] has no effect.
 
     Raises:
         ArgumentError: the recording does not move.
@@ -148,22 +111,21 @@ def fit_model(
     scale = math.sqrt(rough)
     likelihood = _Likelihood(fit_chunks(grid, scale, lengths))
     used = int((~np.isnan(likelihood.chunks.measurements[:, :, 0])).sum())
-    speed = max(speed, SMALLEST_NOISE * scale)
-    given = _Parameters(
-        1.0,
+    given = TrackModel(
+        tuple(radius / scale for radius in radii or ()), 1.0,
         -1.0 if process_variance is None else process_variance * tau**2 / rough,
         NEVER if lengths else FIRST_DURATION if duration is None else max(duration, DURATIONS[0]),
-        tuple(radius / scale for radius in radii or ()),
-    )
-    processes = PROCESS_NOISES if process_variance is None else (given.process,)
-    known = {"variance": measurement_variance, "process": process_variance, "radii": radii}
+        max(speed, SMALLEST_NOISE * scale) / scale, 1.0,
+    )  # fmt: skip
+    processes = PROCESS_NOISES if process_variance is None else (given.process_variance,)
+    known = {"measurement_variance": measurement_variance, "process_variance": process_variance, "radii": radii}
     free = [name for name, value in known.items() if value is None]
     penalty = math.log(used)
-    proposed = _proposed(likelihood, given, processes, speed / scale)
+    proposed = _proposed(likelihood, given, processes)
     if radii is None:
-        best = _more_radii(likelihood, _refine(likelihood, proposed, free), free, speed / scale, penalty)
+        best = _more_radii(likelihood, _refine(likelihood, proposed, free), free, penalty)
     else:
-        own = [replace(given, process=q) for q in processes]
+        own = [replace(given, process_variance=q) for q in processes]
         best = _refine(likelihood, _best(likelihood, own)[0], free)
     value = likelihood(best)
     margin = 0.5 * penalty * len(best.radii) if radii is None else 0.0
@@ -174,20 +136,14 @@ def fit_model(
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
-        best = replace(best, duration=_counted_duration(likelihood.chunks, best))
+        duration = _counted_duration(likelihood.chunks, best)
         free.append("duration")
-    names = {"variance": "measurement_variance", "process": "process_variance"}
     return TrackModel(
-        radii=tuple(radii) if radii is not None else tuple(sorted(radius * scale for radius in best.radii)),
-        measurement_variance=best.variance * rough if measurement_variance is None else measurement_variance,
-        process_variance=best.process * rough / tau**2 if process_variance is None else process_variance,
-        duration=best.duration if duration is None else duration,
-        speed=speed / tau,
-        tau=tau,
-        estimated=tuple(names.get(name, name) for name in free),
-        turns=turns,
-        better_radii=better,
-    )
+        tuple(radii) if radii is not None else tuple(sorted(radius * scale for radius in best.radii)),
+        best.measurement_variance * rough if measurement_variance is None else measurement_variance,
+        best.process_variance * rough / tau**2 if process_variance is None else process_variance,
+        duration, max(speed, SMALLEST_NOISE * scale) / tau, tau, tuple(free), turns, better,
+    )  # fmt: skip
 
 
 def nominal_variance(grid: TickGrid) -> float:
@@ -198,24 +154,23 @@ def nominal_variance(grid: TickGrid) -> float:
     return float(np.median(np.sqrt(noises[:, 0] * noises[:, 2] - noises[:, 1] ** 2)))
 
 
-def _proposed(likelihood: _Likelihood, given: _Parameters, processes: Sequence[float], speed: float) -> _Parameters:
-    """Return the best point of a grid of one radius and Q. speed: [standard deviations / tick]."""
-    points = [replace(given, process=q, radii=(speed / angle,)) for q in processes for angle in ANGLES[::2]]
+def _proposed(likelihood: _Likelihood, given: TrackModel, processes: Sequence[float]) -> TrackModel:
+    """Return the best point of a grid of one radius and Q."""
+    angles = ANGLES[::2]
+    points = [replace(given, process_variance=q, radii=(given.speed / angle,)) for q in processes for angle in angles]
     best = _best(likelihood, points)[0]
     near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
     return _best(likelihood, near)[0]
 
 
-def _more_radii(
-    likelihood: _Likelihood, best: _Parameters, free: list[str], speed: float, penalty: float
-) -> _Parameters:
+def _more_radii(likelihood: _Likelihood, best: TrackModel, free: list[str], penalty: float) -> TrackModel:
     """Add radii while the criterion allows it. penalty: logarithm of the number of measurements."""
     value = likelihood(best)
     while len(best.radii) < MAX_RADII:
         more = [
-            replace(best, radii=(*best.radii, speed / angle))
-            for angle in ANGLES
-            if min(abs(math.log(speed / angle / other)) for other in best.radii) > DISTINCT
+            replace(best, radii=(*best.radii, radius))
+            for radius in (best.speed / angle for angle in ANGLES)
+            if min(abs(math.log(radius / other)) for other in best.radii) > DISTINCT
         ]
         candidate, found = _best(likelihood, more)
         if found < value + 0.5 * penalty:
@@ -229,60 +184,54 @@ def _more_radii(
     return best
 
 
-def _straight(likelihood: _Likelihood, best: _Parameters, free: list[str], limit: float) -> float:
+def _straight(likelihood: _Likelihood, best: TrackModel, free: list[str], limit: float) -> float:
     """Return the largest likelihood of straight motion alone; one that is far below a limit is rough."""
-    noises = [name for name in free if name in ("variance", "process")]
-    factors = 10.0 ** np.arange(7) if "process" in free else (1.0,)
-    points = [replace(best, radii=(), process=best.process * factor) for factor in factors]
+    noises = [name for name in free if name != "radii"]
+    factors = 10.0 ** np.arange(7) if "process_variance" in free else (1.0,)
+    points = [replace(best, radii=(), process_variance=best.process_variance * factor) for factor in factors]
     start, value = _best(likelihood, points)
     return value if value < limit - 50.0 else likelihood(_refine(likelihood, start, noises))
 
 
-def _best(likelihood: Callable[[_Parameters], float], points: list[_Parameters]) -> tuple[_Parameters, float]:
+def _best(likelihood: _Likelihood, points: list[TrackModel]) -> tuple[TrackModel, float]:
     values = [likelihood(point) for point in points]
     k = int(np.argmax(values))
     return points[k], values[k]
 
 
-def _refine(likelihood: _Likelihood, start: _Parameters, free: list[str]) -> _Parameters:
+def _refine(likelihood: _Likelihood, start: TrackModel, free: list[str]) -> TrackModel:
     """Return the point of the largest likelihood near a start, by the simplex method in logarithms."""
     from scipy.optimize import minimize  # it loads slowly
 
-    def parameters(vector: FloatArray) -> _Parameters:
-        values = dict(zip(names, np.exp(np.clip(vector, -60.0, 60.0)).tolist(), strict=False))
-        if "process" in values:
-            values["process"] = max(values["process"], SMALLEST_PROCESS_NOISE)
-        changes: dict[str, object] = dict(values)
-        if "radii" in free:
-            changes["radii"] = tuple(np.exp(np.clip(vector[len(names) :], -60.0, 60.0)).tolist())
-        return replace(start, **changes)  # type: ignore[arg-type]
-
     names = [name for name in free if name != "radii"]
-    first = [math.log(getattr(start, name)) for name in names]
-    if "radii" in free:
-        first += [math.log(radius) for radius in start.radii]
-    if not first:
+    radii = start.radii if "radii" in free else ()
+    origin = np.array([math.log(value) for value in (*(getattr(start, name) for name in names), *radii)])
+    if not origin.size:
         return start
-    origin = np.array(first)
-    simplex = np.vstack([origin, origin + np.diag([_STEPS.get(name, 0.2) for name in names]
-        + [0.2] * (len(first) - len(names)))])  # fmt: skip
-    result = minimize(
-        lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.1, "xatol": 0.1},
-    )  # fmt: skip
-    return parameters(result.x)
+
+    def parameters(vector: FloatArray) -> TrackModel:
+        values = np.exp(np.clip(vector, -60.0, 60.0)).tolist()
+        changes: dict[str, Any] = dict(zip(names, values, strict=False))
+        if "process_variance" in changes:
+            changes["process_variance"] = max(changes["process_variance"], SMALLEST_PROCESS_NOISE)
+        if radii:
+            changes["radii"] = tuple(values[len(names) :])
+        return replace(start, **changes)
+
+    steps = [{"measurement_variance": 0.3, "process_variance": 1.0}[name] for name in names] + [0.2] * len(radii)
+    simplex = np.vstack([origin, origin + np.diag(steps)])
+    options = {"initial_simplex": simplex, "maxfev": EVALUATIONS, "fatol": 0.1, "xatol": 0.1}
+    cost = minimize(lambda vector: -likelihood(parameters(vector)), origin, method="Nelder-Mead", options=options)
+    return parameters(cost.x)
 
 
-_STEPS = {"variance": 0.3, "process": 1.0}
-
-
-def _counted_duration(chunks: Chunks, model: _Parameters) -> float:
+def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
     """Return the mean duration of a mode [ticks], from the changes of the most probable one.
 
     The likelihood itself says little about it. Short changes, which noise makes, do not count, and without a
     change the duration is that of the recording.
     """
-    found = recorded_pass(chunks, np.array(model.radii, float), model.model).probabilities
+    found = recorded_pass(chunks, np.array(model.radii, float), model.of_bank).probabilities
     changes, total = 0, 0
     for lane in np.moveaxis(found, 3, 1).reshape(-1, *found.shape[1:3]):
         sure = lane[lane.max(1) > SURE].argmax(1)  # NaN is not

@@ -16,13 +16,9 @@ class Projection:
     distance r from it: 0.01 % at 160 km, 0.4 % at 1,000 km.
 
     Source: Snyder 1987, "Map projections: a working manual", pages 191 to 202.
-
-    Attributes:
-        latitude: latitude of the centre [deg].
-        longitude: longitude of the centre [deg].
     """
 
-    latitude: float
+    latitude: float  # of the centre [deg]
     longitude: float
 
     @cached_property
@@ -50,10 +46,7 @@ class Projection:
 
 
 def centred_projection(latitudes: ArrayLike, longitudes: ArrayLike) -> Projection:
-    """Return a projection whose centre is the middle of the extent of some positions [deg], (n,).
-
-    Positions on both sides of the longitude 180 are allowed.
-    """
+    """Return a projection around the middle of the extent of positions [deg], (n,), also across the longitude 180."""
     latitude, longitude = np.asarray(latitudes, np.float64), np.asarray(longitudes, np.float64)
     known = ~(np.isnan(latitude) | np.isnan(longitude))
     unwrapped = np.unwrap(longitude[known], period=360.0)

@@ -14,44 +14,29 @@ from hybrid_env.sensors import Radar
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
 
-GAP_TICKS = 20
-"""Default of the gap, in nominal ticks."""
-
-UNKNOWN_UNIT = "units"
-"""Unit of a length that the file does not name."""
+GAP_TICKS = 20  # default of the gap, in nominal ticks
+UNKNOWN_UNIT = "units"  # unit of a length that the file does not name
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Measured positions of one object. `make_recording` checks arrays and makes one.
 
-    Attributes:
-        name: name of the object.
-        times: (n,) strictly increasing times of the rows [`time_unit`].
-        positions: (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement.
-        tick: nominal tick, the median step of the times [`time_unit`].
-        pieces: first row and end of each piece between gaps, in order. A piece begins and ends with a
-            measurement, may consist of a single row, and holds no two successive measurements that are
-            further apart than the gap. Rows outside of all pieces have no measurement.
-        unit: unit of length: `m`, another unit that the file names, or `units` if it names none.
-        time_unit: `s`, or `ticks` for a recording without times.
-        epoch: date of time 0 in UTC, ISO 8601; None for times without a date.
-        projection: from latitude and longitude to `positions`; None if the file has no degrees.
-        radar: whose ranges and bearings `positions` are converted from; None for measured positions.
-        rates: (n,) its range rates, NaN without one; None if it measures none.
+    A piece begins and ends with a measurement, may consist of a single row, and holds no two successive measurements
+    that are further apart than the gap. Rows outside of all pieces have no measurement.
     """
 
-    name: str
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    tick: float
-    pieces: tuple[tuple[int, int], ...]
-    unit: str = UNKNOWN_UNIT
-    time_unit: str = "s"
-    epoch: str | None = None
-    projection: "Projection | None" = None
-    radar: Radar | None = None
-    rates: NDArray[np.float64] | None = None
+    name: str  # of the object
+    times: NDArray[np.float64]  # (n,) strictly increasing, of the rows [`time_unit`]
+    positions: NDArray[np.float64]  # (n, 2) measured x and y [`unit`]; both are NaN in a row without a measurement
+    tick: float  # the median step of the times [`time_unit`]
+    pieces: tuple[tuple[int, int], ...]  # first row and end of each piece between gaps, in order
+    unit: str = UNKNOWN_UNIT  # of length: `m`, another one that the file names, or `units` if it names none
+    time_unit: str = "s"  # or `ticks` for a recording without times
+    epoch: str | None = None  # date of time 0 in UTC, ISO 8601; None for times without a date
+    projection: "Projection | None" = None  # from latitude and longitude to `positions`
+    radar: Radar | None = None  # whose ranges and bearings `positions` are converted from
+    rates: NDArray[np.float64] | None = None  # (n,) its range rates, NaN without one
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -88,11 +73,8 @@ def make_recording(
         tau: duration of a tick [s] of a recording without times; None counts time in ticks.
         gap: longest time between two measurements of one piece [`time_unit`]; None is 20 nominal ticks.
         breaks: rows at which a piece begins whatever the times are.
-        unit: unit of length.
+        unit, epoch, projection, radar, rates: see `Recording`.
         time_unit: unit of time; None is `s`, and `ticks` without times and tau.
-        epoch: date of time 0, ISO 8601.
-        projection: projection by which degrees became `positions`.
-        radar, rates: see `Recording`.
 
     Raises:
         ArgumentError: an array has the wrong shape, times do not increase, a position is infinite, or there
@@ -122,18 +104,12 @@ def make_recording(
         k = int(np.argmin(steps > 0.0)) + 1
         raise reject(f"times[{k}]", instants[k], f"a time after {instants[k - 1]:.12g}")
     tick = float(np.median(steps))
-    pieces = _pieces(instants, missing, GAP_TICKS * tick if gap is None else check_positive("gap", gap), breaks)
-    unit_of_time = time_unit or "s"
-    return Recording(
-        name, frozen(instants), frozen(values), tick, pieces, unit, unit_of_time, epoch, projection, radar, rates
-    )
-
-
-def _pieces(
-    times: NDArray[np.float64], missing: NDArray[np.bool_], gap: float, breaks: ArrayLike
-) -> tuple[tuple[int, int], ...]:
+    longest = GAP_TICKS * tick if gap is None else check_positive("gap", gap)
     rows = np.flatnonzero(~missing)
     before = np.searchsorted(rows, np.asarray(breaks, np.int64))  # first measurement at or after a break
-    ends = np.flatnonzero(np.diff(times[rows]) > gap) + 1
-    borders = np.unique(np.concatenate([[0, len(rows)], ends, before]))
-    return tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders.tolist()))
+    ends = np.flatnonzero(np.diff(instants[rows]) > longest) + 1
+    borders = np.unique(np.concatenate([[0, len(rows)], ends, before])).tolist()
+    pieces = tuple((int(rows[first]), int(rows[end - 1]) + 1) for first, end in pairwise(borders))
+    return Recording(
+        name, frozen(instants), frozen(values), tick, pieces, unit, time_unit or "s", epoch, projection, radar, rates
+    )

@@ -8,23 +8,18 @@ import numpy as np
 from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.checks import FloatArray, IntArray
 
-NORMAL_MEDIAN = 0.6744897501960817
-"""Median of |z| for a standard normal z."""
-
+NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 FEWEST = 5  # differences
 LONGEST = 2.0  # span of four or five measurements, over the median span
-FAR = 7.0
-"""An outlier is this many standard deviations from its neighbours."""
-
+FAR = 7.0  # an outlier is this many standard deviations from its neighbours
 LONGEST_BURST = 10  # measurements between two jumps that are errors of the sensor
 USUAL, FASTEST = 0.9, 5.0  # quantile of the steps, and how many times it motion may reach
 
-MOST_OUTLIERS = 0.1
-"""With a larger share far from their neighbours, the noise is not what its estimate says."""
+MOST_OUTLIERS = 0.1  # with a larger share far from their neighbours, the noise is not what its estimate says
 
 
 def noise_estimate(grid: TickGrid) -> float | None:
-    """Estimate the measurement variance R from the third differences of each coordinate.
+    """Estimate the measurement variance R [unit of length squared]; None with too few measurements.
 
     The third difference of four measurements, with weights of squared sum 1, cancels motion that is quadratic
     in time; of successive ticks it is d_k = (z_{k+3} - 3 z_{k+2} + 3 z_{k+1} - z_k) / sqrt(20). Its noise
@@ -34,9 +29,6 @@ def noise_estimate(grid: TickGrid) -> float | None:
 
     A turn adds about r (omega tau)^3 / 4.5 to |d|, and process noise adds Q tau^2 / 10 to R. The relative
     standard error is about 2.4 / sqrt(T).
-
-    Returns:
-        R [unit of length squared]; None with too few measurements.
     """
     differences = np.concatenate([_differences(piece, 4)[1] for piece in grid.pieces])
     if len(differences) < FEWEST:
@@ -69,9 +61,7 @@ def without_outliers(grid: TickGrid) -> tuple[TickGrid, int]:
         values[ticks[far, 2]] = np.nan
         count += int(far.sum())
         pieces.append(piece._replace(measurements=values))
-    if count > MOST_OUTLIERS * grid.measured:
-        return grid, 0
-    return grid._replace(pieces=tuple(pieces)), count
+    return _unless_many(grid, pieces, count)
 
 
 def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
@@ -99,9 +89,12 @@ def without_jumps(grid: TickGrid) -> tuple[TickGrid, int]:
                 count += len(run)
                 runs[k] = run[:0]
         pieces += _split(piece._replace(measurements=values), [run for run in runs if len(run)], *limits)
-    if count > MOST_OUTLIERS * grid.measured:
-        return grid, 0
-    return grid._replace(pieces=tuple(pieces)), count
+    return _unless_many(grid, pieces, count)
+
+
+def _unless_many(grid: TickGrid, pieces: list[Piece], count: int) -> tuple[TickGrid, int]:
+    """Return the grid with other pieces and their number of outliers, or as it was if these are too many."""
+    return (grid, 0) if count > MOST_OUTLIERS * grid.measured else (grid._replace(pieces=tuple(pieces)), count)
 
 
 def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
@@ -117,10 +110,8 @@ def _runs(piece: Piece, noise: float, step: float) -> list[IntArray]:
     """
     rows, steps = _steps(piece)
     limits = noise / np.diff(rows) + step
-    before, after = (np.full(len(steps), np.inf) for _ in range(2))
-    change = np.hypot(*np.diff(steps, axis=0).T)
-    before[1:], after[:-1] = change, change
-    jump = (np.hypot(*steps.T) > limits) & (np.minimum(before, after) > 0.5 * limits)
+    change = np.pad(np.hypot(*np.diff(steps, axis=0).T), 1, constant_values=np.inf)
+    jump = (np.hypot(*steps.T) > limits) & (np.minimum(change[:-1], change[1:]) > 0.5 * limits)
     return np.split(rows, np.flatnonzero(jump) + 1)
 
 
@@ -141,10 +132,7 @@ def _split(piece: Piece, runs: list[IntArray], noise: float, step: float) -> lis
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:
-    """Return the median speed [unit of length / tick].
-
-    A step is the motion in as many ticks as it takes to exceed the noise by far, at most 32.
-    """
+    """Return the median speed [unit of length / tick], of steps that exceed the noise by far, of at most 32 ticks."""
     speed = 0.0
     for ticks in (1, 2, 4, 8, 16, 32):
         step = median_step(grid, ticks)
@@ -158,9 +146,7 @@ def median_speed(grid: TickGrid, noise: float) -> float:
 
 
 def median_step(grid: TickGrid, ticks: int = 1) -> float | None:
-    """Return the median distance of measurements that are some ticks apart [unit of length], None if there
-    are none.
-    """
+    """Return the median distance of measurements some ticks apart [unit of length], None if there are none."""
     steps = [piece.measurements[ticks:] - piece.measurements[:-ticks] for piece in grid.pieces]
     lengths = np.hypot(*np.concatenate(steps).T)
     lengths = lengths[~np.isnan(lengths)]

@@ -1,11 +1,10 @@
 """The rows of a recording on a grid of uniform ticks, as the filters of the banks need them.
 
-A clock that jitters keeps one tick per row: a measurement that was made by e after its tick is moved back by
-e times the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this
-leaves an error of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick
-without a row, or with a row without a measurement, is one without a measurement: filters predict. If the
-steps are irregular, the grid is finer than the median step, so that few rows fall on the same tick; those
-that do are replaced by their mean.
+A clock that jitters keeps one tick per row: a measurement that was made by e after its tick is moved back by e times
+the local velocity, which a line through five measurements gives. For a turn of `a` rad per tick this leaves an error
+of speed * tau * a * (e / tau)^2 / 2 at most, and its noise is larger by at most 3 %. A tick without a row, or with a
+row without a measurement, is one without a measurement: filters predict. If the steps are irregular, the grid is
+finer than the median step, so that few rows fall on the same tick; those that do are replaced by their mean.
 """
 
 from typing import NamedTuple
@@ -16,58 +15,34 @@ from baselines.recordings.recording import Recording
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-DIVISORS = (1, 2, 3, 4, 5, 8, 10)
-"""The tick of an irregular recording is its median step divided by one of these."""
-
-SHARED = 0.05
-"""Largest share of rows that fall on the tick of another one, if a divisor allows it."""
-
-NEIGHBOURS = 5
-"""Measurements that give the local velocity."""
-
+DIVISORS = (1, 2, 3, 4, 5, 8, 10)  # the tick of an irregular recording is its median step divided by one of these
+SHARED = 0.05  # largest share of rows that fall on the tick of another one, if a divisor allows it
+NEIGHBOURS = 5  # measurements that give the local velocity
 SMALLEST_UNIT = 1e-30  # of a step in time, and of the extent of the positions
 MAX_TICKS = 5_000_000
-LATEST = 0.6
-"""Largest error of a row of a clock that jitters, over the tick."""
-
+LATEST = 0.6  # largest error of a row of a clock that jitters, over the tick
 CORRECTION = 0.2  # of the clock, over its error
 EXACT = 1e-6  # a row that is off its tick by a smaller part of it is not moved
 
 
 class Piece(NamedTuple):
-    """The ticks of a piece of a recording between two gaps.
+    """The T ticks of a piece of a recording between two gaps."""
 
-    Attributes:
-        first, end: its rows in the recording.
-        ticks: (end - first,) tick of every row, from 0, not decreasing.
-        late: (end - first,) time of every row after that of its tick [time unit].
-        measurements: (T, 2) at the ticks [unit of length]; NaN without a measurement.
-        rates: (T,) range rates; NaN without one.
-    """
-
-    first: int
+    first: int  # its rows in the recording
     end: int
-    ticks: IntArray
-    late: FloatArray
-    measurements: FloatArray
-    rates: FloatArray
+    ticks: IntArray  # (end - first,) tick of every row, from 0, not decreasing
+    late: FloatArray  # (end - first,) time of every row after that of its tick [time unit]
+    measurements: FloatArray  # (T, 2) [unit of length]; NaN without a measurement
+    rates: FloatArray  # (T,) range rates; NaN without one
 
 
 class TickGrid(NamedTuple):
-    """A recording on uniform ticks.
+    """A recording on uniform ticks."""
 
-    Attributes:
-        tau: length of a tick [time unit].
-        pieces: between gaps.
-        shared: number of rows with a measurement whose tick is that of another one.
-        moved: root mean square of the times by which rows were moved to their ticks, over tau.
-        radar: of the recording.
-    """
-
-    tau: float
-    pieces: tuple[Piece, ...]
-    shared: int
-    moved: float
+    tau: float  # length of a tick [time unit]
+    pieces: tuple[Piece, ...]  # between gaps
+    shared: int  # number of rows with a measurement whose tick is that of another one
+    moved: float  # root mean square of the times by which rows were moved to their ticks, over tau
     radar: Radar | None = None
 
     @property
@@ -119,9 +94,9 @@ def tick_grid(recording: Recording) -> TickGrid:
 
 
 def _regular(times_of: list[FloatArray], tick: float) -> tuple[float, list[IntArray]] | None:
-    """Return the tick and the tick numbers of a clock whose errors do not add up, or None.
+    """Return the tick, the slope of the times over their numbers, and the tick numbers of every piece.
 
-    Each array has the times of a piece. The tick is the slope of the times over their numbers.
+    None for a clock whose errors add up.
     """
     numbers = [_follow(times, tick) for times in times_of]
     centred = [one - one.mean() for one in numbers]
@@ -143,15 +118,12 @@ def _follow(times: FloatArray, tick: float) -> FloatArray:
     After every row the clock is set forward or back by a part of its error, so that neither jitter nor a tick
     that is not exactly known adds up.
     """
-    numbers = np.zeros(len(times))
-    clock, number = float(times[0]), 0.0
-    for k, time in enumerate(times.tolist()):
-        if k:
-            passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
-            clock += passed * tick
-            number += passed
-            clock += CORRECTION * (time - clock)
-        numbers[k] = number
+    numbers, clock = np.zeros(len(times)), float(times[0])
+    for k, time in enumerate(times[1:].tolist(), start=1):
+        passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
+        numbers[k] = numbers[k - 1] + passed
+        clock += passed * tick
+        clock += CORRECTION * (time - clock)
     return numbers
 
 

@@ -127,7 +127,7 @@ class Quadrotor:
 
 def fly_quadrotor(route):
     """Fly through the waypoints of a route; None if this fails."""
-    guidance = flights.Guidance([route.waypoints])
+    guidance = flights.Guidance([route])
     position, velocity = (one[0] for one in guidance.start())
     engine.resetSimulation()
     quadrotor = Quadrotor(position, velocity)
@@ -177,7 +177,7 @@ print(
 figure, (plane, distance) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for flight, name in ((mass, "point mass"), (quadrotor, "quadrotor")):
     plane.plot(*flight.positions[:, :2].T / 1000.0, label=name)
-plane.plot(*route.waypoints[:, :2].T / 1000.0, "k.", markersize=3, label="waypoints")
+plane.plot(*route[:, :2].T / 1000.0, "k.", markersize=3, label="waypoints")
 plane.set(xlabel="x, km", ylabel="y, km", aspect="equal")
 plane.legend(frameon=False)
 distance.plot(quadrotor.times[:shortest], apart)

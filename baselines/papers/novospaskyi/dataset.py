@@ -12,7 +12,7 @@ import numpy as np
 
 from baselines.papers.novospaskyi import radars
 from baselines.papers.novospaskyi.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks, measure, padded_tracks, scan_flight
 from hybrid_env.checks import ArgumentError, FloatArray, check_integer
 from hybrid_env.extras import explained
 
@@ -48,17 +48,11 @@ version and seed give the same files.
 
 @dataclass(frozen=True, eq=False)
 class RadarData:
-    """The data set.
+    """The data set."""
 
-    Attributes:
-        seed: it was made with.
-        flights: F flights, the training flights first.
-        tracks: measurements by split ("training", "test") and noise ("gaussian", "levy").
-    """
-
-    seed: int
-    flights: list[Flight]
-    tracks: dict[str, dict[Noise, Tracks]]
+    seed: int  # it was made with
+    flights: list[Flight]  # the training flights first
+    tracks: dict[str, dict[Noise, Tracks]]  # by split ("training", "test") and noise ("gaussian", "levy")
 
     def flights_of(self, split: str) -> list[Flight]:
         """Return the flights of a split."""
@@ -67,12 +61,7 @@ class RadarData:
 
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
-    """Write the data set into an empty folder.
-
-    Args:
-        folder: exists.
-        seed: of flights, radars and noise.
-        flights: number of flights, at least 4.
+    """Write the data set of at least 4 flights into an existing, empty folder.
 
     Raises:
         ArgumentError: an argument is out of range.
@@ -82,22 +71,27 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     flown = point_mass_flights(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
     training = round(radars.TRAINING_SHARE * flights)
-    _write(folder / "flights.parquet", _joined([_flight_columns(k, one) for k, one in enumerate(flown)]))
-    _write(folder / "radars.parquet", _joined([_radar_columns(k, scan) for k, scan in enumerate(scans)]))
+    states = [
+        _of_flight(k, one.times, {"time": one.times, **_axes("", one.positions), **_axes("v", one.velocities)})
+        for k, one in enumerate(flown)
+    ]
+    places = [
+        _of_flight(k, one.radars, {"radar": np.arange(len(one.radars)), **_axes("", one.radars)})
+        for k, one in enumerate(scans)
+    ]
+    _write(folder / "flights.parquet", states)
+    _write(folder / "radars.parquet", places)
     parts = []
     streams = (seed, radars.TRAINING_NOISE), (seed, radars.TEST_NOISE, 0)
     for split, some, stream in zip(SPLITS, (slice(training), slice(training, None)), streams, strict=True):
         measured = {noise: measure(scans[some], noise, stream).measurements for noise in NOISES}
         for k, scan in enumerate(scans[some]):
             count = len(scan.times)
-            columns = {
-                "flight": np.full(count, k + (some.start or 0)), "split": np.full(count, split),
-                "radar": scan.radar, "time": scan.times,
-            }  # fmt: skip
+            columns = {"split": np.full(count, split), "radar": scan.radar, "time": scan.times}
             for noise, values in measured.items():
-                columns |= {f"{noise}_{axis}": values[k, :count, i] for i, axis in enumerate("xyz")}
-            parts.append(columns)
-    _write(folder / "measurements.parquet", _joined(parts))
+                columns |= _axes(f"{noise}_", values[k, :count])
+            parts.append(_of_flight(k + (some.start or 0), scan.times, columns))
+    _write(folder / "measurements.parquet", parts)
     card = CARD.format(
         flights=flights, version=version("hybrid-track"), seed=seed, step=RECORD_STEP, training=training,
         period=radars.PERIOD, range=radars.RANGE, sigma=radars.SIGMA, stability=radars.STABILITY,
@@ -130,47 +124,28 @@ def load_radar_data(folder: str | Path) -> RadarData:
         fault = f"{damaged[0]}.parquet was changed" if damaged else "it has another format"
         raise ArgumentError(f"{folder} cannot be loaded: {fault}; write the data set anew")
     tables = {name: _read(folder / f"{name}.parquet") for name in TABLES}
-    states, measured = tables["flights"], tables["measurements"]
-    flights = [
-        Flight(*(np.stack([part[axis] for axis in axes], axis=-1) for axes in (("x", "y", "z"), ("vx", "vy", "vz"))))
-        for part in _groups(states)
-    ]
-    parts = _groups(measured)
-    first = {"training": 0, "test": about["training"]}
-    tracks: dict[str, dict[Noise, Tracks]] = {}
-    for split in SPLITS:
-        some = [part for part in parts if part["split"][0] == split]
-        chosen = flights[first[split] : first[split] + len(some)]
-        tracks[split] = {noise: _tracks(some, chosen, noise) for noise in NOISES}
+    flights = [Flight(_joined(part, ""), _joined(part, "v")) for part in _groups(tables["flights"])]
+    parts: dict[str, dict[Noise, list[Any]]] = {split: {noise: [] for noise in NOISES} for split in SPLITS}
+    for part in _groups(tables["measurements"]):
+        truth = flights[part["flight"][0]].states_at(part["time"])
+        for noise in NOISES:
+            parts[part["split"][0]][noise].append((part["time"], _joined(part, f"{noise}_"), *truth))
+    tracks = {split: {noise: padded_tracks(one) for noise, one in of.items()} for split, of in parts.items()}
     return RadarData(about["seed"], flights, tracks)
 
 
-def _tracks(parts: list[dict[str, Any]], flights: list[Flight], noise: Noise) -> Tracks:
-    longest = max(len(part["time"]) for part in parts)
-    arrays = np.full((3, len(parts), longest, 3), np.nan)
-    times = np.stack([np.pad(part["time"], (0, longest - len(part["time"])), mode="edge") for part in parts])
-    for k, (part, flight) in enumerate(zip(parts, flights, strict=True)):
-        count = len(part["time"])
-        arrays[0, k, :count] = np.stack([part[f"{noise}_{axis}"] for axis in "xyz"], axis=-1)
-        arrays[1, k, :count], arrays[2, k, :count] = flight.states_at(part["time"])
-    return Tracks(times, *arrays)
+def _axes(prefix: str, values: FloatArray) -> dict[str, Any]:
+    """Return the columns of values, (n, 3)."""
+    return {f"{prefix}{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
 
-def _flight_columns(k: int, flight: Flight) -> dict[str, FloatArray]:
-    columns: dict[str, Any] = {"flight": np.full(len(flight.times), k), "time": flight.times}
-    for i, axis in enumerate("xyz"):
-        columns |= {axis: flight.positions[:, i]}
-    return columns | {f"v{axis}": flight.velocities[:, i] for i, axis in enumerate("xyz")}
+def _joined(columns: dict[str, Any], prefix: str) -> FloatArray:
+    """Return values, (n, 3), of their columns."""
+    return np.stack([columns[f"{prefix}{axis}"] for axis in "xyz"], axis=-1)
 
 
-def _radar_columns(k: int, scan: Scan) -> dict[str, Any]:
-    count = len(scan.radars)
-    columns: dict[str, Any] = {"flight": np.full(count, k), "radar": np.arange(count)}
-    return columns | {axis: scan.radars[:, i] for i, axis in enumerate("xyz")}
-
-
-def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+def _of_flight(k: int, rows: FloatArray, columns: dict[str, Any]) -> dict[str, Any]:
+    return {"flight": np.full(len(rows), k)} | columns
 
 
 def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
@@ -180,10 +155,12 @@ def _groups(columns: dict[str, Any]) -> list[dict[str, Any]]:
     return [{name: values[begin:end] for name, values in columns.items()} for begin, end in pairwise(bounds)]
 
 
-def _write(file: Path, columns: dict[str, Any]) -> None:
+def _write(file: Path, parts: list[dict[str, Any]]) -> None:
+    """Write the columns of all flights, one after the other."""
     with explained():
         import pyarrow as pa
         import pyarrow.parquet as pq
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     pq.write_table(pa.table(columns), file, compression="zstd")
 
 

@@ -6,6 +6,7 @@ Novospaskyi 2025, section 2.2. Each has a function of its parameters and the spa
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 
 from baselines.estimation.imm import IMMFilter
 from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
+from baselines.estimation.motion_models import ORDERS, MotionModel
 from baselines.estimation.particles import ParticleFilter
 from baselines.estimation.robust import Correntropy, Huber, Robust, StudentT
 from baselines.estimation.run_filter import Filtered, run_filter
@@ -26,29 +27,22 @@ from hybrid_env.checks import FloatArray, IntArray, check_integer, check_number,
 
 Parameters = Mapping[str, Any]
 
+# Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use then.
 LONGEST_GAP = 4.0
-"""Time without measurements after which the g-h filter starts anew [s]; its velocity is of no use then."""
-
+# Parameter: intensity of the process noise on the vertical axis; without it, that of the others.
 VERTICAL = "vertical q"
-"""Parameter: intensity of the process noise on the vertical axis; without it, that of the others."""
-
-START_VARIANCE = 1e4
-"""P0 = 10000 I of the thesis, for every component of the state."""
-
-PARTICLES = 500
-"""Of the particle filter."""
-
+START_VARIANCE = 1e4  # P0 = 10000 I of the thesis, for every component of the state
+PARTICLES = 500  # of the particle filter
+# Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0, 2.0)
-"""Standard deviations of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] at the start."""
 
 
 def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> FloatArray:
     """Average each measurement with those of the ticks before it. Novospaskyi 2025, section 2.3.4.
 
-    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none. With
-    ratio 1 the average is (window - 1) / 2 ticks late. A missing measurement remains missing. The errors of
-    the averages are smaller than those of the measurements but correlated in time, which no filter here
-    assumes.
+    The weight of a measurement i ticks old is ratio^i, for i = 0 .. window - 1; missing ones have none, and remain
+    missing. With ratio 1 the average is (window - 1) / 2 ticks late. The errors of the averages are smaller than
+    those of the measurements but correlated in time, which no filter here assumes.
 
     Args:
         measurements: (T, B, d) or (T, d) [m], NaN where there is none.
@@ -79,21 +73,13 @@ def moving_average(measurements: ArrayLike, window: int, ratio: float = 1.0) -> 
 
 @dataclass(frozen=True)
 class Contender:
-    """A filter with the parameters that are tuned.
-
-    Attributes:
-        build: makes the filter from its parameters.
-        space: distribution of each tuned parameter.
-        start: parameters of the first trial.
-        averages: whether the measurements are averaged before the filter (parameters `window`, `ratio`).
-        trials: most trials of a tuning; None has no limit.
-    """
+    """A filter with the parameters that are tuned."""
 
     build: Callable[[Parameters], TrackFilter]
     space: Mapping[str, BaseDistribution]
-    start: Parameters
-    averages: bool = False
-    trials: int | None = None
+    start: Parameters  # of the first trial
+    averages: bool = False  # of the measurements before the filter, with the parameters `window` and `ratio`
+    trials: int | None = None  # most trials of a tuning
 
 
 def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) -> tuple[FloatArray, FloatArray]:
@@ -105,14 +91,7 @@ def run_contender(contender: Contender, parameters: Parameters, tracks: Tracks) 
 def filter_tracks(
     contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
 ) -> Filtered:
-    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts.
-
-    Args:
-        contender: the filter.
-        parameters: of the filter.
-        tracks: measurements of N flights.
-        horizons: of forecasts [s].
-    """
+    """Estimates after every measurement, (K, N, n), with their covariances if there are forecasts at horizons [s]."""
     measurements = np.swapaxes(tracks.measurements, 0, 1)
     if contender.averages:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
@@ -128,20 +107,16 @@ class ThesisKalmanFilter(KalmanFilter):
         self.covariance[chosen] = START_VARIANCE * np.eye(self.model.size)
 
 
-def _thesis_filter(name: Any) -> Callable[[Parameters], TrackFilter]:
+def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I.
 
-    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian
-    noise, except with the published parameters. Its "sigma_q" is taken for the variance that the function
-    of Labbe 2020 wants; as a variance it gives the velocity errors of the published order for KF CV.
+    The thesis tunes R as well. After the start only Q / R matters, so that here R is that of the Gaussian noise,
+    except with the published parameters. Its "sigma_q" is taken for the variance that the function of Labbe 2020
+    wants; as a variance it gives the velocity errors of the published order for KF CV.
     """
-
-    def build(parameters: Parameters) -> TrackFilter:
-        model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
-        deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
-        return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
-
-    return build
+    model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
+    deviations = [math.sqrt(START_VARIANCE)] * (model.order - 1)
+    return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:
@@ -150,34 +125,25 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
 
 def _robust(parameters: Parameters) -> Robust | None:
     if "threshold" in parameters:
-        return Huber(threshold=parameters["threshold"])
+        return Huber(parameters["threshold"])
     if "degrees of freedom" in parameters:
-        return StudentT(degrees_of_freedom=parameters["degrees of freedom"])
-    if "width" in parameters:
-        return Correntropy(width=parameters["width"])
-    return None
+        return StudentT(parameters["degrees of freedom"])
+    return Correntropy(parameters["width"]) if "width" in parameters else None
 
 
-def _sound_filter(*names: Any) -> Callable[[Parameters], TrackFilter]:
+def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     """Kalman filters of some models, with several of them their IMM.
 
-    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a
-    prior of the start, and a robust update if the parameters have one.
+    Continuous white noise with the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior
+    of the start, and a robust update if the parameters have one.
     """
-
-    def build(parameters: Parameters) -> TrackFilter:
-        filters = []
-        for name in names:
-            intensity = parameters[f"q {name}"]
-            noise = (intensity, intensity, parameters.get(VERTICAL, intensity))
-            model = MotionModel(name, axes=3, noise=noise)
-            variance, start = parameters.get("scale", 1.0) * SIGMA**2, START_DEVIATIONS[: model.order - 1]
-            filters.append(KalmanFilter(model, variance, start, _robust(parameters)))
-        if len(filters) == 1:
-            return filters[0]
-        return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
-
-    return build
+    filters = []
+    for name in names:
+        intensity = parameters[f"q {name}"]
+        model = MotionModel(name, axes=3, noise=(intensity, intensity, parameters.get(VERTICAL, intensity)))
+        variance, start = parameters.get("scale", 1.0) * SIGMA**2, START_DEVIATIONS[: model.order - 1]
+        filters.append(KalmanFilter(model, variance, start, _robust(parameters)))
+    return filters[0] if len(filters) == 1 else IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
 
 
 def _particle_filter(parameters: Parameters) -> TrackFilter:
@@ -196,66 +162,50 @@ _GAINS: dict[str, BaseDistribution] = {"g": FloatDistribution(0.05, 1.0), "h": F
 _THESIS: dict[str, BaseDistribution] = {"q": _log(1e-4, 1e4), **_AVERAGE}
 _START = {"window": 2, "ratio": 0.05}
 _THESIS_START = {"q": 1.0, **_START}
-_INTENSITIES: dict[str, dict[str, BaseDistribution]] = {
-    "CV": {"q CV": _log(0.1, 1e3)},
-    "CA": {"q CA": _log(1e-3, 1e2)},
-    "CJ": {"q CJ": _log(1e-5, 1e1)},
-}
+_CV: dict[str, BaseDistribution] = {"q CV": _log(0.1, 1e3)}
+_CA: dict[str, BaseDistribution] = {"q CA": _log(1e-3, 1e2)}
 _SOJOURNS: dict[str, BaseDistribution] = {"sojourn CV": _log(1.0, 300.0), "sojourn CA": _log(1.0, 300.0)}
 
 
-def _sound(space: dict[str, BaseDistribution], *names: str) -> Contender:
+def _sound(space: Mapping[str, Any], *names: str) -> Contender:
     """A `_sound_filter`; its tuning starts in the logarithmic middle of every range."""
-    middle = {
-        key: math.sqrt(values.low * values.high)
-        for key, values in space.items()
-        if isinstance(values, FloatDistribution)
-    }
-    return Contender(_sound_filter(*names), space, middle)
+    middle = {key: math.sqrt(values.low * values.high) for key, values in space.items()}
+    return Contender(partial(_sound_filter, names), space, middle)
 
 
+# As in the thesis, with the moving average.
 THESIS: dict[str, Contender] = {
     "g-h": Contender(_gh_filter, _GAINS | _AVERAGE, {"g": 0.6, "h": 0.2, **_START}, averages=True),
-    **{
-        f"KF {name}": Contender(_thesis_filter(name), _THESIS, _THESIS_START, averages=True)
-        for name in ("CV", "CA", "CJ")
-    },
+    **{f"KF {one}": Contender(partial(_thesis_filter, one), _THESIS, _THESIS_START, True) for one in ORDERS},
 }
-"""As in the thesis, with the moving average."""
 
+# Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes are
+# treated alike, as by the g-h filter, except in the last one.
 SOUND: dict[str, Contender] = {
-    "IMM (CV, CA)": _sound(_INTENSITIES["CV"] | _INTENSITIES["CA"] | _SOJOURNS, "CV", "CA"),
-    "CV": _sound(_INTENSITIES["CV"], "CV"),
+    "IMM (CV, CA)": _sound(_CV | _CA | _SOJOURNS, "CV", "CA"),
+    "CV": _sound(_CV, "CV"),
     "g-h, plain": Contender(_gh_filter, _GAINS, {"g": 0.6, "h": 0.2}),
-    "CA": _sound(_INTENSITIES["CA"], "CA"),
-    "CJ": _sound(_INTENSITIES["CJ"], "CJ"),
-    "CV, own q of the height": _sound(_INTENSITIES["CV"] | {VERTICAL: _log(1e-3, 1e3)}, "CV"),
+    "CA": _sound(_CA, "CA"),
+    "CJ": _sound({"q CJ": _log(1e-5, 1e1)}, "CJ"),
+    "CV, own q of the height": _sound(_CV | {VERTICAL: _log(1e-3, 1e3)}, "CV"),
 }
-"""Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start. All axes
-are treated alike, as by the g-h filter, except in the last one."""
-
 _STUDENT: dict[str, BaseDistribution] = {"degrees of freedom": _log(2.0, 50.0), "scale": _log(0.2, 1.5)}
+# One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise.
 ROBUST: dict[str, Contender] = {
     "CV, Huber": _sound({"threshold": _log(1.0, 5.0)}, "CV"),
     "CV, Student-t": _sound(_STUDENT, "CV"),
     "CV, correntropy": _sound({"width": _log(1.0, 30.0)}, "CV"),
 }
-"""One set of parameters for both noises; the process noise is that of the sound CV with Gaussian noise."""
 
+# Robust as well, but slow: on the data set only. The process noise is tuned, because particles are lost in manoeuvres
+# that are rare under it.
+_PARTICLES = {"degrees of freedom": 10.0, "scale": 0.8, "q CV": 60.0}
 SLOW: dict[str, Contender] = {
-    "particles, Student-t": Contender(
-        _particle_filter,
-        _STUDENT | {"q CV": _log(1.0, 1e3)},
-        {"degrees of freedom": 10.0, "scale": 0.8, "q CV": 60.0},
-        trials=16,
-    )
+    "particles, Student-t": Contender(_particle_filter, _STUDENT | {"q CV": _log(1.0, 1e3)}, _PARTICLES, trials=16)
 }
-"""Robust as well, but slow: on the data set only. The process noise is tuned, because particles are lost in
-manoeuvres that are rare under it."""
-
+# The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
 COMBINED = "IMM, Student-t"
-"""The IMM and the robust update of the Student-t CV, with the parameters that each has alone."""
 
 CONTENDERS: dict[str, Contender] = {
-    **THESIS, **SOUND, **ROBUST, **SLOW, COMBINED: Contender(_sound_filter("CV", "CA"), {}, {}),
+    **THESIS, **SOUND, **ROBUST, **SLOW, COMBINED: Contender(partial(_sound_filter, ("CV", "CA")), {}, {}),
 }  # fmt: skip

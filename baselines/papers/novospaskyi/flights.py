@@ -14,93 +14,48 @@ from scipy.interpolate import CubicHermiteSpline
 
 from hybrid_env.checks import FloatArray
 
-FLIGHTS = 133
-"""Number of flights of the thesis."""
-
+FLIGHTS = 133  # number of flights of the thesis
+# Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height.
 SPACE = ((0.0, 5000.0), (0.0, 5000.0), (50.0, 400.0))
-"""Bounds of the control points on each axis [m]; the thesis states 5 km x 5 km and at most 400 m height."""
-
-CONTROL_POINTS = 4
-"""Of a curve: cubic curves."""
-SPACING = 100.0
-"""Distance between waypoints on the curve [m]."""
-
-SHORTEST = 1500.0
-"""Length of the shortest curve that is flown [m], half a minute of flight."""
-
-GRAVITY = 9.81
-"""[m/s^2]."""
-
-SPEED = 51.0
-"""Commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis."""
-
-LARGEST_FORCE = 2.5 * GRAVITY
-"""Largest thrust per mass [m/s^2]."""
-
+CONTROL_POINTS = 4  # of a curve: cubic curves
+SPACING = 100.0  # distance between waypoints on the curve [m]
+SHORTEST = 1500.0  # length of the shortest curve that is flown [m], half a minute of flight
+GRAVITY = 9.81  # [m/s^2]
+SPEED = 51.0  # commanded speed [m/s]; with the turns, the mean speed is 50 m/s, as in the thesis
+LARGEST_FORCE = 2.5 * GRAVITY  # largest thrust per mass [m/s^2]
+# Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2].
 SMALLEST_FORCE = 0.2 * GRAVITY
-"""Smallest upward thrust per mass that is commanded, so that the attitude can be controlled [m/s^2]."""
-
 LARGEST_TILT = math.radians(60.0)
-DRAG = 0.0016
-"""Drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s."""
-
-FORCE_LAG = 0.2
-"""Time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt."""
-
-VELOCITY_GAIN = 1.2
-"""Acceleration commanded for one metre per second of velocity error [1/s]."""
-
-CAPTURE = 40.0
-"""Distance at which a waypoint counts as passed [m]."""
-
-TIME_LIMIT = 8.0
-"""Longest time from one waypoint to the next [s]; a flight that takes longer has failed."""
-
-RECORD_STEP = 0.05
-"""Time between recorded states, and between commands of the guidance [s]."""
-
+DRAG = 0.0016  # drag per mass over squared speed [1/m]: 4 m/s^2 at 50 m/s
+FORCE_LAG = 0.2  # time constant of the point mass from commanded to actual thrust vector [s]; a quadrotor has to tilt
+VELOCITY_GAIN = 1.2  # acceleration commanded for one metre per second of velocity error [1/s]
+CAPTURE = 40.0  # distance at which a waypoint counts as passed [m]
+TIME_LIMIT = 8.0  # longest time from one waypoint to the next [s]; a flight that takes longer has failed
+RECORD_STEP = 0.05  # time between recorded states, and between commands of the guidance [s]
 BATCH = 32  # attempts of flights at once
 _SAMPLES = 1001  # of a curve, for its length
 
 
-@dataclass(frozen=True)
-class Route:
-    """Task of one flight.
-
-    Attributes:
-        control_points: (C, 3) control points of the Bezier curve [m].
-        waypoints: (W, 3) points on the curve, the first and the last included [m].
-    """
-
-    control_points: FloatArray
-    waypoints: FloatArray
-
-
 def bezier(control_points: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Points of a Bezier curve, (S, 3), from its control points (C, 3) and parameters in [0, 1], (S,)."""
+    """Points (S, 3) of a Bezier curve, from its control points (C, 3) and parameters in [0, 1], (S,)."""
     degree = len(control_points) - 1
     index = np.arange(degree + 1)
-    weights = np.array([math.comb(degree, int(k)) for k in index], dtype=np.float64)
+    weights = np.array([math.comb(degree, k) for k in range(degree + 1)], dtype=np.float64)
     shares = parameters[:, None]
     return (weights * shares**index * (1.0 - shares) ** (degree - index)) @ control_points
 
 
-def random_route(generator: np.random.Generator) -> Route:
-    """A random curve in `SPACE`, with control points uniform on each axis, at least `SHORTEST` long.
-
-    Args:
-        generator: source of random numbers.
-    """
+def flight_route(seed: int, attempt: int) -> FloatArray:
+    """Waypoints (W, 3) [m] of an attempt, on a random curve in `SPACE` of at least `SHORTEST`, its ends included."""
+    generator = np.random.default_rng((seed, 0, attempt))
     low, high = np.array(SPACE).T
     while True:
-        control_points = generator.uniform(low, high, (CONTROL_POINTS, 3))
-        curve = bezier(control_points, np.linspace(0.0, 1.0, _SAMPLES))
+        curve = bezier(generator.uniform(low, high, (CONTROL_POINTS, 3)), np.linspace(0.0, 1.0, _SAMPLES))
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
         if length[-1] >= SHORTEST:
             break
     wanted = np.linspace(0.0, length[-1], int(length[-1] // SPACING) + 1)
-    waypoints = np.stack([np.interp(wanted, length, curve[:, axis]) for axis in range(3)], axis=-1)
-    return Route(control_points, waypoints)
+    return np.stack([np.interp(wanted, length, curve[:, axis]) for axis in range(3)], axis=-1)
 
 
 def drag(velocity: FloatArray) -> FloatArray:
@@ -109,17 +64,10 @@ def drag(velocity: FloatArray) -> FloatArray:
 
 
 def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArray) -> FloatArray:
-    """Thrust per mass that flies to a point at `SPEED`, within the limits.
+    """Thrust per mass that flies from a position to a target at `SPEED`, within the limits, all (..., 3).
 
-    The height has priority: the vertical part is limited first, then the horizontal part.
-
-    Args:
-        position: (..., 3) [m].
-        velocity: (..., 3) [m/s].
-        target: (..., 3) point ahead [m].
-
-    Returns:
-        (..., 3) thrust per mass in world axes [m/s^2], its vertical part positive.
+    In world axes [m/s^2], its vertical part positive. The height has priority: the vertical part is limited
+    first, then the horizontal part.
     """
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
@@ -133,10 +81,7 @@ def thrust_command(position: FloatArray, velocity: FloatArray, target: FloatArra
 
 
 class Guidance:
-    """Progress of N vehicles along their waypoints.
-
-    Args:
-        waypoints: of each vehicle, (W, 3) [m] with its own W. The first one is the start.
+    """Progress of N vehicles along their waypoints, (W, 3) [m] each with its own W; the first one is the start.
 
     Attributes:
         flying: (N,) vehicles still on the way.
@@ -145,10 +90,9 @@ class Guidance:
 
     def __init__(self, waypoints: list[FloatArray]):
         self._counts = np.array([len(points) for points in waypoints])
-        self._waypoints = np.zeros((len(waypoints), self._counts.max(), 3))
-        for row, points in zip(self._waypoints, waypoints, strict=True):
-            row[: len(points)] = points
-            row[len(points) :] = points[-1]
+        longest = self._counts.max()
+        padded = [np.pad(points, ((0, longest - len(points)), (0, 0)), mode="edge") for points in waypoints]
+        self._waypoints = np.stack(padded)
         self._rows = np.arange(len(waypoints))
         self._next = np.ones(len(waypoints), dtype=np.int64)
         self._since = np.zeros(len(waypoints))
@@ -175,15 +119,10 @@ class Guidance:
 
 @dataclass(frozen=True)
 class Flight:
-    """States every `RECORD_STEP` seconds from time 0.
+    """States every `RECORD_STEP` seconds from time 0."""
 
-    Attributes:
-        positions: (T, 3) [m].
-        velocities: (T, 3) [m/s].
-    """
-
-    positions: FloatArray
-    velocities: FloatArray
+    positions: FloatArray  # (T, 3) [m]
+    velocities: FloatArray  # (T, 3) [m/s]
 
     @property
     def times(self) -> FloatArray:
@@ -196,19 +135,13 @@ class Flight:
         return np.asarray(curve(times), np.float64), np.asarray(curve(times, 1), np.float64)
 
 
-def fly_point_masses(routes: list[Route]) -> list[Flight | None]:
-    """Fly through the waypoints of every route.
+def fly_point_masses(routes: list[FloatArray]) -> list[Flight | None]:
+    """Flights through the waypoints of every route, None where one failed.
 
-    The thrust vector approaches the command of `thrust_command` with the time constant
-    `FORCE_LAG`. Each step of `RECORD_STEP` is integrated by the midpoint rule.
-
-    Args:
-        routes: of N flights.
-
-    Returns:
-        The flight of each route, None where it failed.
+    The thrust vector approaches the command of `thrust_command` with the time constant `FORCE_LAG`. Each step of
+    `RECORD_STEP` is integrated by the midpoint rule.
     """
-    guidance = Guidance([route.waypoints for route in routes])
+    guidance = Guidance(routes)
     position, velocity = guidance.start()
     step = RECORD_STEP
     share = 1.0 - np.exp(-step / FORCE_LAG)
@@ -233,23 +166,12 @@ def fly_point_masses(routes: list[Route]) -> list[Flight | None]:
     ]
 
 
-def flight_route(seed: int, attempt: int) -> Route:
-    """Route of one attempt; it depends on nothing but the seed and the number of the attempt."""
-    return random_route(np.random.default_rng((seed, 0, attempt)))
-
-
-def point_mass_flights(count: int, seed: int, batch: int = BATCH) -> list[Flight]:
-    """The first successful flights of the attempts 0, 1, 2 ... of point masses.
-
-    Args:
-        count: number of flights.
-        seed: seed of the routes.
-        batch: number of attempts that are flown at once; it does not change the flights.
-    """
+def point_mass_flights(count: int, seed: int) -> list[Flight]:
+    """The first successful flights of the attempts 0, 1, 2 ... of point masses."""
     flown: list[Flight] = []
     attempt = 0
     while len(flown) < count:
-        routes = [flight_route(seed, number) for number in range(attempt, attempt + batch)]
+        routes = [flight_route(seed, number) for number in range(attempt, attempt + BATCH)]
         flown += [flight for flight in fly_point_masses(routes) if flight is not None]
-        attempt += batch
+        attempt += BATCH
     return flown[:count]

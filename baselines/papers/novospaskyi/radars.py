@@ -23,66 +23,33 @@ Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")
 
 RADARS = 2
-RANGE = 1000.0
-"""Largest distance of a measured object [m]."""
-
-PERIOD = 1.0
-"""Time between the scans of a radar [s]."""
-
-OFFSETS = (100.0, 800.0)
-"""Smallest and largest horizontal distance between a radar and its point of the flight [m]."""
-
-HEIGHTS = (0.0, 50.0)
-"""Lowest and highest radar [m]."""
-
-SEPARATION = 500.0
-"""Smallest distance between two radars [m]."""
-
-FEWEST = 10
-"""Measurements of a flight; with fewer, its radars are placed again."""
-
-SIGMA = 12.5
-"""Standard deviation of the Gaussian noise on each axis, and scale of the Levy noise [m]."""
-
-STABILITY = 1.5
-"""Index alpha of the symmetric alpha-stable (Levy) noise."""
-
+RANGE = 1000.0  # largest distance of a measured object [m]
+PERIOD = 1.0  # time between the scans of a radar [s]
+OFFSETS = (100.0, 800.0)  # smallest and largest horizontal distance between a radar and its point of the flight [m]
+HEIGHTS = (0.0, 50.0)  # lowest and highest radar [m]
+SEPARATION = 500.0  # smallest distance between two radars [m]
+FEWEST = 10  # measurements of a flight; with fewer, its radars are placed again
+SIGMA = 12.5  # standard deviation of the Gaussian noise on each axis, and scale of the Levy noise [m]
+STABILITY = 1.5  # index alpha of the symmetric alpha-stable (Levy) noise
+# Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite. The thesis does not
+# state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it the unfiltered RMSE comes out as
+# well.
 CLIP = 1600.0
-"""Largest magnitude of the Levy noise on an axis [m]; without a bound its variance is infinite.
-
-The thesis does not state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it the
-unfiltered RMSE comes out as well.
-"""
-
-PHASES = 1024
-"""Possible phases of a pair of radars in a period."""
-
-TRAINING_SHARE = 0.3
-"""Of the flights, the first ones."""
-
-TRAINING_NOISE, TEST_NOISE = 2, 3
-"""Streams of random numbers of a seed; 0 draws the paths and 1 the radars."""
-
+PHASES = 1024  # possible phases of a pair of radars in a period
+TRAINING_SHARE = 0.3  # of the flights, the first ones
+TRAINING_NOISE, TEST_NOISE = 2, 3  # streams of random numbers of a seed; 0 draws the paths and 1 the radars
 _PLACEMENTS = 100  # attempts to keep the smallest distance
 
 
 @dataclass(frozen=True)
 class Scan:
-    """What the radars of one flight see, without noise; K measurements in the order of time.
+    """What the radars of one flight see, without noise; K measurements in the order of time."""
 
-    Attributes:
-        radars: (`RADARS`, 3) positions of the radars [m].
-        times: (K,) [s].
-        radar: (K,) index of the radar of each measurement.
-        positions: (K, 3) true positions [m].
-        velocities: (K, 3) true velocities [m/s].
-    """
-
-    radars: FloatArray
-    times: FloatArray
-    radar: IntArray
-    positions: FloatArray
-    velocities: FloatArray
+    radars: FloatArray  # (`RADARS`, 3) their positions [m]
+    times: FloatArray  # (K,) [s]
+    radar: IntArray  # (K,) index of the radar of each measurement
+    positions: FloatArray  # (K, 3) true [m]
+    velocities: FloatArray  # (K, 3) true [m/s]
 
 
 def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
@@ -101,12 +68,7 @@ def place_radars(flight: Flight, generator: np.random.Generator) -> FloatArray:
 
 
 def scan_flight(flight: Flight, generator: np.random.Generator) -> Scan:
-    """Place radars around a flight and find the moments and states that they measure.
-
-    Args:
-        flight: a flight of at least some seconds.
-        generator: source of random numbers.
-    """
+    """Place radars around a flight of at least some seconds, and find the moments and states that they measure."""
     while True:
         radars = place_radars(flight, generator)
         seen: list[tuple[FloatArray, IntArray]] = []
@@ -135,67 +97,46 @@ def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> Floa
 
 @dataclass(frozen=True)
 class Tracks:
-    """Measurements of N flights, padded to the longest with NaN.
+    """Measurements of N flights, padded to the longest with NaN, and times with the last one."""
 
-    Attributes:
-        times: (N, K) [s]; behind the last measurement, the last time is repeated.
-        measurements: (N, K, 3) [m], NaN behind the last one.
-        positions: (N, K, 3) true positions [m], NaN behind the last measurement.
-        velocities: (N, K, 3) true velocities [m/s], NaN behind the last measurement.
-    """
-
-    times: FloatArray
-    measurements: FloatArray
-    positions: FloatArray
-    velocities: FloatArray
+    times: FloatArray  # (N, K) [s]
+    measurements: FloatArray  # (N, K, 3) [m]
+    positions: FloatArray  # (N, K, 3) true [m]
+    velocities: FloatArray  # (N, K, 3) true [m/s]
 
     def errors(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Position RMSE and MAE [m], velocity RMSE and MAE [m/s] of every flight, (N, 4).
-
-        Args:
-            positions: (N, K, 3) estimates [m].
-            velocities: (N, K, 3) estimates [m/s].
-        """
+        """Position RMSE and MAE [m], velocity RMSE and MAE [m/s] of estimates (N, K, 3), (N, 4)."""
         found = flight_errors(positions, self.positions) + flight_errors(velocities, self.velocities)
         return np.stack(found, axis=-1)
 
 
-def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Tracks:
-    """Add noise to the true positions of every scan.
+def padded_tracks(parts: Sequence[tuple[FloatArray, ...]]) -> Tracks:
+    """Tracks of flights that each have the arrays of `Tracks` without the first axis."""
+    longest = max(len(times) for times, *_ in parts)
+    times = np.stack([np.pad(times, (0, longest - len(times)), mode="edge") for times, *_ in parts])
+    arrays = np.full((3, len(parts), longest, 3), np.nan)
+    for k, (own, *values) in enumerate(parts):
+        arrays[:, k, : len(own)] = values
+    return Tracks(times, *arrays)
 
-    Args:
-        scans: of N flights.
-        noise: "gaussian" or "levy".
-        seed: seed of the noise; flight i has its own stream, whatever the other flights are.
-    """
-    longest = max(len(scan.times) for scan in scans)
-    shape = (len(scans), longest, 3)
-    times = np.stack([np.pad(scan.times, (0, longest - len(scan.times)), mode="edge") for scan in scans])
-    measurements, positions, velocities = (np.full(shape, np.nan) for _ in range(3))
+
+def measure(scans: Sequence[Scan], noise: Noise, seed: tuple[int, ...]) -> Tracks:
+    """Add noise to the true positions of every scan; flight i has its own stream, whatever the others are."""
+    parts = []
     for index, scan in enumerate(scans):
-        count = len(scan.times)
-        errors = draw_noise(noise, count, np.random.default_rng((*seed, index)))
-        measurements[index, :count] = scan.positions + errors
-        positions[index, :count] = scan.positions
-        velocities[index, :count] = scan.velocities
-    return Tracks(times, measurements, positions, velocities)
+        errors = draw_noise(noise, len(scan.times), np.random.default_rng((*seed, index)))
+        parts.append((scan.times, scan.positions + errors, scan.positions, scan.velocities))
+    return padded_tracks(parts)
 
 
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """RMSE and MAE of each flight, as the thesis computes them.
+    """RMSE and MAE (...) of estimates (..., K, 3) of each flight, means over the axes, as the thesis computes them.
 
-    The formulas of Novospaskyi 2025, eq. (1.25) and (1.26), sum over the axes, but its tables do not: with
-    noise of 12.5 m on each axis they would list 21.7 and 29.9 m for the measurements, and they list 12.5 and
-    9.9 m. All eight unfiltered values come out as means over flights and axes of the error within a flight.
-    The velocity identifies the mean over axes: with an estimate of zero, the root of the mean of all squares
-    is 28.9 m/s at 50 m/s, and the thesis lists 24.0 m/s.
-
-    Args:
-        estimates: (..., K, 3) of K measurements.
-        truth: (..., K, 3), NaN where a flight has no more measurements.
-
-    Returns:
-        RMSE and MAE of each flight, both (...), as means over the axes, in the unit of the estimates.
+    The truth is NaN where a flight has no more measurements. The formulas of Novospaskyi 2025, eq. (1.25) and
+    (1.26), sum over the axes, but its tables do not: with noise of 12.5 m on each axis they would list 21.7 and
+    29.9 m for the measurements, and they list 12.5 and 9.9 m. All eight unfiltered values come out as means over
+    flights and axes of the error within a flight. The velocity identifies the mean over axes: with an estimate of
+    zero, the root of the mean of all squares is 28.9 m/s at 50 m/s, and the thesis lists 24.0 m/s.
     """
     error = estimates - truth
     rmse = np.sqrt(np.nanmean(error**2, axis=-2)).mean(-1)

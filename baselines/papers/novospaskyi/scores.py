@@ -12,21 +12,15 @@ from baselines.papers.novospaskyi.radars import Noise, Tracks, flight_errors
 from baselines.scoring.scores import Scores, mean
 from hybrid_env.checks import FloatArray
 
-HORIZONS = (1.0, 2.0, 5.0)
-"""Times ahead [s]."""
+HORIZONS = (1.0, 2.0, 5.0)  # times ahead [s]
+FEWEST = 3  # measurements of a track before its forecasts count
+REGION = 0.95  # probability of the stated region of a forecast
 
-FEWEST = 3
-"""Measurements of a track before its forecasts count."""
-
-REGION = 0.95
-"""Probability of the stated region of a forecast."""
-
+# Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of true
+# positions within the stated regions; the RMSE are means over the axes, see `flight_errors`.
 COLUMNS = (
     "position", "velocity", *(f"ahead {h:g}" for h in HORIZONS), *(f"covered {h:g}" for h in HORIZONS),
 )  # fmt: skip
-"""Figures of a flight: RMSE of position [m] and velocity [m/s], RMSE of the forecast positions [m], share of
-true positions within the stated regions; the RMSE are means over the axes, see `flight_errors`."""
-
 STATISTICS = {name: mean(name) for name in COLUMNS}
 
 
@@ -42,22 +36,16 @@ def truth_ahead(flights: Sequence[Flight], tracks: Tracks, horizon: float) -> Fl
 
 
 def score_estimates(name: str, filtered: Filtered, data: RadarData, noise: Noise) -> Scores:
-    """Return the figures of the test flights.
-
-    Args:
-        name: of the filter.
-        filtered: its estimates (K, N, n) with forecasts at `HORIZONS`.
-        data: the data set.
-        noise: of the measurements.
-    """
+    """Return the figures of the test flights, of estimates (K, N, n) with forecasts at `HORIZONS`."""
     tracks, flights = data.tracks["test"][noise], data.flights_of("test")
-    figures = [tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))]
+    errors = tracks.errors(*(np.swapaxes(one, 0, 1) for one in (filtered.positions, filtered.velocities)))
     ahead = [
         _forecast_figures(one, truth_ahead(flights, tracks, horizon))
         for horizon, one in zip(HORIZONS, filtered.forecasts, strict=True)
     ]
-    errors = [figures[0][:, 0], figures[0][:, 2], *(one for one, _ in ahead), *(one for _, one in ahead)]
-    return Scores(name, "", (0.0,), COLUMNS, np.stack(errors, axis=1)[..., None])
+    rmse, covered = zip(*ahead, strict=True)
+    figures = np.stack([errors[:, 0], errors[:, 2], *rmse, *covered], axis=1)
+    return Scores(name, "", (0.0,), COLUMNS, figures[..., None])
 
 
 def _forecast_figures(forecast: Estimates, truth: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,25 +3,16 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from baselines.papers.novospaskyi import tables
+from baselines.papers.novospaskyi import radars, tables
 from baselines.papers.novospaskyi.filters import COMBINED, CONTENDERS, ROBUST, SOUND, THESIS, run_contender
 from baselines.papers.novospaskyi.flights import FLIGHTS, Flight, point_mass_flights
-from baselines.papers.novospaskyi.radars import (
-    NOISES,
-    TEST_NOISE,
-    TRAINING_NOISE,
-    TRAINING_SHARE,
-    Noise,
-    Scan,
-    Tracks,
-    measure,
-    scan_flight,
-)
+from baselines.papers.novospaskyi.radars import NOISES, Noise, Scan, Tracks, measure, scan_flight
 from baselines.papers.novospaskyi.tables import PAPER, PARAMETERS, UNFILTERED, without_noise
 from baselines.papers.novospaskyi.tuning import Tuning, errors
 from baselines.papers.reproduction import Reproduction
@@ -29,33 +20,21 @@ from hybrid_env.checks import FloatArray, check_integer, reject
 
 Progress = Callable[[str, int, int], None]
 Calls = Mapping[Any, Callable[[], Any]]
+# Runs independent calls by name, and calls back with the name of each that has ended.
 Run = Callable[[Calls, Callable[[Any], None]], Iterator[tuple[Any, Any]]]
-"""Runs independent calls by name, and calls back with the name of each that has ended."""
-
-TRIALS = 60
-"""Trials of each tuning."""
-
-RUNS = 10
-"""Seeds of the noise on the test flights."""
-
+TRIALS = 60  # trials of each tuning
+RUNS = 10  # seeds of the noise on the test flights
 PART = 10  # trials of a tuning in one call
 
 
 @dataclass(frozen=True)
 class Example:
-    """One test flight for the figures.
-
-    Attributes:
-        flight: as flown.
-        scan: what its radars see.
-        tracks: its measurements with each noise.
-        estimates: positions and velocities of filters by name, for each noise.
-    """
+    """One test flight for the figures: what its radars see, and estimates of filters by noise and name."""
 
     flight: Flight
     scan: Scan
     tracks: dict[Noise, Tracks]
-    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]
+    estimates: dict[Noise, dict[str, tuple[FloatArray, FloatArray]]]  # positions and velocities
 
 
 def one_by_one(calls: Calls, on_done: Callable[[Any], None]) -> Iterator[tuple[Any, Any]]:
@@ -86,8 +65,7 @@ def reproduce(
         flights: number of flights, at least 4.
         trials: number of trials of each tuning.
         fly: returns a number of flights for a seed.
-        run: where tunings and evaluations run, for example in several processes. It does not change
-            the results.
+        run: where tunings and evaluations run, for example in several processes; the results are the same.
         progress: called with the stage, the work done and the total.
 
     Raises:
@@ -99,37 +77,33 @@ def reproduce(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise reject("folder", str(folder), f"a writable folder ({error.strerror})") from None
-    work = _Work(run, progress)
     flown = fly(flights, seed)
     scans = [scan_flight(flight, np.random.default_rng((seed, 1, k))) for k, flight in enumerate(flown)]
-    count = round(TRAINING_SHARE * flights)
-    training = {noise: measure(scans[:count], noise, (seed, TRAINING_NOISE)) for noise in NOISES}
+    first = round(radars.TRAINING_SHARE * flights)
+    training = {noise: measure(scans[:first], noise, (seed, radars.TRAINING_NOISE)) for noise in NOISES}
     parameters = tune_filters(training, seed, folder, trials, run, progress)
-    results = tables.Results(_evaluate(work, parameters, scans[count:], runs, seed), parameters)
+    calls = {
+        (noise, label): partial(evaluate, *of, scans[first:], noise, runs, seed)
+        for noise in NOISES
+        for label, of in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items()
+    }
+    errors: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
+    for (noise, label), values in _run_stage(run, progress, "test flights", calls).items():
+        errors[noise][label] = values
+    results = tables.Results(errors, parameters)
     return Reproduction(
-        PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, count),
-        {"flight": _example(flown[count], scans[count], seed, parameters)}, RUNS, f"{FLIGHTS} flights",
+        PAPER, runs, seed, tables.cells(results, seed), tables.findings(results, seed, flights, first),
+        {"flight": _example(flown[first], scans[first], seed, parameters)}, RUNS, f"{FLIGHTS} flights",
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Work:
-    """Where calls run, and who is told about their progress."""
-
-    run: Run
-    progress: Progress
-
-    def results(self, stage: str, calls: Calls, before: int = 0, total: int | None = None) -> dict[Any, Any]:
-        """Results by name of calls of a stage, of which `before` are done."""
-        done = before
-
-        def show(_: Any) -> None:
-            nonlocal done
-            done += 1
-            self.progress(stage, done, total or len(calls))
-
-        self.progress(stage, done, total or len(calls))
-        return dict(self.run(calls, show))
+def _run_stage(
+    run: Run, progress: Progress, stage: str, calls: Calls, before: int = 0, total: int | None = None
+) -> dict[Any, Any]:
+    """Results by name of the calls of a stage, of whose `total` work `before` is done."""
+    done, whole = count(before + 1), total or len(calls)
+    progress(stage, before, whole)
+    return dict(run(calls, lambda name: progress(stage, next(done), whole)))
 
 
 def tune_filters(
@@ -141,45 +115,37 @@ def tune_filters(
     progress: Progress = lambda stage, done, total: None,
     robust: Sequence[str] = tuple(ROBUST),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
-    """Return the parameters of all filters by noise and name, tuned on the training flights.
+    """Parameters of all filters by noise and name, tuned on the training flights; arguments as of `reproduce`.
 
-    The robust ones are tuned after the plain CV filter, with which they are compared. Arguments as of
-    `reproduce`; `robust` are the names of the robust ones.
+    The robust ones are tuned after the plain CV filter, with which they are compared.
     """
-    work = _Work(run, progress)
-    tuning = partial(Tuning, training=training, trials=trials, seed=seed, folder=folder)
     names = sorted(THESIS | SOUND, key=lambda name: "IMM" not in name)  # the longest first
-    tunings = {(noise, name): tuning(name, noise) for name in names for noise in NOISES}
-    count = len(tunings) + len(robust)
-    found = _tune_in_parts(work, tunings, 0, count)
+    parts, filters = range(0, trials, PART), len(names) * len(NOISES) + len(robust)
+
+    def tuned(tunings: dict[Any, Tuning], before: int) -> dict[Any, Any]:
+        """Best parameters; each part continues the trials of the one before, so that progress is seen."""
+        found: dict[Any, Any] = {}
+        for number, done in enumerate(parts):
+            calls = {name: replace(one, trials=min(done + PART, trials)).run for name, one in tunings.items()}
+            finished = before * len(parts) + number * len(tunings)
+            found = _run_stage(run, progress, "tuning", calls, finished, filters * len(parts))
+        return found
+
+    tuning = partial(Tuning, training=training, trials=trials, seed=seed, folder=folder)
+    found = tuned({(noise, name): tuning(name, noise) for name in names for noise in NOISES}, 0)
     parameters = {noise: {name: found[noise, name] for name in names} for noise in NOISES}
     plain = parameters["gaussian"]["CV"]
     reference = tuning("CV", "gaussian").cost(plain)
     later = {name: tuning(name, None, plain=plain, reference=reference) for name in robust}
-    found = _tune_in_parts(work, later, len(tunings), count)
+    found = tuned(later, filters - len(robust))
     imm, student = parameters["gaussian"]["IMM (CV, CA)"], found["CV, Student-t"]
     found[COMBINED] = imm | {key: student[key] for key in ("degrees of freedom", "scale")}
     return {noise: parameters[noise] | found for noise in NOISES}
 
 
-def _tune_in_parts(work: _Work, tunings: dict[Any, Tuning], before: int, count: int) -> dict[Any, Any]:
-    """Best parameters by name; each part continues the trials of the one before, so that progress is seen.
-
-    Of `count` tunings in all, `before` are done.
-    """
-    trials = next(iter(tunings.values())).trials
-    parts = range(0, trials, PART)
-    found: dict[Any, Any] = {}
-    for number, done in enumerate(parts):
-        calls = {name: replace(one, trials=min(done + PART, trials)).run for name, one in tunings.items()}
-        finished = before * len(parts) + number * len(tunings)
-        found = work.results("tuning", calls, finished, count * len(parts))
-    return found
-
-
 def draw_test_tracks(scans: list[Scan], noise: Noise, runs: int, seed: int) -> Tracks:
     """Measurements of the test flights with `runs` seeds of the noise, run by run: N = runs x flights."""
-    parts = [measure(scans, noise, (seed, TEST_NOISE, run)) for run in range(runs)]
+    parts = [measure(scans, noise, (seed, radars.TEST_NOISE, run)) for run in range(runs)]
     return Tracks(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Tracks)))
 
 
@@ -198,20 +164,6 @@ def _rows(noise: Noise, tuned: dict[str, dict[str, Any]]) -> dict[str, tuple[str
         **{tables.as_published(name): (name, published[name]) for name in THESIS},
         tables.LIMIT_CV: ("KF CV", without_noise(published["KF CV"])),
     }
-
-
-def _evaluate(
-    work: _Work, parameters: dict[Noise, dict[str, dict[str, Any]]], scans: list[Scan], runs: int, seed: int
-) -> dict[Noise, dict[str, FloatArray]]:
-    """Errors on the test flights with the tuned and with the published parameters, see `tables.Results`."""
-    calls = {}
-    for noise in NOISES:
-        for label, (name, chosen) in {UNFILTERED: (None, {}), **_rows(noise, parameters[noise])}.items():
-            calls[noise, label] = partial(evaluate, name, chosen, scans, noise, runs, seed)
-    found: dict[Noise, dict[str, FloatArray]] = {noise: {} for noise in NOISES}
-    for (noise, label), values in work.results("test flights", calls).items():
-        found[noise][label] = values
-    return found
 
 
 def _example(flight: Flight, scan: Scan, seed: int, parameters: dict[Noise, dict[str, dict[str, Any]]]) -> Example:

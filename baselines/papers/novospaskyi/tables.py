@@ -16,7 +16,7 @@ import numpy as np
 
 from baselines.papers.novospaskyi.filters import COMBINED, ROBUST, SOUND, THESIS
 from baselines.papers.novospaskyi.radars import NOISES, PERIOD, RADARS, SIGMA, Noise
-from baselines.papers.reproduction import Cell, Finding, paired_ratio, study_interval, table_row, with_own_interval
+from baselines.papers.reproduction import Cell, Finding, both_intervals, paired_ratio, study_interval, table_row
 from hybrid_env.checks import FloatArray
 
 PAPER = "Novospaskyi 2025"
@@ -24,6 +24,7 @@ METRICS = ("position RMSE, m", "position MAE, m", "velocity RMSE, m/s", "velocit
 UNFILTERED = "no filter"
 TABLES: dict[Noise, str] = {"gaussian": "Table 3.5, Gaussian noise", "levy": "Table 3.6, Levy noise"}
 
+# Tables 3.5 and 3.6: errors of the test flights, in the order of `METRICS`.
 TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
     "gaussian": {
         UNFILTERED: (12.512, 9.930, 24.042, 22.327),
@@ -40,8 +41,9 @@ TEST_ERRORS: dict[Noise, dict[str, tuple[float, float, float, float]]] = {
         "KF CJ": (31.439, 19.797, 19.585, 12.927),
     },
 }
-"""Tables 3.5 and 3.6: errors of the test flights, in the order of `METRICS`."""
 
+# Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window` and `ratio`
+# (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans old.
 PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
     "gaussian": {
         "g-h": {"g": 0.737, "h": 0.316, "window": 2, "ratio": 0.03},
@@ -56,34 +58,20 @@ PARAMETERS: dict[Noise, dict[str, dict[str, Any]]] = {
         "KF CJ": {"variances": (52233.5, 26116.7, 104466.9), "q": 1.274, "window": 12, "ratio": 0.05},
     },
 }
-"""Tables 3.1 to 3.4: tuned parameters. `variances` is the diagonal of R [m^2], `q` its sigma_q; `window`
-and `ratio` (its alpha) are those of the moving average, with the weight ratio^i for a measurement i scans
-old."""
-
 BY_CONSTRUCTION = "noise and averaging were chosen from this row"
 
-LIMIT_CV = "KF CV, R = 0"
-"""KF CV with the published parameters but hardly any R."""
-
+LIMIT_CV = "KF CV, R = 0"  # KF CV with the published parameters but hardly any R
 NOISE_NAMES: dict[Noise, str] = {"gaussian": "Gaussian noise", "levy": "Levy noise"}
-POSITION, VELOCITY = 0, 2
-"""Indices of the RMSE of position and velocity in `METRICS`."""
-
+POSITION, VELOCITY = 0, 2  # indices of the RMSE of position and velocity in `METRICS`
 ORDERED = ("IMM (CV, CA)", "CV", "CA", "g-h, plain", "CJ")
 
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that was measured.
+    """Everything that was measured, by noise and name; names of `as_published` have the published parameters."""
 
-    Attributes:
-        errors: (runs, F, 4) of each filter on F test flights, by noise and name; the values are those of
-            `METRICS`. Names of `as_published` have the published parameters.
-        parameters: tuned parameters by noise and name.
-    """
-
-    errors: dict[Noise, dict[str, FloatArray]]
-    parameters: dict[Noise, dict[str, dict[str, Any]]]
+    errors: dict[Noise, dict[str, FloatArray]]  # (runs, F, 4) on F test flights, in the order of `METRICS`
+    parameters: dict[Noise, dict[str, dict[str, Any]]]  # tuned
 
 
 def as_published(name: str) -> str:
@@ -94,13 +82,8 @@ def as_published(name: str) -> str:
 def steady_gains(variance: float, process_variance: float, step: float) -> tuple[float, float]:
     """Constant gains that a CV Kalman filter with discrete process noise reaches. Kalata 1984.
 
-    Args:
-        variance: R of one axis [m^2].
-        process_variance: of the acceleration that is constant in a step [m^2/s^4].
-        step: time between measurements [s].
-
-    Returns:
-        The position gain g and the velocity gain times the step, h, as those of the g-h filter.
+    R of one axis [m^2], variance [m^2/s^4] of the acceleration that is constant in a step [s]; position gain g, and
+    velocity gain times the step, h, as those of the g-h filter.
     """
     index = math.sqrt(process_variance / variance) * step**2
     root = 4.0 / (4.0 + index + math.sqrt(8.0 * index + index**2))
@@ -119,12 +102,7 @@ def memory(g: float, h: float) -> float:
 
 
 def cells(results: Results, seed: int) -> tuple[Cell, ...]:
-    """Values of all tables, with the interval of a study with as many test flights.
-
-    Args:
-        results: of the study.
-        seed: of the resampling.
-    """
+    """Values of all tables, with the interval of a study with as many test flights; `seed`: of the resampling."""
     tables = {
         "{table}": {name: name for name in (UNFILTERED, *THESIS)},
         "{table}, with the published parameters": {name: as_published(name) for name in THESIS},
@@ -138,7 +116,7 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
                 errors = results.errors[noise][name]
                 flights = errors.shape[1]
                 of_study = study_interval(errors.reshape(-1, 4), lambda means: means, seed, flights)
-                own = with_own_interval(errors.mean(0), lambda means: means, seed, flights)[3:]
+                own = both_intervals(errors.mean(0), lambda means: means, seed, flights)[3:]
                 published = TEST_ERRORS[noise].get(row, (np.nan,) * 4)
                 note = f"The interval contains 95 % of studies with {flights} test flights."
                 excuses = dict.fromkeys(METRICS, BY_CONSTRUCTION) if row == UNFILTERED else None
@@ -147,32 +125,17 @@ def cells(results: Results, seed: int) -> tuple[Cell, ...]:
 
 
 def findings(results: Results, seed: int, flights: int, training: int) -> tuple[Finding, ...]:
-    """Results beyond the tables.
-
-    Args:
-        results: of the study.
-        seed: of the resampling.
-        flights: number of flights.
-        training: number of flights for tuning.
-    """
+    """Results beyond the tables; `training` of the flights are for tuning."""
     runs = len(results.errors["gaussian"][UNFILTERED])
     made = [Finding("flights", f"{flights}: {training} to tune, {flights - training} to test, {runs} noise seeds")]
     for noise in NOISES:
         made += [_unfiltered(results, noise), *_orders(results, noise)]
-    made += [*_anomaly(results), *_sound(results, seed), *_robust(results, seed)]
-    made += [
-        Finding(f"tuned parameters, {NOISE_NAMES[noise]}: {name}", _text(results.parameters[noise][name]))
-        for noise in NOISES
-        for name in (*THESIS, *SOUND)
-    ]
-    made += [
-        Finding(f"tuned parameters, both noises: {name}", _text(results.parameters["levy"][name])) for name in ROBUST
-    ]
+    made += [*_anomaly(results), *_sound(results, seed)]
+    tuned = [(noise, NOISE_NAMES[noise], name) for noise in NOISES for name in (*THESIS, *SOUND)]
+    for noise, label, name in (*tuned, *(("levy", "both noises", name) for name in ROBUST)):
+        text = ", ".join(f"{key} {value:.4g}" for key, value in results.parameters[noise][name].items())
+        made.append(Finding(f"tuned parameters, {label}: {name}", text))
     return tuple(made)
-
-
-def _text(parameters: dict[str, Any]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
 
 
 def _means(errors: dict[str, FloatArray], metric: int) -> dict[str, float]:
@@ -215,24 +178,21 @@ def _anomaly(results: Results) -> list[Finding]:
     for noise in NOISES:
         shown = [results.errors[noise][name] for name in (as_published("KF CV"), LIMIT_CV, "KF CV")]
         velocities, positions = ([values[..., metric].mean() for values in shown] for metric in (VELOCITY, POSITION))
-        made.append(
-            Finding(
-                f"KF CV with the published R and Q, {NOISE_NAMES[noise]}",
-                "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
-                "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(*velocities, *positions),
-                "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"]),
-            )
+        text = (
+            "velocity RMSE {:.0f} m/s, in the limit R = 0 {:.0f} m/s, with the true R {:.1f} m/s; "
+            "position RMSE {:.1f}, {:.1f} and {:.1f} m".format(*velocities, *positions)
         )
+        claim = "velocity RMSE {2:.0f} m/s, position RMSE {0:.1f} m".format(*TEST_ERRORS[noise]["KF CV"])
+        made.append(Finding(f"KF CV with the published R and Q, {NOISE_NAMES[noise]}", text, claim))
         parameters = PARAMETERS[noise]["KF CV"]
         for label, variance in (("published R", parameters["variances"][0]), ("true R", SIGMA**2)):
             g, h = steady_gains(variance, parameters["q"], PERIOD / RADARS)
-            made.append(
-                Finding(
-                    f"KF CV gains on x, published Q, {label} = {variance:.3g} m^2, {NOISE_NAMES[noise]}",
-                    f"position {g:.4f}, velocity {h:.4f} / t; a velocity error is multiplied by up to "
-                    f"{memory(g, h):.4f} at every measurement (1 and 2 / t would keep it for ever)",
-                )
+            text = (
+                f"position {g:.4f}, velocity {h:.4f} / t; a velocity error is multiplied by up to "
+                f"{memory(g, h):.4f} at every measurement (1 and 2 / t would keep it for ever)"
             )
+            name = f"KF CV gains on x, published Q, {label} = {variance:.3g} m^2, {NOISE_NAMES[noise]}"
+            made.append(Finding(name, text))
     return made
 
 
@@ -242,28 +202,19 @@ def _share(errors: FloatArray, others: FloatArray, seed: int) -> str:
 
 
 def _sound(results: Results, seed: int) -> list[Finding]:
+    """Sound settings and robust filters, beside what they are compared with."""
     errors = results.errors["gaussian"]
     start = ", ".join(f"{name} {errors[name][..., VELOCITY].mean():.2f} m/s" for name in ("KF CA", "CA", "g-h"))
-    return [
-        Finding(
-            "sound CV: position RMSE as a share of no filter, Gaussian noise",
-            _share(errors["CV"], errors[UNFILTERED], seed),
-        ),
-        Finding(
-            "sound settings: order by position RMSE, Gaussian noise",
-            _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m"),
-        ),
+    order = _ascending(_means({name: errors[name] for name in ORDERED}, POSITION), "m")
+    share = _share(errors["CV"], errors[UNFILTERED], seed)
+    made = [
+        Finding("sound CV: position RMSE as a share of no filter, Gaussian noise", share),
+        Finding("sound settings: order by position RMSE, Gaussian noise", order),
         Finding("the lead of g-h in velocity rests on P0 = 10000 I: CA with it, CA with a prior, g-h", start),
     ]
-
-
-def _robust(results: Results, seed: int) -> list[Finding]:
     plain = {**dict.fromkeys(ROBUST, "CV"), COMBINED: "IMM (CV, CA)"}
-    return [
-        Finding(
-            f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}",
-            _share(results.errors[noise][name], results.errors[noise][other], seed),
-        )
-        for name, other in plain.items()
-        for noise in NOISES
-    ]
+    for (name, other), noise in itertools.product(plain.items(), NOISES):
+        share = _share(results.errors[noise][name], results.errors[noise][other], seed)
+        label = f"{name}: position RMSE as a share of the plain {other} tuned on {NOISE_NAMES[noise]}"
+        made.append(Finding(label, share))
+    return made

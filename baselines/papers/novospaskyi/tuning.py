@@ -1,14 +1,15 @@
 """Tuning of the filters with Optuna, which can be killed and resumed.
 
-Each tuning has a file of its own with one line per finished trial. It is read back into an Optuna study
-at the start. Trial n depends on nothing but the seed and the trials before it. So a resumed tuning ends with
-the same parameters, bit for bit, and two processes may work on the same file.
+Each tuning has a file with one line per finished trial, which is read back into an Optuna study at the start.
+Trial n depends on nothing but the seed and the trials before it. So a resumed tuning ends with the same
+parameters, bit for bit, and two processes may work on the same file.
 """
 
 import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,9 @@ from baselines.papers.novospaskyi.filters import CONTENDERS, Parameters, run_con
 from baselines.papers.novospaskyi.radars import NOISES, Noise, Tracks
 from hybrid_env.checks import ArgumentError, FloatArray
 
+# Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised.
 LARGEST_LOSS = 0.0075
-"""Loss of the robust filters with Gaussian noise, as a share of the error of CV, that is not penalised."""
-
-PENALTY = 100.0
-"""Relative growth of the cost per loss above `LARGEST_LOSS`."""
+PENALTY = 100.0  # relative growth of the cost per loss above `LARGEST_LOSS`
 
 
 def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
@@ -37,32 +36,16 @@ def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArr
 
 @dataclass(frozen=True)
 class Tuning:
-    """One filter to tune.
-
-    Attributes:
-        name: of the contender.
-        noise: of the flights; None for a robust filter, which gets one set of parameters for both noises.
-        training: measurements of the training flights with each noise.
-        trials: number of trials.
-        seed: of the sampler.
-        folder: of the tuning files; it exists.
-        plain: parameters of the plain CV filter with Gaussian noise, for robust filters: their process noise.
-        reference: its training error [m].
-    """
+    """One filter to tune, with its files in an existing folder."""
 
     name: str
-    noise: Noise | None
+    noise: Noise | None  # of the flights; a robust filter gets one set of parameters for both noises
     training: dict[Noise, Tracks]
     trials: int
     seed: int
     folder: Path
-    plain: Parameters = field(default_factory=dict)
-    reference: float = np.nan
-
-    @property
-    def file(self) -> Path:
-        """File of the finished trials."""
-        return self.folder / f"{self.name.replace(' ', '_')}-{self.noise or 'both'}.jsonl"
+    plain: Parameters = field(default_factory=dict)  # of the plain CV filter with Gaussian noise, for robust filters
+    reference: float = np.nan  # its training error [m]
 
     @property
     def fingerprint(self) -> str:
@@ -81,8 +64,7 @@ class Tuning:
     def cost(self, parameters: Parameters) -> float:
         """Mean position RMSE of the training flights [m] (section 2.3.3).
 
-        For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds
-        `LARGEST_LOSS`.
+        For a robust filter that with Levy noise, raised if the loss with Gaussian noise exceeds `LARGEST_LOSS`.
         """
         found = {
             noise: float(errors(self.name, {**self.plain, **parameters}, self.training[noise])[:, 0].mean())
@@ -97,7 +79,8 @@ class Tuning:
         """The best parameters; finished trials are read from the file."""
         space, start = CONTENDERS[self.name].space, CONTENDERS[self.name].start
         trials = min(self.trials, CONTENDERS[self.name].trials or self.trials)
-        best = tune(space, start, self.cost, trials, self.seed, self.file, self.fingerprint)
+        file = self.folder / f"{self.name.replace(' ', '_')}-{self.noise or 'both'}.jsonl"
+        best = tune(space, start, self.cost, trials, self.seed, file, self.fingerprint)
         return {**self.plain, **best}
 
 
@@ -110,22 +93,10 @@ def tune(
     file: Path,
     fingerprint: str,
 ) -> dict[str, Any]:
-    """Minimise a cost by the tree-structured Parzen estimator of Bergstra et al. 2011.
+    """Best parameters by the tree-structured Parzen estimator of Bergstra et al. 2011, from a first trial at `start`.
 
-    Args:
-        space: distribution of each parameter.
-        start: parameters of the first trial.
-        cost: function of the parameters.
-        trials: number of trials.
-        seed: of the sampler.
-        file: finished trials are appended to it; its folder exists.
-        fingerprint: of everything that the cost depends on; lines with another one are ignored.
-
-    Returns:
-        The best parameters.
-
-    Raises:
-        ArgumentError: the file cannot be read or written.
+    Finished trials are appended to the file. Lines of it with another fingerprint, which stands for everything that the
+    cost depends on, are ignored. Raises `ArgumentError` if the file cannot be read or written.
     """
     verbosity = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -148,11 +119,7 @@ def tune(
 
 
 def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], float]]:
-    """Parameters and values of the finished trials 0, 1, 2 ... of a file, none if it has another fingerprint.
-
-    Raises:
-        ArgumentError: the file cannot be read.
-    """
+    """Parameters and values of the finished trials 0, 1, 2 ... of a file with this fingerprint."""
     try:
         lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
     except OSError as error:
@@ -165,10 +132,7 @@ def finished_trials(file: Path, fingerprint: str) -> list[tuple[dict[str, Any], 
                 found.setdefault(int(entry["trial"]), (dict(entry["parameters"]), float(entry["value"])))
         except (ValueError, KeyError, TypeError):  # the line that a killed process was writing
             continue
-    finished: list[tuple[dict[str, Any], float]] = []
-    while len(finished) in found:
-        finished.append(found[len(finished)])
-    return finished
+    return [found[number] for number in takewhile(found.__contains__, count())]
 
 
 def _append(file: Path, fingerprint: str, number: int, parameters: Mapping[str, Any], value: float) -> None:

@@ -6,17 +6,7 @@ flights as an environment with unknown switches, whose rows come from the filter
 `baselines.estimation.turns` or from the semi-Markov posterior of `turn_beam`; `metrics` compares statements
 with the labels. `simulated` makes flights that look like the recorded ones, and simulated twins of these.
 Flights of gliders are read by `gliders`, labelled by `circling` and simulated by `simulated_gliders`.
-`semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`, for the deciders of that
-environment.
+`semi_real` puts any of them into the setting of `HybridTrackQuickest-v0`, for its deciders.
 
-    samples = Samples()                                     # or a folder or wheel
-    flights = [samples.flight("samu31:39ac45:0")]
-    labels = label_flights(flights)
-    batch = stack_flights(flights)                          # the pieces between gaps, as columns
-    tracks = FlightTracks(batch, run_turn_imm(batch))
-    stated = tracks.statements(FlightThresholdDecider(0.6), [len(flights[0].times)])
-    scores = score_flights("imm", flights, labels, stated)
-
-May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never
-`agents`.
+May import: `hybrid_env`, and `estimation`, `scoring`, `rules` and `recordings` of `baselines`. Never `agents`.
 """

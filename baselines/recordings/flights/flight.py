@@ -1,8 +1,7 @@
 """A recorded flight: measured positions in metres, the aircraft's own track angle, and its tier of quality.
 
-The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position
-is wrong by v e along the velocity v. The covariance of a measured position is therefore
-R = across^2 I + timing^2 v v'.
+The error of an ADS-B position is small, that of its time is not: with a time that is wrong by e, the position is
+wrong by v e along the velocity v. The covariance of a measured position is therefore R = across^2 I + timing^2 v v'.
 """
 
 from collections.abc import Sequence
@@ -14,33 +13,23 @@ import numpy as np
 
 from baselines.estimation.turns import Batch
 from baselines.recordings.projection import Projection, centred_projection
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray
+from hybrid_env.checks import ArgumentError, FloatArray
 
-ON_A_LINE = 2e-8
-"""A position that is closer to the line between its neighbours [deg] was computed by interpolation."""
-
+ON_A_LINE = 2e-8  # A position that is closer to the line between its neighbours [deg] was computed by interpolation
 FEWEST = 50  # positions of a flight
 
-LONGEST_STEP = 60.0
-"""A flight is divided where two positions are further apart in time [s]. Filters begin anew."""
-
+LONGEST_STEP = 60.0  # A flight is divided where two positions are further apart in time [s]. Filters begin anew.
 NO_CUT = 2**31  # positions
 CLIMB_TIME, SHORTEST_CLIMB = 5.0, 1.0  # [s]
 SHORTEST_PIECE = 20  # positions; shorter ones are not used
 
 
 class Tier(NamedTuple):
-    """Quality of recorded flights.
+    """Quality of recorded flights."""
 
-    Attributes:
-        name: A to D, or stress.
-        across: standard deviation of a position across the velocity [m].
-        timing: standard deviation of the time of a position [s].
-    """
-
-    name: str
-    across: float
-    timing: float
+    name: str  # A to D, or stress
+    across: float  # standard deviation of a position across the velocity [m]
+    timing: float  # standard deviation of the time of a position [s]
 
 
 TIERS = {
@@ -51,9 +40,9 @@ TIERS = {
     "stress": Tier("stress", 1.7, 0.2),  # 1 s, state vectors; special manoeuvres, outside of the totals
 }
 
-TOGETHER = ("A", "B", "C")
-"""Tiers that are also scored together."""
+TOGETHER = ("A", "B", "C")  # tiers that are also scored together
 
+# Flights that are scored by default.
 SCORED = {
     "A": (
         "savan:39b415:2", "savan:39b415:9", "savan:39b415:12", "savan:39b415:17", "rega_sg:4b43ac:0",
@@ -75,47 +64,31 @@ SCORED = {
     # parabolas of weightlessness, demonstration of low approaches, orbits of a tanker
     "stress": ("zero_gravity:38cf9b:0", "belevingsvlucht:484506:0", "inflight_refuelling:3b7777:0"),
 }  # fmt: skip
-"""Flights that are scored by default."""
-
+# Files of which most positions were computed by interpolation.
 RESAMPLED = frozenset(identity.partition(":")[0] for identity in SCORED["D"])
-"""Files of which most positions were computed by interpolation."""
-
 STRESSING = frozenset(SCORED["stress"])
 
-SPARSE = ("calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing")
-GLIDERS = (
+# Files in which turns cannot be seen. The gliders of the second and third line circle faster than they are reported.
+UNUSABLE = {
+    "calfire", "turkish_flag", "elal747", "qantas747", "dreamliner_boeing",
     "alpi_italiane", "alto_adige", "cevennes", "danube_valley", "franconia", "luberon", "oxford_cambridge",
     "sisteron",
-)  # fmt: skip
-UNUSABLE = frozenset(SPARSE + GLIDERS)
-"""Files in which turns cannot be seen. Gliders circle faster than they are reported."""
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Positions of one flight.
+    """Positions of one flight."""
 
-    Attributes:
-        identity: `file:icao24:k`.
-        tier: quality.
-        times: (n,) strictly increasing, from 0 [s].
-        positions: (n, 2) x east and y north [m].
-        tracks: (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported.
-        projection: from latitude and longitude.
-        repeated: number of reports that were left out because they repeat a position.
-        interpolated: number that were left out because they lie exactly between their neighbours.
-        altitudes: (n,) [m], where they are known.
-    """
-
-    identity: str
+    identity: str  # `file:icao24:k`
     tier: Tier
-    times: FloatArray
-    positions: FloatArray
-    tracks: FloatArray
-    projection: Projection
-    repeated: int
-    interpolated: int
-    altitudes: FloatArray | None = None
+    times: FloatArray  # (n,) strictly increasing, from 0 [s]
+    positions: FloatArray  # (n, 2) x east and y north [m]
+    tracks: FloatArray  # (n,) the aircraft's own track angle, anticlockwise from east [rad], NaN where not reported
+    projection: Projection  # from latitude and longitude
+    repeated: int  # number of reports that were left out because they repeat a position
+    interpolated: int  # number that were left out because they lie exactly between their neighbours
+    altitudes: FloatArray | None = None  # (n,) [m]
 
     @property
     def hours(self) -> float:
@@ -143,19 +116,10 @@ class Flight:
 def clean_flight(
     identity: str, tier: Tier, times: FloatArray, latitudes: FloatArray, longitudes: FloatArray, angles: FloatArray
 ) -> Flight:
-    """Return a flight of reports in any order.
+    """Return a flight of reports in any order, without repeated and interpolated positions.
 
-    Reports without a position, repeated positions and interpolated positions are left out.
-
-    Args:
-        identity: `file:icao24:k`.
-        tier: quality.
-        times: (n,) [s].
-        latitudes, longitudes: (n,) [deg].
-        angles: (n,) track angle, clockwise from north [deg], NaN where not reported.
-
-    Raises:
-        ArgumentError: fewer than 50 positions remain.
+    Times (n,) [s], latitudes, longitudes (n,) [deg], and track angles (n,), clockwise from north [deg], are NaN where
+    they are not reported. Raises `ArgumentError` if fewer than 50 positions remain.
     """
     known = np.flatnonzero(~np.isnan(times + latitudes + longitudes))
     known = known[np.argsort(times[known], kind="stable")]
@@ -164,7 +128,12 @@ def clean_flight(
     moved = known[changed]
     # two positions with one time: the first remains
     moved = moved[np.diff(times[moved], prepend=-np.inf) > 0.0]
-    rows = moved[~on_lines(times[moved], latitudes[moved], longitudes[moved])]
+    share = (times[moved][1:-1] - times[moved][:-2]) / (times[moved][2:] - times[moved][:-2])
+    off = [
+        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
+        for values in (latitudes[moved], longitudes[moved])
+    ]
+    rows = np.delete(moved, 1 + np.flatnonzero(np.maximum(*off) < ON_A_LINE))
     if len(rows) < FEWEST:
         raise ArgumentError(f"flight {identity} has {len(rows)} positions: expected at least {FEWEST}")
     projection = centred_projection(latitudes[rows], longitudes[rows])
@@ -174,26 +143,11 @@ def clean_flight(
     )  # fmt: skip
 
 
-def on_lines(times: FloatArray, latitudes: FloatArray, longitudes: FloatArray) -> BoolArray:
-    """Return which positions, (n,), lie on the line in time between their two neighbours."""
-    found = np.zeros(len(times), np.bool_)
-    if len(times) < 3:
-        return found
-    share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
-    off = [
-        np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) for values in (latitudes, longitudes)
-    ]
-    found[1:-1] = np.maximum(*off) < ON_A_LINE
-    return found
-
-
 def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int = 0) -> Batch:
     """Return the pieces of flights as one batch.
 
-    Args:
-        flights: the flights.
-        longest: pieces are cut into parts of so many positions, which are filtered side by side.
-        margin: so many positions before and after a part are filtered too, so that it is as without the cut.
+    Pieces are cut into parts of at most `longest` positions, which are filtered side by side; `margin` positions
+    before and after a part are filtered too, so that it is as without the cut.
     """
     parts = [
         (k, max(begin - margin, first), min(begin + longest + margin, end), (begin, min(begin + longest, end)))
@@ -216,19 +170,10 @@ def stack_flights(flights: Sequence[Flight], longest: int = NO_CUT, margin: int 
 
 
 def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:
-    """Return the tier of a flight.
-
-    Args:
-        identity: `file:icao24:k`.
-        received: whether the times at which positions were received are known.
-        times: (n,) of its reports [s].
-    """
+    """Return the tier of a flight with reports at times (n,) [s]; `received`: they are those of reception."""
     if identity in STRESSING:
         return TIERS["stress"]
-    name = identity.partition(":")[0]
     step = float(np.median(np.diff(times))) if len(times) > 1 else np.inf
-    if name in RESAMPLED or step > 6.0:
+    if identity.partition(":")[0] in RESAMPLED or step > 6.0:
         return TIERS["D"]
-    if step > 2.5:
-        return TIERS["C"]
-    return TIERS["A" if received else "B"]
+    return TIERS["C" if step > 2.5 else "A" if received else "B"]

@@ -13,6 +13,10 @@ from hybrid_env.checks import IntArray
 
 _COMMON = statistics(3600.0)
 _ENDS = ("switches", "missed", "delay", "ends", "missed_ends", "delay_of_ends")
+# Figures of a set of flights: share of the scored time; mean delay of the detected changes [s]; share of the changes
+# of the label that are missed; false changes in an hour of scored time; of them, those to a turn in straight motion;
+# changes of the statement for each change of the label; delay and share of misses of the changes to turns (enter, in)
+# and to straight motion (leave, out). NaN where nothing is counted.
 STATISTICS: dict[str, Statistic] = {
     "agreement": _COMMON["agreement"],
     "delay": _COMMON["delay"],
@@ -25,21 +29,10 @@ STATISTICS: dict[str, Statistic] = {
     "misses_in": Statistic(_ENDS, lambda n, m, d, ends, me, de: quotient(m - me, n - ends)),
     "misses_out": ratio("missed_ends", "ends"),
 }
-"""Figures of a set of flights: share of the scored time; mean delay of the detected changes [s]; share of the
-changes of the label that are missed; false changes in an hour of scored time; of them, those to a turn in
-straight motion; changes of the statement for each change of the label; delay and share of misses of the
-changes to turns (enter, in) and to straight motion (leave, out). NaN where nothing is counted."""
 
 
 def score_flights(name: str, flights: Sequence[Flight], labels: Sequence[Labels], stated: Sequence[IntArray]) -> Scores:
-    """Return the scores of a decider, whose figures are those of `TimelineCounts`, one row for each flight.
-
-    Args:
-        name: of the decider.
-        flights: the flights.
-        labels: of each flight.
-        stated: (n,) statements on each flight.
-    """
+    """Return the scores of a decider from statements (n,) on flights, one row of `TimelineCounts` for each."""
     counts = [count_flight(*one) for one in zip(flights, labels, stated, strict=True)]
     return Scores(name, "", (0.0,), TimelineCounts._fields, np.array(counts)[..., None])
 

@@ -10,7 +10,7 @@ import importlib.util
 import io
 import zipfile
 import zlib
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,73 +19,47 @@ from numpy.typing import NDArray
 from baselines.recordings.flights.flight import UNUSABLE, Flight, clean_flight, tier_of
 from hybrid_env.checks import ArgumentError, reject
 
-GAP = 600.0
-"""Reports of an aircraft that are further apart in time [s] belong to different flights."""
-
+GAP = 600.0  # reports of an aircraft that are further apart in time [s] belong to different flights
 SUFFIX = ".json.gz"
 MILLISECONDS = 1e11  # larger times since 1970 are in milliseconds
 INSTALL = "expected the package 'traffic' (pip install --no-deps traffic), or the folder or wheel of it"
 
 
 class Samples:
-    """The sample files of a source.
+    """The sample files of a source: a folder with `.json.gz` files, also in its subfolders, or a wheel of the package.
 
-    Args:
-        source: folder with `.json.gz` files, also in its subfolders, or a wheel of the package; None uses the
-            installed package.
-
-    Raises:
-        ArgumentError: there are no samples.
-
-    Attributes:
-        source: the folder or wheel.
-        names: names of the files, without suffix.
+    None uses the installed package. Raises `ArgumentError` if there are no samples.
     """
 
     def __init__(self, source: Path | str | None = None):
         self.source = installed_samples() if source is None else Path(source)
+        places: list[Path | zipfile.Path]
         if self.source.is_dir():
-            found = sorted(self.source.rglob(f"*{SUFFIX}"))
-            self._files = {path.name.removesuffix(SUFFIX): str(path) for path in found}
+            places = [*sorted(self.source.rglob(f"*{SUFFIX}"))]
         elif zipfile.is_zipfile(self.source):
-            with zipfile.ZipFile(self.source) as archive:
-                found_names = sorted(name for name in archive.namelist() if name.endswith(SUFFIX))
-            self._files = {PurePosixPath(name).name.removesuffix(SUFFIX): name for name in found_names}
+            archive = zipfile.ZipFile(self.source)
+            places = [zipfile.Path(archive, name) for name in sorted(archive.namelist()) if name.endswith(SUFFIX)]
         else:
             raise ArgumentError(f"source={self.source} is not a folder or a wheel: {INSTALL}")
+        self._files = {place.name.removesuffix(SUFFIX): place for place in places}
         if not self._files:
             raise ArgumentError(f"source={self.source} contains no {SUFFIX} files: {INSTALL}")
-        self.names = tuple(self._files)
         self._last: tuple[str, dict[str, pd.DataFrame]] = "", {}
-
-    def table(self, name: str) -> pd.DataFrame:
-        """Return the reports of a file, as they are.
-
-        Raises:
-            ArgumentError: there is no such file, or it cannot be read.
-        """
-        if name not in self._files:
-            raise reject("file", name, f"a sample of {self.source}")
-        place = self._files[name]
-        try:
-            if zipfile.is_zipfile(self.source):
-                with zipfile.ZipFile(self.source) as archive:
-                    content = archive.read(place)
-            else:
-                content = Path(place).read_bytes()
-            table = pd.read_json(io.BytesIO(gzip.decompress(content)), dtype=False)
-        except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
-            raise ArgumentError(f"{place} cannot be read: {error}") from None
-        missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
-        if missing:
-            raise ArgumentError(f"{place} has no column {', '.join(sorted(missing))}")
-        return table
 
     def flights_of(self, name: str) -> dict[str, pd.DataFrame]:
         """Return the reports of every flight of a file by its id `file:icao24:k`, k from 0."""
         if self._last[0] == name:  # flights of a file are often read one by one
             return self._last[1]
-        table = self.table(name)
+        if name not in self._files:
+            raise reject("file", name, f"a sample of {self.source}")
+        place = self._files[name]
+        try:
+            table = pd.read_json(io.BytesIO(gzip.decompress(place.read_bytes())), dtype=False)
+        except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+            raise ArgumentError(f"{place} cannot be read: {error}") from None
+        missing = {"timestamp", "icao24", "latitude", "longitude", "track"} - set(table.columns)
+        if missing:
+            raise ArgumentError(f"{place} has no column {', '.join(sorted(missing))}")
         flights = {}
         for aircraft, reports in table.groupby("icao24", sort=True):
             times = report_times(reports["timestamp"])
@@ -97,41 +71,28 @@ class Samples:
         return flights
 
     def flight(self, identity: str) -> Flight:
-        """Return a flight by its id `file:icao24:k`.
-
-        Raises:
-            ArgumentError: there is no such flight, or it has too few positions.
-        """
+        """Return a flight by its id `file:icao24:k`, if it has enough positions."""
         name, separator, _ = identity.partition(":")
         if name in UNUSABLE:
             raise reject("flight", identity, "a file in which turns can be seen; this one is too sparse")
         flights = self.flights_of(name) if separator else {}
         if identity not in flights:
-            some = ", ".join(list(flights)[:5])
-            allowed = f"an id file:icao24:k, such as {some}" if some else "an id file:icao24:k"
-            raise reject("flight", identity, allowed)
+            some = f", such as {', '.join(list(flights)[:5])}" if flights else ""
+            raise reject("flight", identity, f"an id file:icao24:k{some}")
         reports = flights[identity]
         times = report_times(reports["timestamp"])
         if "last_position" in reports:  # when the position was received; the timestamp is that of the report
             received = report_times(reports["last_position"])
             times = np.where(np.isnan(received), times, received)
-        return clean_flight(
-            identity,
-            tier_of(identity, "last_position" in reports, times),
-            times,
-            *(_numbers(reports[column]) for column in ("latitude", "longitude", "track")),
-        )
+        tier = tier_of(identity, "last_position" in reports, times)
+        values = (_numbers(reports[column]) for column in ("latitude", "longitude", "track"))
+        return clean_flight(identity, tier, times, *values)
 
 
 def installed_samples() -> Path:
-    """Return the folder of the samples of the installed package, which is not imported.
-
-    Raises:
-        ArgumentError: the package is not installed.
-    """
+    """Return the folder of the samples of the installed package, which is not imported."""
     spec = importlib.util.find_spec("traffic")
-    places = [] if spec is None or spec.submodule_search_locations is None else spec.submodule_search_locations
-    for place in places:
+    for place in (spec and spec.submodule_search_locations) or ():
         folder = Path(place) / "data" / "samples"
         if folder.is_dir():
             return folder

@@ -1,12 +1,11 @@
 """Recorded flights in the setting of `HybridTrackQuickest-v0`: real motion, simulated noise.
 
-The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one.
-White noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of
-the flight is as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma
-and times in ticks, the environment's deciders then read a flight as they are, without having seen one. Its
-turns have a radius of 25 v s, which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at
-115 m/s (tan bank = v omega / g); aircraft in civil traffic turn at 3 deg/s or with a bank of 25 deg,
-whichever is slower (ICAO Doc 8168).
+The smoother of the labels sees the whole flight; its path, at ticks of one second, is taken for the true one. White
+noise is added to it, equal in both axes, whose standard deviation is such that a tick at the speed of the flight is
+as long as one of the default environment: v tau / sigma = 0.63. With lengths in units of sigma and times in ticks,
+the environment's deciders then read a flight as they are, without having seen one. Its turns have a radius of 25 v s,
+which is 2.3 deg/s: that of a bank of 20 deg at 90 m/s, and of 25 deg at 115 m/s (tan bank = v omega / g); aircraft in
+civil traffic turn at 3 deg/s or with a bank of 25 deg, whichever is slower (ICAO Doc 8168).
 """
 
 from collections.abc import Sequence
@@ -23,23 +22,18 @@ from hybrid_env.quickest_options import QuickestOptions
 
 TICK = 1.0  # [s]
 
+# The default environment; a flight begins at any moment of a mode that nobody knows.
 WORLD = QuickestOptions(start="random")
-"""The default environment; a flight begins at any moment of a mode that nobody knows."""
 
 
 def semi_real_flights(
     flights: Sequence[Flight], labels: Sequence[Labels], generator: np.random.Generator
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return flights at ticks of 1 s with white noise, and their labels.
+    """Return recorded or simulated flights at ticks of 1 s with white noise, and their labels.
 
     Their speed v is the median over the ticks at speeds that are scored. The tier of a result has its sigma
     as `across`, and no error of the time. A tick has the label of the nearest recorded position; it is not
     scored if that is not, or is 1.5 median steps away.
-
-    Args:
-        flights: recorded or simulated flights.
-        labels: of each flight.
-        generator: random numbers of the noise.
     """
     batch = stack_flights(flights)
     states = smoothed_states(batch, LabelRules().jerk)
@@ -68,25 +62,16 @@ def _semi_real(
     positions = path[:, ::2] + sigma * generator.standard_normal((len(path), 2))
     far = np.abs(labels.times[rows] - ticks) > 0.5 * LONGEST_WEIGHT * float(np.median(np.diff(labels.times)))
     scored = labels.scored[rows] & ~far
-    made = replace(
-        flight, tier=flight.tier._replace(across=sigma, timing=0.0), times=ticks, positions=positions,
-        tracks=flight.tracks[rows],
-    )  # fmt: skip
-    return made, Labels(
-        ticks, labels.modes[rows], scored, np.where(scored, TICK, 0.0), labels.rates[rows], speeds,
-        labels.own[rows],
-    )  # fmt: skip
+    tier, tracks = flight.tier._replace(across=sigma, timing=0.0), flight.tracks[rows]
+    made = replace(flight, tier=tier, times=ticks, positions=positions, tracks=tracks)
+    weights = np.where(scored, TICK, 0.0)
+    return made, Labels(ticks, labels.modes[rows], scored, weights, labels.rates[rows], speeds, labels.own[rows])
 
 
 def smooth_path(times: FloatArray, states: FloatArray, ticks: FloatArray) -> FloatArray:
-    """Return the smoothed [x, vx, y, vy], (T, 4), between recorded positions.
+    """Return the path [x, vx, y, vy], (T, 4), at ticks [s] within smoothed states [x, vx, ax, y, vy, ay] at times [s].
 
     With white jerk the expected path between two states is the polynomial of degree five through both.
-
-    Args:
-        times: (n,) of the states, increasing [s].
-        states: (n, 6) smoothed [x, vx, ax, y, vy, ay].
-        ticks: (T,) from the first to the last of these times [s].
     """
     row = np.clip(np.searchsorted(times, ticks, "right") - 1, 0, len(times) - 2)
     h = (times[row + 1] - times[row])[:, None]
@@ -107,12 +92,7 @@ def noise_deviation(speed: float) -> float:
 
 
 def state_semi_real(decider: Decider, flights: Sequence[Flight]) -> list[IntArray]:
-    """Return the statements, (T,), of a decider of `HybridTrackQuickest-v0` on semi-real flights.
-
-    Args:
-        decider: for the options `WORLD`.
-        flights: from `semi_real_flights`.
-    """
+    """Return the statements, (T,), of a decider for the options `WORLD` on flights of `semi_real_flights`."""
     tracker = OnlineTracker(WORLD, decider)
     results = []
     for flight in flights:

@@ -1,9 +1,8 @@
 """Simulated flights that look like the recorded ones, and simulated twins of recorded flights.
 
-A flight is a sequence of straight motion and turns. In a turn the aircraft rolls in within some seconds and
-keeps a turn rate that jitters; in straight motion the heading wanders slowly. Positions have the noise of the
-tier: an error of their time, and one of the position itself, both with a Student t distribution. The default
-settings are those of the recorded flights as a whole: turn rates, durations and steps; none is chosen by the
+In a turn the aircraft rolls in within some seconds and keeps a turn rate that jitters; in straight motion the heading
+wanders slowly. Positions have the noise of the tier: an error of their time, and one of the position itself, both with
+a Student t distribution. The default settings are those of the recorded flights as a whole; none is chosen by the
 score of a decider. Agents are trained on flights with settings of their own.
 """
 
@@ -25,37 +24,24 @@ GRID = 0.5  # step of the integration [s]
 
 @dataclass(frozen=True, kw_only=True)
 class FlightWorld:
-    """How flights are simulated.
+    """How flights are simulated."""
 
-    Attributes:
-        rates: smallest and largest turn rate, log-uniform [rad/s].
-        turns: shortest and longest turn, log-uniform [s].
-        straight: median duration of straight motion in each tier, log-normal [s].
-        spread: standard deviation of the logarithm of that duration.
-        reversal: probability that a turn is followed by one to the other side without straight motion.
-        roll: time to roll in or out [s].
-        jitter: standard deviation of the turn rate in a turn, as a share of it.
-        jitter_time: correlation time of the jitter [s].
-        wander: standard deviation of the turn rate in straight motion [rad/s].
-        wander_time: its correlation time [s].
-        speeds: slowest and fastest, log-uniform [m/s].
-        freedom: degrees of freedom of the noise.
-    """
-
-    rates: tuple[float, float] = (0.012, 0.05)
-    turns: tuple[float, float] = (16.0, 105.0)
+    rates: tuple[float, float] = (0.012, 0.05)  # turn rates, log-uniform [rad/s]
+    turns: tuple[float, float] = (16.0, 105.0)  # durations of turns, log-uniform [s]
+    # median duration of straight motion in each tier [s], log-normal, and the deviation of its logarithm
     straight: tuple[tuple[str, float], ...] = (("A", 720.0), ("B", 116.0), ("C", 60.0), ("D", 60.0))
     spread: float = 1.0
-    reversal: float = 0.1
-    roll: float = 4.5
-    jitter: float = 0.18
-    jitter_time: float = 8.0
-    wander: float = float(np.radians(0.12))
-    wander_time: float = 20.0
-    speeds: tuple[float, float] = (40.0, 160.0)
-    freedom: float = 5.0
+    reversal: float = 0.1  # probability that a turn is followed by one to the other side without straight motion
+    roll: float = 4.5  # time to roll in or out [s]
+    jitter: float = 0.18  # standard deviation of the turn rate in a turn, as a share of it
+    jitter_time: float = 8.0  # its correlation time [s]
+    wander: float = float(np.radians(0.12))  # standard deviation of the turn rate in straight motion [rad/s]
+    wander_time: float = 20.0  # its correlation time [s]
+    speeds: tuple[float, float] = (40.0, 160.0)  # log-uniform [m/s]
+    freedom: float = 5.0  # degrees of freedom of the noise
 
 
+# Ranges of the settings that differ from flight to flight in training, log-uniform.
 DRAWN = {
     "straight": (30.0, 900.0),
     "reversal": (0.05, 0.3),
@@ -66,11 +52,8 @@ DRAWN = {
     "wander_time": (8.0, 40.0),
     "freedom": (3.5, 12.0),
 }
-"""Ranges of the settings that differ from flight to flight in training, log-uniform."""
-
-
+# The other settings in training: turns and speeds have wider ranges.
 WIDE = FlightWorld(rates=(0.01, 0.055), turns=(12.0, 120.0), speeds=(25.0, 250.0))
-"""The other settings in training: turns and speeds have wider ranges."""
 
 
 def draw_world(generator: np.random.Generator) -> FlightWorld:
@@ -85,14 +68,9 @@ def draw_world(generator: np.random.Generator) -> FlightWorld:
 def simulate_flights(
     tier: Tier, count: int, duration: float, generator: np.random.Generator, world: FlightWorld | None = None
 ) -> tuple[list[Flight], list[Labels]]:
-    """Return flights and their labels, which follow from their true turn rates.
+    """Return `count` flights of a duration [s], and their labels, which follow from their true turn rates.
 
-    Args:
-        tier: gives noise and steps.
-        count: number of flights.
-        duration: of each [s].
-        generator: random numbers.
-        world: settings.
+    The tier gives noise and steps.
     """
     settings = FlightWorld() if world is None else world
     results = []
@@ -100,8 +78,7 @@ def simulate_flights(
         times = _draw_times(tier, duration, generator)
         grid = np.arange(0.0, times[-1] + 4.0 * GRID, GRID)
         wanted = _draw_rates(grid, dict(settings.straight)[tier.name], generator, settings)
-        speed = np.exp(generator.uniform(*np.log(settings.speeds)))
-        speeds = np.full(len(grid), speed)
+        speeds = np.full(len(grid), np.exp(generator.uniform(*np.log(settings.speeds))))
         results.append(fly(f"simulated:{k}:0", tier, times, wanted, speeds, generator, settings))
     return [one for one, _ in results], [one for _, one in results]
 
@@ -133,16 +110,9 @@ def fly(
     identity: str, tier: Tier, times: FloatArray, wanted: FloatArray, speeds: FloatArray,
     generator: np.random.Generator, world: FlightWorld,
 ) -> tuple[Flight, Labels]:  # fmt: skip
-    """Simulate one flight.
+    """Simulate a flight with positions at times (n,), from 0 [s].
 
-    Args:
-        identity: name.
-        tier: of the noise.
-        times: (n,) of its positions, from 0 [s].
-        wanted: (g,) turn rate that the pilot wants, every half second [rad/s].
-        speeds: (g,) [m/s].
-        generator: random numbers.
-        world: settings.
+    The turn rate that the pilot wants [rad/s] and the speeds [m/s], (g,), are those of every half second.
     """
     grid = GRID * np.arange(len(wanted))
     width = max(round(world.roll / GRID), 1)
@@ -168,11 +138,7 @@ def flown_path(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (g, 2) and its moves until the next row [m], in any first direction.
 
-    Args:
-        rates: (g,) turn rate every half second [rad/s].
-        speeds: (g,) [m/s].
-        generator: random numbers.
-        wind: (g, 2) [m/s].
+    From turn rates (g,) [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
     """
     middle = generator.uniform(-np.pi, np.pi) + GRID * (np.cumsum(rates) - 0.5 * rates)
     moved = GRID * speeds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])

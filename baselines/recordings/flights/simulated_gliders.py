@@ -1,10 +1,9 @@
 """Simulated flights of gliders, in a moving air that rises where they circle.
 
-A flight goes straight, with wiggles and partial turns, and circles in thermals. The air moves: wind, that
-changes slowly, and gusts. Rolling in and out takes seconds; in circles the turn rate jitters, changes with
-the heading, and falls for moments, when the pilot looks for the centre. The lift begins before the circles
-and ends about with them; it also comes without. Positions are rounded as in logs, and some are missing. Every
-flight draws its settings from wide ranges.
+A flight goes straight, with wiggles and partial turns, and circles in thermals. The air moves: wind, that changes
+slowly, and gusts. Rolling in and out takes seconds; in circles the turn rate jitters, changes with the heading, and
+falls for moments, when the pilot looks for the centre. The lift begins before the circles and ends about with them; it
+also comes without. Positions are rounded as in logs, and some are missing. Settings are drawn from wide ranges.
 """
 
 from collections.abc import Sequence
@@ -20,6 +19,8 @@ from baselines.recordings.flights.simulated import GRID, coloured, flown_path
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import FloatArray, IntArray
 
+# Ranges of the settings of a flight, log-uniform: winds, speeds and deviations of them [m/s], turn rates [deg/s],
+# times [s], shares.
 RANGES = {
     "wind": (0.3, 9.0), "gusts": (0.2, 1.2), "gust_time": (1.5, 8.0),
     "speed": (7.0, 14.0), "faster": (1.0, 1.35), "speed_jitter": (0.04, 0.18),
@@ -32,20 +33,15 @@ RANGES = {
     "lift": (1.4, 5.0), "sink": (0.7, 2.0), "bumps": (0.6, 2.2), "bump_time": (6.0, 25.0),
     "missing": (1e-4, 0.3), "noise": (0.03, 0.5), "altitude_noise": (0.1, 2.0),
 }  # fmt: skip
-"""Ranges of the settings of a flight, log-uniform: winds, speeds and deviations of them [m/s], turn rates [deg/s],
-times [s], shares."""
-
 STEP = 1.0  # between positions [s]
 AT_ONCE = 0.2  # share of circles that follow circles to the other side
-ROUNDED = (1.853, 0.185)
-"""Rounding of the latitude in logs [m]."""
-
+ROUNDED = (1.853, 0.185)  # rounding of the latitude in logs [m]
+# Those of rule b: probabilities of straight flight and circles after either, of slow and fast turns in either, and at
+# the start; a turn is measured over [s] and fast above [deg/s].
 STAYS = np.log([[0.982, 0.018], [0.030, 0.970]])
 SEEN = np.log([[0.942, 0.058], [0.093, 0.907]])
 START = np.log([0.8, 0.2])
 CHANGE_TIME, ENOUGH = 5.0, 6.0
-"""Those of rule b: probabilities of straight flight and circles after either, of slow and fast turns in either, and
-at the start; a turn is measured over [s] and fast above [deg/s]."""
 
 
 class Turns(NamedTuple):
@@ -76,12 +72,7 @@ World = dict[str, float]
 
 
 def simulate_glider(seconds: float, generator: np.random.Generator) -> Flight:
-    """Return a simulated flight, with settings of its own.
-
-    Args:
-        seconds: its duration.
-        generator: random numbers.
-    """
+    """Return a simulated flight of some seconds, with settings of its own."""
     world = {name: float(_drawn(generator, *bounds)) for name, bounds in RANGES.items()}
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
     path, altitudes = _fly(world, *_plan(world, seconds, generator), grid, generator)

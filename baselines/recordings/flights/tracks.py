@@ -19,20 +19,10 @@ SMALLEST = 1e-300  # probability
 
 
 class FlightTracks:
-    """B pieces of flights, each an episode; rows as of `hybrid_env.HybridTrackQuickestEnv`.
+    """B pieces of flights, each an episode, at positions `tick`; rows as of `hybrid_env.HybridTrackQuickestEnv`.
 
-    Of a row, the probabilities of the modes, the likelihood ratios and the last statement are filled.
-
-    Args:
-        batch: the pieces.
-        estimates: of the IMM filter.
-        probabilities: (T, B, 3) of the modes that rows tell; None are those of the IMM.
-
-    Attributes:
-        batch, estimates: as given.
-        num_envs: B.
-        single_action_space: M modes to state.
-        tick: index of the present position.
+    Of a row, the probabilities of the modes (T, B, 3), which are those of the IMM filter if none are given, the
+    likelihood ratios of its estimates and the last statement are filled.
     """
 
     def __init__(self, batch: Batch, estimates: TurnEstimates, probabilities: FloatArray | None = None):
@@ -84,12 +74,7 @@ class FlightTracks:
         return rows, np.zeros(self.num_envs), ended, np.zeros(self.num_envs, np.bool_), {}
 
     def statements(self, decider: Any, lengths: Sequence[int]) -> list[IntArray]:
-        """Return the statements of a decider on each flight, (n,); 0 outside of the pieces.
-
-        Args:
-            decider: states a mode at every position.
-            lengths: number n of positions of each flight.
-        """
+        """Return the statements of a decider on each flight of n positions, (n,); 0 outside of the pieces."""
         (stated,) = self.statements_together(decider, lengths, 1)
         return stated
 

@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from baselines.recordings.reading.names import SECONDS, split_unit
 from hybrid_env.checks import ArgumentError, reject
 
+# Cells without a value.
 MISSING = ["", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "<NA>", "-nan"]
-"""Cells without a value."""
-
 MAX_TIME = 1e21  # [s]
 EPOCH = (6.3e8, 4.2e9)  # [s] since 1970: the years 1990 to 2103
 EPOCH_UNITS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")
-"""Time scales that stand where a unit may stand."""
-
+SCALES = ("utc", "gmt", "unix", "epoch", "posix", "gps")  # time scales that stand where a unit may stand
 DECIMAL_COMMA = r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"
 GERMAN = r"(\d{2})\.(\d{2})\.(\d{4})(.*)"
 FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"
@@ -26,27 +23,16 @@ FORMAT = "a format such as '%d/%m/%Y %H:%M:%S'"
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Cells of a file, before it is known what they mean.
+    """Cells of a file, before it is known what they mean."""
 
-    Attributes:
-        file: path of the file for messages, shortened.
-        frame: the cells, one column for each of `names`, labelled by its number from 0.
-        names: names of the columns as in the file; empty for a column without a name.
-        headed: whether the file names its columns.
-        row_word: what a row is called in messages: line, row or point.
-        first_row: number of the first row in messages.
-        segments: (n,) number of the segment of a GPX track of each row; None for other files.
-        notes: what was left out or assumed, for the summary.
-    """
-
-    file: str
-    frame: pd.DataFrame
-    names: tuple[str, ...]
-    headed: bool = True
-    row_word: str = "row"
-    first_row: int = 1
-    segments: NDArray[np.int64] | None = None
-    notes: list[str] = field(default_factory=list)
+    file: str  # its path for messages, shortened
+    frame: pd.DataFrame  # the cells, one column for each of `names`, labelled by its number from 0
+    names: tuple[str, ...]  # of the columns as in the file; empty for a column without a name
+    headed: bool = True  # whether the file names its columns
+    row_word: str = "row"  # what a row is called in messages: line, row or point
+    first_row: int = 1  # number of the first row in messages
+    segments: NDArray[np.int64] | None = None  # (n,) number of the segment of a GPX track of each row
+    notes: list[str] = field(default_factory=list)  # what was left out or assumed, for the summary
 
     def place(self, row: int, column: int) -> str:
         """Return file, row and column for a message; row and column are counted from 0."""
@@ -62,33 +48,20 @@ class Table:
 
 
 class Numbers(NamedTuple):
-    """Cells of a column as numbers.
+    """Cells of a column as numbers."""
 
-    Attributes:
-        values: (n,) the numbers; NaN where a cell is empty, and where it is not a number.
-        wrong: rows whose cell is neither a number nor empty.
-        comma: whether the decimal separator is a comma.
-    """
-
-    values: NDArray[np.float64]
-    wrong: NDArray[np.int64]
-    comma: bool = False
+    values: NDArray[np.float64]  # (n,) NaN where a cell is empty, and where it is not a number
+    wrong: NDArray[np.int64]  # rows whose cell is neither a number nor empty
+    comma: bool = False  # whether the decimal separator is a comma
 
 
 class Times(NamedTuple):
-    """Times of all rows of a file.
+    """Times of all rows of a file."""
 
-    Attributes:
-        seconds: (n,) times [s]; dates are counted from the earliest one.
-        epoch: date of time 0, ISO 8601; None for times without a date.
-        kind: how the cells were understood, for the summary.
-        unit: `s`, or `ticks` for numbers of rows.
-    """
-
-    seconds: NDArray[np.float64]
-    epoch: str | None
-    kind: str
-    unit: str = "s"
+    seconds: NDArray[np.float64]  # (n,) [s]; dates are counted from the earliest one
+    epoch: str | None  # date of time 0, ISO 8601; None for times without a date
+    kind: str  # how the cells were understood, for the summary
+    unit: str = "s"  # or `ticks` for numbers of rows
 
 
 def counted(number: int, word: str) -> str:
@@ -114,16 +87,7 @@ def parse_numbers(cells: "pd.Series[object]") -> Numbers:
 
 
 def parse_times(table: Table, column: int, unit: str | None) -> Times:
-    """Parse a column of times.
-
-    Args:
-        table: the table.
-        column: number of the column from 0.
-        unit: unit or format; None recognises it.
-
-    Raises:
-        ArgumentError: a cell is not a time.
-    """
+    """Parse a column of times; a unit or format of None is recognised."""
     if unit is not None and unit not in SECONDS and "%" not in unit:
         raise reject("time_unit", unit, f"one of {', '.join(SECONDS)}, or {FORMAT}")
     cells, epoch = table.frame[column], None
@@ -135,15 +99,13 @@ def parse_times(table: Table, column: int, unit: str | None) -> Times:
         numbers = parse_numbers(cells)
         if not numbers.wrong.size:
             return _from_numbers(table, column, numbers.values, unit)
-        if len(numbers.wrong) < len(cells) / 2:  # a broken number among numbers
-            times, kind = pd.Series(numbers.values), ""
-        else:
-            times, kind = _from_dates(cells, None)
-    if pd.api.types.is_datetime64_any_dtype(times):
+        broken = len(numbers.wrong) < len(cells) / 2  # a broken number among numbers
+        times, kind = (pd.Series(numbers.values), "") if broken else _from_dates(cells, None)
+    if types.is_datetime64_any_dtype(times):
         start = times.min()
         epoch = None if pd.isna(start) else start.tz_localize(None).isoformat() + "Z"
         times = times - start
-    if pd.api.types.is_timedelta64_dtype(times):
+    if types.is_timedelta64_dtype(times):
         times = times.dt.total_seconds()
     seconds = times.to_numpy(np.float64)
     _check_times(table, column, seconds)
@@ -165,8 +127,8 @@ def _from_numbers(table: Table, column: int, values: NDArray[np.float64], unit: 
         unit = split_unit(table.names[column])[1]
         unit = None if unit is not None and unit.lower() in SCALES else unit
     if unit is not None and unit.lower() not in SECONDS:
-        allowed = f"one of {', '.join(SECONDS)}: see --time-unit"
-        raise reject(f"{table.file}: unit of {table.label(column)}", unit, allowed)
+        name = f"{table.file}: unit of {table.label(column)}"
+        raise reject(name, unit, f"one of {', '.join(SECONDS)}: see --time-unit")
     _check_times(table, column, values)
     since_1970 = epoch_unit(values)
     if since_1970 is None or unit not in (None, since_1970):
@@ -211,5 +173,4 @@ def _check_times(table: Table, column: int, seconds: NDArray[np.float64]) -> Non
     cell = table.frame[column].iloc[row]
     if pd.isna(cell) or not str(cell).strip():
         raise ArgumentError(f"{table.place(row, column)}: the cell is empty: expected a time in every row")
-    allowed = f"a number, an ISO date, or --time-unit with {FORMAT}"
-    raise reject(table.place(row, column), str(cell), allowed)
+    raise reject(table.place(row, column), str(cell), f"a number, an ISO date, or --time-unit with {FORMAT}")

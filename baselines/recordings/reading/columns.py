@@ -10,47 +10,27 @@ from baselines.recordings.reading.cells import Table, epoch_unit
 from baselines.recordings.reading.names import INDEX, ROLES, plain_name, role_of
 from hybrid_env.checks import ArgumentError, reject
 
-ONE_OBJECT = "none"
-"""Value of --object for a file with one object."""
-
+ONE_OBJECT = "none"  # value of --object for a file with one object
 PLANE, DEGREES, POLAR = {"x", "y"}, {"lat", "lon"}, {"range", "bearing"}
 HINT = "name them by --columns, for example --columns time=1 x=2 y=3"
-LISTED = 8
-"""So many columns are listed in a message."""
+LISTED = 8  # so many columns are listed in a message
 
 
 @dataclass
 class Columns:
-    """Numbers of columns from 0.
+    """Numbers of columns from 0."""
 
-    Attributes:
-        roles: the columns of `time`, `x`, `y`, `lat` and `lon`.
-        index: an index, whose whole numbers are ticks if there are no times.
-        object: the column that tells objects apart.
-        left_out: names of the columns that are not used.
-        chosen: whether the caller has named columns.
-    """
-
-    roles: dict[str, int]
-    index: int | None = None
-    object: int | None = None
-    left_out: list[str] = field(default_factory=list)
-    chosen: bool = False
-
-    @property
-    def degrees(self) -> bool:
-        """Whether the positions are latitudes and longitudes."""
-        return "lat" in self.roles
+    roles: dict[str, int]  # the columns of `time`, `x`, `y`, `lat` and `lon`
+    index: int | None = None  # an index, whose whole numbers are ticks if there are no times
+    object: int | None = None  # the column that tells objects apart
+    left_out: list[str] = field(default_factory=list)  # names of the columns that are not used
+    chosen: bool = False  # whether the caller has named columns
 
 
 def find_columns(
     table: Table, columns: Mapping[str, str] | None, object_column: str | None, polar: bool = False
 ) -> Columns:
-    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names.
-
-    Raises:
-        ArgumentError: a column is missing, or more than one may be meant.
-    """
+    """Find the columns of times, positions, with `polar` those of a radar, and objects by their names."""
     given = {role: numbered_column(table, "columns", name) for role, name in _checked(columns or {}).items()}
     found = Columns(_roles(table, given, polar), chosen=bool(given))
     used = set(found.roles.values())
@@ -109,26 +89,22 @@ def _roles(table: Table, given: dict[str, int], polar: bool) -> dict[str, int]:
             advice = f"choose by --columns, for example {role}={named[0] + 1}"
             raise ArgumentError(f"{table.file}: both {table.labels(named)} may be {role}: {advice}")
         roles[role] = named[0]
-    if polar:
-        if not set(roles) >= POLAR:
-            raise ArgumentError(f"{table.file}: no columns range and bearing ({listed_columns(table)}): {HINT}")
-        return {role: k for role, k in roles.items() if role in ("time", "range", "bearing", "rate")}
-    plane, degrees = set(roles) >= PLANE, set(roles) >= DEGREES
-    if plane and degrees:
+    found = [axes for axes in ((POLAR,) if polar else (PLANE, DEGREES)) if set(roles) >= axes]
+    if not found:
+        wanted = "range and bearing" if polar else "x, y or lat, lon"
+        raise ArgumentError(f"{table.file}: no columns {wanted} ({listed_columns(table)}): {HINT}")
+    if len(found) > 1:
         lat, lon = table.label(roles["lat"]), table.label(roles["lon"])
         advice = f"choose by --columns, for example lat={lat} lon={lon}"
         raise ArgumentError(f"{table.file}: it has x, y and lat, lon: {advice}")
-    if not plane and not degrees:
-        raise ArgumentError(f"{table.file}: no columns x, y or lat, lon ({listed_columns(table)}): {HINT}")
-    axes = DEGREES if degrees else PLANE
-    return {role: k for role, k in roles.items() if role == "time" or role in axes}
+    kept = {"time", *found[0], *(("rate",) if polar else ())}
+    return {role: k for role, k in roles.items() if role in kept}
 
 
 def object_column_of(table: Table, used: set[int]) -> int | None:
     """Return the column by whose values objects differ, by its name.
 
-    A column that is different in every row is a number of the row, one that is the same in every row names
-    the object.
+    One that is different in every row is a number of the row; one that is the same in every row names the object.
     """
     codes = {}
     for k, name in enumerate(table.names):

@@ -22,30 +22,19 @@ from baselines.recordings.reading.names import role_of
 from hybrid_env.checks import ArgumentError, reject
 
 MAX_BYTES = 250_000_000  # of a file, and of what it holds
-MAX_ROWS = 2_500_000
-"""`hybridtrack track` then needs a few gigabytes of memory at most."""
-
+MAX_ROWS = 2_500_000  # `hybridtrack track` then needs a few gigabytes of memory at most
 MAX_LINE = 50_000  # characters
 MAX_COLUMNS = 2_000
-HEAD_ROWS = 50
-"""Number of rows from which the delimiter is found."""
-
+HEAD_ROWS = 50  # number of rows from which the delimiter is found
 LONGEST_NAME = 80  # characters of the path in a message
 INDEX = "__index_level_0__"
 ALLOWED = "a CSV, TSV, Parquet, GPX or IGC file"
-DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}
-"""Delimiters and their names in messages."""
-
-TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})
-"""Bytes that a text may have."""
+DELIMITERS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','", " ": "space"}  # delimiters and their names in messages
+TEXT_BYTES = bytes({9, 10, 12, 13, *range(32, 256)})  # bytes that a text may have
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read the cells of a file.
-
-    Raises:
-        ArgumentError: it cannot be read, or is none of the kinds of files.
-    """
+    """Read the cells of a file. Raises `ArgumentError` if it is none of the kinds of files."""
     name, content = _content(Path(path))
     start = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:4] == b"PAR1":
@@ -62,11 +51,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def read_igc(path: Path) -> IgcLog | None:
-    """Return the log if a file is one.
-
-    Raises:
-        ArgumentError: the file cannot be read, or the log has no positions.
-    """
+    """Return the log if a file is one. Raises `ArgumentError` if it has no positions."""
     name, content = _content(path)
     return parse_igc(name, content) if is_igc(content) else None
 
@@ -127,15 +112,13 @@ def _read_gpx(content: bytes, name: str) -> Table:
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{name}: the file begins as XML but is not GPX ({reason})") from None
-    frame = pd.DataFrame(
-        [
-            (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
-            for number, track in enumerate(tracks, start=1)
-            for part, segment in enumerate(track.segments)
-            for point in segment.points
-        ],
-        columns=["time", "lat", "lon", "track_id", "segment"],
-    )
+    points = [
+        (point.time, point.latitude, point.longitude, track.name or f"track {number}", (number, part))
+        for number, track in enumerate(tracks, start=1)
+        for part, segment in enumerate(track.segments)
+        for point in segment.points
+    ]
+    frame = pd.DataFrame(points, columns=["time", "lat", "lon", "track_id", "segment"])
     if frame.empty:
         raise reject("file", name, "a GPX file with track points (trkpt)")
     segments = pd.factorize(frame.pop("segment"))[0]
@@ -218,9 +201,7 @@ def _lines(text: str, name: str, notes: list[str]) -> tuple[list[str], int]:
 
 
 def _is_comment(lines: list[str]) -> bool:
-    """Whether the first of two lines is a comment. The last one before the rows may be the header, as
-    numpy.savetxt writes it.
-    """
+    """Whether the first of two lines is a comment; the last before the rows may be the header of numpy.savetxt."""
     line = lines[0].strip()
     if not line.startswith("#"):
         return re.fullmatch(r"sep=.", line) is not None
@@ -229,8 +210,8 @@ def _is_comment(lines: list[str]) -> bool:
 
 
 def _fit(lines: list[str], delimiter: str) -> tuple[float, ...]:
-    """Return how well a delimiter fits: the number of known names in the header, the share of rows with
-    equally many cells, and whether the header has as many. Where none fits, it is the comma.
+    """Return how well a delimiter fits: known names in the header, share of rows with equally many cells, and
+    whether the header has as many. Where none fits, it is the comma.
     """
     header, *rows = (_cells(line, delimiter) for line in lines)
     [(usual, times)] = Counter(map(len, rows or [header])).most_common(1)
@@ -267,6 +248,7 @@ def _names(rows: list[list[str]], line: str) -> tuple[str, ...]:
 def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: int) -> pd.DataFrame:
     """Parse rows with a number of columns; `first` is the number of the first line."""
     wrong: list[pyarrow.csv.InvalidRow] = []
+    names = [str(k) for k in range(columns)]
 
     def refuse(row: pyarrow.csv.InvalidRow) -> str:
         wrong.append(row)
@@ -275,9 +257,7 @@ def _parsed(lines: list[str], delimiter: str, columns: int, name: str, first: in
     try:
         table = pyarrow.csv.read_csv(
             pa.py_buffer("\n".join(lines).encode()),
-            pyarrow.csv.ReadOptions(
-                column_names=[str(k) for k in range(columns)], use_threads=False, block_size=4_000_000
-            ),
+            pyarrow.csv.ReadOptions(column_names=names, use_threads=False, block_size=4_000_000),
             pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
             pyarrow.csv.ConvertOptions(null_values=MISSING, strings_can_be_null=True, quoted_strings_can_be_null=True),
         )

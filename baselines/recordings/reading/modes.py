@@ -16,40 +16,29 @@ from baselines.recordings.reading.names import plain_name, role_of
 from baselines.recordings.reading.read import cell_text, check_order, object_rows
 from hybrid_env.checks import ArgumentError, reject
 
+# Names of columns of modes, in the order of preference.
 MODES = (
     "mode", "modes", "true_mode", "truth", "stated", "statement", "statements", "predicted", "prediction",
     "label", "labels", "state", "states", "regime", "class", "manoeuvre", "maneuver", "phase",
 )  # fmt: skip
-"""Names of columns of modes, in the order of preference."""
-
-TRACKS = ("track", "episode")
-"""Names of columns that tell tracks apart, beside those of objects."""
+TRACKS = ("track", "episode")  # names of columns that tell tracks apart, beside those of objects
 
 
 class ModeFile(NamedTuple):
-    """What was read of a file.
+    """What was read of a file, by the name of each track."""
 
-    Attributes:
-        times: increasing times [s] of each track by its name; datetimes if the file has dates.
-        modes: modes as text, None for an empty cell.
-    """
-
-    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]
-    modes: dict[str, list[str | None]]
+    times: dict[str, NDArray[np.float64] | NDArray[np.datetime64]]  # increasing [s]; datetimes if the file has dates
+    modes: dict[str, list[str | None]]  # as text, None for an empty cell
 
     def like(self, other: "ModeFile", name: str) -> "ModeFile":
-        """Return the tracks of another file, in its order; if both have one, the names may differ.
-
-        Raises:
-            ArgumentError: a track is missing in this file, whose `name` is for the message.
-        """
+        """Return the tracks of another file, in its order, if all are here; of single ones the names may differ."""
         if len(self.times) == len(other.times) == 1:
             return self
         missing = [track for track in other.times if track not in self.times]
         if missing:
             raise reject(f"tracks of {name}", list(self.times), f"every track of the truth, also {missing[0]}")
         order = list(other.times)
-        return ModeFile({name: self.times[name] for name in order}, {name: self.modes[name] for name in order})
+        return ModeFile({one: self.times[one] for one in order}, {one: self.modes[one] for one in order})
 
 
 def read_modes(
@@ -61,13 +50,9 @@ def read_modes(
 ) -> ModeFile:
     """Read the modes of a file.
 
-    Args:
-        path: the file.
-        columns: name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The
-            only column that is neither time nor object is that of the modes, whatever its name is.
-        object_column: column that tells several tracks apart; `none` for a file with one; None finds it by
-            its name.
-        time_unit: see `read_recordings`.
+    Columns are the name or number (from 1) of the columns `time` and `mode`; None finds them by their names. The only
+    column that is neither time nor object is that of the modes, whatever its name is. The other arguments are those of
+    `read_recordings`.
 
     Raises:
         ArgumentError: the file cannot be read, or it is not clear what its columns mean.
@@ -116,7 +101,6 @@ def _mode_column(table: Table, used: set[int | None]) -> int:
     plain = {plain_name(table.names[k]): k for k in reversed(free)}
     named = [plain[name] for name in MODES if name in plain]
     if not named and len(free) != 1:
-        raise ArgumentError(
-            f"{table.file}: no column of modes ({listed_columns(table)}): name it by --columns, as mode=2"
-        )
+        advice = f"({listed_columns(table)}): name it by --columns, as mode=2"
+        raise ArgumentError(f"{table.file}: no column of modes {advice}")
     return (named or free)[0]

@@ -3,6 +3,7 @@
 import functools
 import re
 
+# Names of the columns of times and positions, in lower case and joined by underscores.
 ROLES = {
     "time": (
         "t", "time", "times", "timestamp", "datetime", "date_time", "date", "epoch", "ts", "unix", "unixtime",
@@ -21,8 +22,8 @@ ROLES = {
     "bearing": ("bearing", "brg", "azimuth", "az", "measured_bearing"),
     "rate": ("range_rate", "rangerate", "doppler", "radial_velocity", "radial_speed", "rdot"),
 }  # fmt: skip
-"""Names of the columns of times and positions, in lower case and joined by underscores."""
 
+# Names of columns that tell objects apart.
 OBJECTS = (
     "object", "object_id", "obj", "obj_id", "id", "track_id", "trackid", "target", "target_id",
     "vehicle", "vehicle_id", "agent", "agent_id", "ship", "ship_id", "mmsi", "icao24", "icao", "hex",
@@ -30,20 +31,17 @@ OBJECTS = (
     "animal", "animal_id", "name", "ped_id", "pedestrian_id", "person", "person_id", "pid", "uid", "uuid",
     "tag", "tag_id",
 )  # fmt: skip
-"""Names of columns that tell objects apart."""
-
 ROLE_OF = {name: role for role, names in (ROLES | {"object": OBJECTS}).items() for name in names}
+# Names of an index: the number of the row, as spreadsheets and pandas write it.
 INDEX = ("", "unnamed_0", "index", "row", "nr", "no")
-"""Names of an index: the number of the row, as spreadsheets and pandas write it."""
-
 DEGREES = ("deg", "degree", "degrees", "°")
 LENGTHS = ("m", "km", "cm", "mm", "um", "ft", "yd", "mi", "nmi", "px", "rad", *DEGREES)
+# Units of time [s].
 SECONDS = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3,
     "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0,
     "h": 3600.0, "hours": 3600.0,
 }  # fmt: skip
-"""Units of time [s]."""
 
 
 def plain_name(name: str) -> str:

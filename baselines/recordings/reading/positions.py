@@ -11,58 +11,29 @@ from baselines.recordings.reading.names import DEGREES, split_unit
 from hybrid_env.checks import ArgumentError, reject
 from hybrid_env.sensors import Radar
 
-MAX_VALUE = 1e12
-"""Largest absolute value of a coordinate; its powers do not overflow."""
-
+MAX_VALUE = 1e12  # largest absolute value of a coordinate; its powers do not overflow
 MAX_LATITUDE, MAX_LONGITUDE = 90.0, 360.0  # [deg]
-SLOW = 0.01
-"""Objects move by less than this number of degrees in a second, and most of them by more metres than it."""
-
-OFFSET = 2.0
-"""Degrees are this far from 0, compared with their extent, and at least one degree."""
-
+SLOW = 0.01  # objects move by less than this number of degrees in a second, and most of them by more metres than it
+OFFSET = 2.0  # degrees are this far from 0, compared with their extent, and at least one degree
 MIN_ROWS = 8
-WINDOW = 4
-"""Rows among which the previous row of the same object is looked for."""
-
-FAR = 10.0
-"""A row is far from the previous one if another of the rows before it is this many times nearer."""
-
+WINDOW = 4  # rows among which the previous row of the same object is looked for
+FAR = 10.0  # A row is far from the previous one if another of the rows before it is this many times nearer
 FAR_SHARE = 0.25
-JUMP = 50.0
-"""A jump is this many times faster than any other step."""
-
-END_SHARE = 0.2
-"""A jump this close to an end of the recording is an error of measurement rather than another object."""
+JUMP = 50.0  # A jump is this many times faster than any other step
+END_SHARE = 0.2  # A jump this close to an end of the recording is an error of measurement rather than another object
 
 
 class Places(NamedTuple):
-    """Positions of all rows of a file.
+    """Positions of all rows of a file."""
 
-    Attributes:
-        values: (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty.
-        unit: unit of the positions on the plane; None if the file does not name it.
-        degrees: whether `values` are degrees.
-    """
-
-    values: NDArray[np.float64]
-    unit: str | None
-    degrees: bool
+    values: NDArray[np.float64]  # (n, 2) x and y, or longitude and latitude [deg]; NaN where a cell is empty
+    unit: str | None  # of the positions on the plane; None if the file does not name it
+    degrees: bool  # whether `values` are degrees
 
 
-def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
-    """Parse the columns of the positions.
-
-    Args:
-        table: the table.
-        found: its columns.
-        unit: unit of x and y; None takes it from the header.
-
-    Raises:
-        ArgumentError: a cell is not a number, a latitude or longitude is out of range, x and y have
-            different units, or a unit is given for latitudes and longitudes.
-    """
-    degrees = found.degrees
+def read_positions(table: Table, found: Columns, unit: str | None) -> tuple[Places, None]:
+    """Parse the columns of the positions; a unit of None is that of the header. There are no range rates."""
+    degrees = "lat" in found.roles
     axes = [found.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
     if degrees and unit not in (None, "m", *DEGREES):
@@ -85,25 +56,13 @@ def read_positions(table: Table, found: Columns, unit: str | None) -> Places:
             raise reject(table.place(int(wrong[0]), column), shown, allowed)
     if any(one.comma for one in numbers):
         table.notes.append("decimal comma")
-    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees)
+    return Places(np.column_stack([one.values for one in numbers]), "m" if degrees else unit, degrees), None
 
 
 def read_polar(table: Table, found: Columns, radar: Radar) -> tuple[Places, NDArray[np.float64] | None]:
-    """Parse the columns of range, bearing and range rate, and convert ranges and bearings to positions.
+    """Parse ranges and bearings of a radar to positions, and range rates, (n,), if it measures them.
 
-    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x
-    axis.
-
-    Args:
-        table: the table.
-        found: its columns.
-        radar: that measured.
-
-    Returns:
-        Positions, and range rates (n,) if the radar measures them.
-
-    Raises:
-        ArgumentError: a cell is not a number, or the column of the range rates is missing.
+    Bearings in degrees are clockwise from the y axis (north), those in radians counter-clockwise from the x axis.
     """
     names = ("range", "bearing", "rate")[: radar.values]
     if names[-1] not in found.roles:
@@ -130,23 +89,14 @@ def check_positions(
 ) -> None:
     """Check that measurements look like those of one object, and not like degrees if they have no unit.
 
-    Args:
-        table: the table.
-        places: positions of its rows.
-        seconds: (k,) increasing times [s] of the measurements of an object, or numbers of rows.
-        rows: (k,) their rows, at least two.
-        marked: whether the caller or a column says which rows are of the object.
-
-    Raises:
-        ArgumentError: they do not.
+    They are in `rows` (k,), at least two, at increasing times [s], or numbers of rows; `marked`: the caller or a column
+    says that they are of one object.
     """
     positions = places.values[rows]
     reason = None if marked else _unmarked_objects(seconds, positions)
     if reason is not None:
-        raise ArgumentError(
-            f"{table.file}: more than one object? ({reason}): name the column of the objects by --object, or "
-            "--object none for a single one"
-        )
+        advice = "name the column of the objects by --object, or --object none for a single one"
+        raise ArgumentError(f"{table.file}: more than one object? ({reason}): {advice}")
     if places.unit is None and _look_like_degrees(seconds, positions):
         (west, south), (east, north) = positions.min(axis=0), positions.max(axis=0)
         raise ArgumentError(
@@ -175,8 +125,8 @@ def _unmarked_objects(times: NDArray[np.float64], positions: NDArray[np.float64]
     if count < MIN_ROWS:
         return None
     before = np.full((WINDOW, count), np.inf)
-    for lag in range(1, WINDOW + 1):
-        before[lag - 1, lag:] = np.hypot(*(positions[lag:] - positions[:-lag]).T)
+    for lag, row in enumerate(before, start=1):
+        row[lag:] = np.hypot(*(positions[lag:] - positions[:-lag]).T)
     nearest = before.min(axis=0)[WINDOW:]
     far = before[0, WINDOW:] > FAR * nearest
     if np.median(nearest) > 0.0 and far.mean() >= FAR_SHARE:

@@ -18,15 +18,10 @@ from baselines.recordings.recording import UNKNOWN_UNIT, Recording, make_recordi
 from hybrid_env.checks import ArgumentError, FloatArray, IntArray, check_positive, reject
 from hybrid_env.sensors import Radar
 
-TAU_TOLERANCE = 1e-3
-"""Largest relative difference between a given tick and the one of the times."""
-
+TAU_TOLERANCE = 1e-3  # largest relative difference between a given tick and the one of the times
 MAX_NAME = 60  # characters of an object's name
-LISTED = 6
-"""So many columns that are not used are listed in the summary."""
-
-JITTER = 1e-3
-"""Steps that differ by more than this share of the tick are listed."""
+LISTED = 6  # so many columns that are not used are listed in the summary
+JITTER = 1e-3  # steps that differ by more than this share of the tick are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,44 +68,38 @@ def read_recordings(
         ArgumentError: the file cannot be read, or it is not clear what its columns mean; the message names
             file, line, value and what is allowed, or the option that helps.
     """
-    if tau is not None:
-        check_positive("tau", tau)
-    if gap is not None:
-        check_positive("gap", gap)
+    for name, value in (("tau", tau), ("gap", gap)):
+        if value is not None:
+            check_positive(name, value)
     table = read_table(path)
     found = find_columns(table, columns, object_column, radar is not None)
     groups = object_rows(table, found.object, Path(path))
     times = _times(table, found, time_unit, tau, len(groups) == 1)
-    places, rates = (read_positions(table, found, unit), None) if radar is None else (
-        read_polar(table, found, radar)
-    )  # fmt: skip
+    places, rates = read_positions(table, found, unit) if radar is None else read_polar(table, found, radar)
     known = np.asarray(~np.isnan(places.values).any(axis=1))
     recordings = []
     for name, rows in groups:
         measured = rows[known[rows]]
-        if len(measured) < 2 and len(groups) == 1:
-            measurements = counted(len(measured), "measured position")
-            raise ArgumentError(f"{table.file}: {measurements}: expected at least two")
         if len(measured) < 2:
-            continue
+            if len(groups) > 1:
+                continue
+            raise ArgumentError(f"{table.file}: {counted(len(measured), 'measured position')}: expected at least two")
         check_order(table, found, times.seconds, rows, name)
         marked = object_column is not None or len(groups) > 1
         check_positions(table, places, times.seconds[measured], measured, marked)
         positions, projection = places.values[rows], None
         if places.degrees:
-            longitudes, latitudes = positions.T
-            projection = centred_projection(latitudes, longitudes)
-            positions = projection.forward(latitudes, longitudes)
-        breaks: Any = ()  # a segment of a GPX track: reception was lost or the logger switched off
-        if table.segments is not None:
-            breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
-        recordings.append(
-            make_recording(
-                times.seconds[rows], positions, name=name, gap=gap, breaks=breaks,
-                unit=places.unit or UNKNOWN_UNIT, time_unit=times.unit, epoch=times.epoch,
-                projection=projection, radar=radar, rates=None if rates is None else rates[rows],
-            )
+            degrees = positions[:, ::-1].T
+            projection = centred_projection(*degrees)
+            positions = projection.forward(*degrees)
+        # a segment of a GPX track: reception was lost or the logger switched off
+        breaks: Any = () if table.segments is None else np.flatnonzero(np.diff(table.segments[rows])) + 1
+        recording = make_recording(
+            times.seconds[rows], positions, name=name, gap=gap, breaks=breaks, unit=places.unit or UNKNOWN_UNIT,
+            time_unit=times.unit, epoch=times.epoch, projection=projection, radar=radar,
+            rates=None if rates is None else rates[rows],
         )  # fmt: skip
+        recordings.append(recording)
     if not recordings:
         raise ArgumentError(f"{table.file}: no object has two measured positions")
     if len(recordings) < len(groups):
@@ -130,10 +119,8 @@ def object_rows(table: Table, column: int | None, path: Path) -> list[tuple[str,
     cells = table.frame[column]
     empty = np.flatnonzero(cells.isna())
     if empty.size:
-        raise ArgumentError(
-            f"{table.place(int(empty[0]), column)}: the cell is empty: expected an object in every row, or "
-            "--object none"
-        )
+        place = table.place(int(empty[0]), column)
+        raise ArgumentError(f"{place}: the cell is empty: expected an object in every row, or --object none")
     codes, values = pd.factorize(cells)
     order = np.argsort(codes, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
@@ -158,10 +145,8 @@ def _times(table: Table, found: Columns, unit: str | None, tau: float | None, on
         if np.isfinite(numbers).all() and (numbers % 1 == 0).all():
             ticks = numbers - numbers[0]
         elif not found.chosen:
-            raise ArgumentError(
-                f"{table.file}: {table.label(found.index)} is no number of the row: name the columns by "
-                f"--columns, for example time={found.index + 1} x=... y=..."
-            )
+            advice = f"name the columns by --columns, for example time={found.index + 1} x=... y=..."
+            raise ArgumentError(f"{table.file}: {table.label(found.index)} is no number of the row: {advice}")
     return Times(tick_times(ticks, 1.0 if tau is None else tau), None, "", "ticks" if tau is None else "s")
 
 
@@ -174,9 +159,8 @@ def check_order(table: Table, found: Columns, seconds: FloatArray, rows: IntArra
     column = found.roles.get("time", found.index)
     assert column is not None  # numbers of rows increase
     cells = table.frame[column]
-    advice = "(several objects? name their column by --object)" if found.object is None else (
-        f"of object {name}"
-    )  # fmt: skip
+    several = "(several objects? name their column by --object)"
+    advice = several if found.object is None else f"of object {name}"
     raise reject(table.place(int(row), column), str(cells.iloc[row]), f"a time after {cells.iloc[before]} {advice}")
 
 

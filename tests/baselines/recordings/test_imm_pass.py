@@ -7,7 +7,7 @@ import pytest
 from recorded_tracks import OBJECTS
 
 from baselines.recordings.decisions import first_state
-from baselines.recordings.imm_pass import BURN_IN, PassOutput, imm_pass, make_chunks, no_output
+from baselines.recordings.imm_pass import BURN_IN, NO_OUTPUT, PassOutput, imm_pass, make_chunks
 from baselines.recordings.model_fit import NEVER, fit_model, imm_model
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import tick_grid
@@ -21,7 +21,7 @@ from hybrid_env.simulation import simulate
 
 def run_pass(parts, radii, model, switches=None, output=None):
     arguments = make_chunks(parts, switches), bank_arrays(ImmBank, len(radii)), np.array(radii, float), model
-    output = output or no_output()
+    output = output or NO_OUTPUT
     prepare(imm_pass, *arguments, output)
     return imm_pass(*arguments, output)
 
@@ -57,7 +57,7 @@ def test_lanes_without_a_chunk_and_earlier_passes_have_no_effect():
     for array in bank:
         array.view(np.float64)[...] = np.nan
     chunks = make_chunks([part] * (LANES + 1))  # the second block has one lane
-    total, count = imm_pass(chunks, bank, np.array([5.0]), imm_model(0.5, 0.01, 75.0, 1), no_output())
+    total, count = imm_pass(chunks, bank, np.array([5.0]), imm_model(0.5, 0.01, 75.0, 1), NO_OUTPUT)
     assert count == (LANES + 1) * alone[1]
     assert total == pytest.approx((LANES + 1) * alone[0], rel=1e-13)
 

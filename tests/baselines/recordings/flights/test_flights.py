@@ -228,7 +228,7 @@ def test_bad_sources_are_refused(tmp_path):
         Samples(tmp_path / "absent")
     (tmp_path / "known.json.gz").write_bytes(gzip.compress(b"[{}]")[:-9])
     with pytest.raises(ArgumentError, match="cannot be read"):
-        Samples(tmp_path).table("known")
+        Samples(tmp_path).flights_of("known")
 
 
 def installed():
