@@ -17,19 +17,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.dimensionless import ANCHOR_INPUTS
+from agents.learned.dimensionless import ANCHOR_INPUTS, clipped
 from baselines.rules.anchor_prior import MIRROR
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
 from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 
-CONTEXT = 7
-"""Inputs that do not depend on the declaration."""
-
-PAIR = 6
-"""Inputs that do."""
-
+CONTEXT, PAIR = 7, 6  # inputs that do not depend on the declaration, and that do
 NEGLIGIBLE_TURN = 1e-3  # difference of turn angles per tick [rad] below which a declaration costs little
 COMPONENTS = 4
 INITIAL_LOG_SCALES = (0.0, 1.2, 2.4, 3.6)  # of the standard deviations, relative to those that the bank states
@@ -41,19 +36,14 @@ FLOOR = 1e-3  # of the stated variances, relative to R and to R / tau^2 of the t
 
 
 class RegretNet(nn.Module):
-    """Loss of the next segment, which is 1 - reward, and how much of it a wrong turn causes.
-
-    Args:
-        hidden: units of the hidden layers.
-    """
+    """Loss of the next segment, which is 1 - reward, and how much of it a wrong turn causes."""
 
     def __init__(self, hidden: int):
         super().__init__()
         self.base = nn.Sequential(nn.Linear(CONTEXT, hidden), nn.Tanh(), nn.Linear(hidden, 1))
         self.excess = nn.Sequential(
-            nn.Linear(CONTEXT + PAIR, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(),
-            nn.Linear(hidden, 1),
-        )  # fmt: skip
+            nn.Linear(CONTEXT + PAIR, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(), nn.Linear(hidden, 1)
+        )
 
     def regret(self, context: Tensor, pair: Tensor, difference: Tensor) -> Tensor:
         """Return the expected increase of the loss (...) from inputs (..., 7), (..., 6) and (...).
@@ -70,24 +60,14 @@ class RegretNet(nn.Module):
         return (predicted - losses).square().mean()
 
 
-def regret_inputs(
-    declared: FloatArray,
-    true: FloatArray,
-    motion: FloatArray,
-    process: FloatArray,
-    ticks_left: FloatArray,
-    follows_bank: FloatArray,
-    anchor_aware: FloatArray,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the inputs of the network, (..., 7), (..., 6) and (...), from arrays of one shape (...).
+def regret_inputs(*values: FloatArray) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the inputs of the network, (..., 7), (..., 6) and (...), from seven arrays that broadcast to (...).
 
-    Args:
-        declared, true: turn angle per tick [rad], positive to the left; 0 is straight.
-        motion: logarithm of the distance per tick over the standard deviation of a measurement.
-        process: logarithm of the deviation of process noise per tick over the speed.
-        ticks_left: from the declaration to the switch.
-        follows_bank, anchor_aware: 1 or 0, options of the environment.
+    They are the declared and the true turn angle per tick [rad], positive to the left, 0 for straight motion; `motion`
+    and `process` of `dimensionless.ratios`; the ticks from the declaration to the switch; 1 or 0 for the options that
+    the environment follows all filters, and that its bank is anchor-aware.
     """
+    declared, true, motion, process, ticks_left, follows_bank, anchor_aware = np.broadcast_arrays(*values)
     difference = np.abs(declared - true)
 
     def log_turn(turn: FloatArray) -> FloatArray:
@@ -103,23 +83,16 @@ def regret_inputs(
         0.5 * (log_difference + 4.0), 0.5 * (log_difference + motion + 4.0),
         0.5 * (log_difference + motion + np.log1p(ticks_left)),
     ]  # fmt: skip
-    tensors = [
-        torch.from_numpy(np.clip(np.stack(columns, axis=-1), -5.0, 5.0).astype(np.float32))
-        for columns in (context, pair)
-    ]
-    return tensors[0], tensors[1], torch.from_numpy(difference.astype(np.float32))
+    of_context, of_pair = (torch.from_numpy(clipped(columns)) for columns in (context, pair))
+    return of_context, of_pair, torch.from_numpy(difference.astype(np.float32))
 
 
 class AnchorNet(nn.Module):
-    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states.
-
-    Args:
-        hidden: units of each of the two hidden layers.
-    """
+    """Mixture of normal distributions of the anchor error, relative to the covariance that the bank states."""
 
     def __init__(self, hidden: int):
         super().__init__()
-        self.inputs = len(ANCHOR_INPUTS) + COMPONENTS
+        self.inputs = ANCHOR_INPUTS + COMPONENTS
         self.layers = nn.Sequential(nn.Linear(self.inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
         self.output = nn.Linear(hidden, COMPONENTS * NUMBERS)
         nn.init.zeros_(self.output.weight)
@@ -132,8 +105,7 @@ class AnchorNet(nn.Module):
     def forward(self, inputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return log weights (n, C), means (n, C, 4) and Cholesky factors (n, C, 4, 4) of the covariances.
 
-        Args:
-            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
+        The inputs are (n, 22 + C), see `dimensionless.anchor_inputs`.
         """
         numbers = self.output(self.layers(inputs)).unflatten(-1, (COMPONENTS, NUMBERS))
         scale = numbers[..., 5:9].clamp(SMALLEST_SCALE, LARGEST_SCALE).exp()
@@ -153,9 +125,7 @@ class AnchorNet(nn.Module):
     def anchors(self, inputs: NDArray[np.float32], whitener: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the heading frame.
 
-        Args:
-            inputs: (n, 22 + C), see `dimensionless.anchor_inputs`.
-            whitener: (n, 4, 4), see `stated_factor`.
+        The inputs are as in `forward`, and the whitener (n, 4, 4) is that of `stated_factor`.
         """
         log_weight, mean, factor = (part.double().numpy() for part in self(torch.from_numpy(inputs)))
         root = whitener[:, None] @ factor
@@ -163,13 +133,9 @@ class AnchorNet(nn.Module):
 
 
 def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: FloatArray) -> FloatArray:
-    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4).
+    """Return a factor F with F F' = stated covariance in the mirrored frame, (n, 4, 4), at the first row of a segment.
 
-    Args:
-        layout: of the rows.
-        rows: (n, width) first rows of a segment.
-        tau: (n,) length of a tick [s].
-        side: (n,) of the turn, 1 or -1, see `dimensionless.declared_side`.
+    The tick `tau` [s] and the side of the turn, 1 or -1, see `dimensionless.declared_side`, are (n,).
     """
     covariance = stated_covariance(layout, rows)
     noise = np.exp(layout.read(rows, "log_noise"))
@@ -180,5 +146,4 @@ def stated_factor(layout: Layout, rows: Observations, tau: FloatArray, side: Flo
     for i, j in ((0, 1), (1, 0), (2, 3), (3, 2)):
         covariance[:, i, j] = np.clip(covariance[:, i, j], -limit, limit)
     signs = np.where(side[:, None] < 0, MIRROR, 1.0)
-    factor: FloatArray = signs[..., None] * np.linalg.cholesky(covariance)
-    return factor
+    return np.asarray(signs[..., None] * np.linalg.cholesky(covariance))

@@ -6,103 +6,55 @@ turn, so that a mirrored trajectory gives the same inputs.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Observations
 from baselines.rules.msprt import mode_types
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import FloatArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 LIMIT = 5.0  # inputs are clipped to +-5
 SMALLEST = 1e-12
 
-ANCHOR_INPUTS = (
-    "log of turn angle per tick",
-    "straight",
-    "log-odds of the declared hypothesis",
-    "log-odds of the declared type",
-    "posterior of straight",
-    "posterior of the side of the turn",
-    "posterior of the other side",
-    "mean deviation of the turn angle per tick",
-    "standard deviation of the turn angle per tick",
-    "log of ticks to the declaration",
-    "log of ticks after the declaration",
-    "log of position variance of the anchor over R",
-    "correlation of position and velocity",
-    "log of velocity variance of the anchor over R",
-    "log of process over measurement noise",
-    "log of the distance per tick over the deviation of a measurement",
-    "log of the deviation of process noise over the speed",
-    "change of the speed over its deviation",
-    "innovation along the heading, declared filter of the bank minus own filter",
-    "innovation across the heading, likewise",
-    "the environment follows all filters",
-    "the environment has the anchor-aware bank",
-)
-"""Followed by the posterior of every component of the previous anchor."""
+ANCHOR_INPUTS = 22  # without the posterior of the components
 
 
-@dataclass(frozen=True)
-class Scales:
-    """What the inputs need from the options of the worlds of N tracks, each (N,).
+class Scales(NamedTuple):
+    """What the inputs need from the options of the worlds of N tracks, each (N,)."""
 
-    Attributes:
-        tau: length of a tick [s].
-        process_deviation: sqrt(Q) [m/s].
-        follows_bank, anchor_aware: 1 or 0.
-    """
-
-    tau: FloatArray
-    process_deviation: FloatArray
-    follows_bank: FloatArray
-    anchor_aware: FloatArray
+    tau: FloatArray  # length of a tick [s]
+    process_deviation: FloatArray  # sqrt(Q) [m/s]
+    follows_bank: FloatArray  # 1 or 0
+    anchor_aware: FloatArray  # 1 or 0
 
     @classmethod
     def of(cls, worlds: Sequence[WorldOptions], tracks: Sequence[int]) -> "Scales":
-        """Return the scales of tracks in several worlds.
-
-        Args:
-            worlds: options.
-            tracks: number of tracks of each.
-        """
+        """Return the scales of several worlds, each with a number of tracks."""
         values = [(w.tau, np.sqrt(w.process_variance), w.follow == "bank", w.bank == "anchor_aware") for w in worlds]
         return cls(*np.repeat(np.array(values, np.float64), tracks, axis=0).T)
 
-    def select(self, tracks: NDArray[Any]) -> "Scales":
-        """Return the scales of selected tracks, by a mask (N,) or indices."""
-        return Scales(
-            self.tau[tracks], self.process_deviation[tracks], self.follows_bank[tracks],
-            self.anchor_aware[tracks],
-        )  # fmt: skip
 
+class LastRow(NamedTuple):
+    """What is remembered of the row before a switch, on which the declaration was made."""
 
-@dataclass
-class LastRow:
-    """What is remembered of the row before a switch, on which the declaration was made.
-
-    Attributes:
-        posterior: (N, M) of the hypotheses.
-        components: (N, C) posterior of the components of the anchor.
-        bias: (N, M, 2) innovation along and across the heading over sqrt(R), of the bank minus own filters.
-        ticks, ticks_left, speed: (N,) of the row.
-    """
-
-    posterior: FloatArray
-    components: FloatArray
-    bias: FloatArray
-    ticks: FloatArray
+    posterior: FloatArray  # (N, M) of the hypotheses
+    components: FloatArray  # (N, C) posterior of the components of the anchor
+    bias: FloatArray  # (N, M, 2) see `bias_of_bank`
+    ticks: FloatArray  # (N,) of the row, as the others
     ticks_left: FloatArray
     speed: FloatArray
 
-    def select(self, tracks: BoolArray) -> "LastRow":
-        """Return the rows of the tracks selected by a mask (N,)."""
-        return LastRow(*(part[tracks] for part in vars(self).values()))
+
+Arrays = TypeVar("Arrays", Scales, LastRow)
+
+
+def select(arrays: Arrays, tracks: NDArray[Any]) -> Arrays:
+    """Return the arrays of selected tracks, by a mask (N,) or indices."""
+    return type(arrays)(*(part[tracks] for part in arrays))
 
 
 def _log(values: FloatArray) -> FloatArray:
@@ -110,8 +62,8 @@ def _log(values: FloatArray) -> FloatArray:
 
 
 def _log_odds(probability: FloatArray) -> FloatArray:
-    clipped = np.clip(probability, SMALLEST, 1.0 - SMALLEST)
-    return np.log(clipped) - np.log1p(-clipped)
+    inside = np.clip(probability, SMALLEST, 1.0 - SMALLEST)
+    return np.log(inside) - np.log1p(-inside)
 
 
 def turns_per_tick(layout: Layout, rows: Observations, scales: Scales) -> FloatArray:
@@ -135,19 +87,16 @@ def ratios(layout: Layout, rows: Observations, scales: Scales) -> tuple[FloatArr
     )
 
 
-def _clip(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
+def clipped(columns: Sequence[FloatArray]) -> NDArray[np.float32]:
+    """Return inputs (..., K) within their limits from columns (...)."""
     return np.clip(np.stack(columns, axis=-1), -LIMIT, LIMIT).astype(np.float32)
 
 
 def bias_of_bank(layout: Layout, rows: Observations, innovations: FloatArray) -> FloatArray:
-    """Return the innovations of the bank minus those of own filters over sqrt(R), (N, M, 2).
+    """Return the innovations of the bank minus own ones (N, M, 3), see `ComponentFilters`, over sqrt(R), (N, M, 2).
 
-    The difference is that of the predicted positions: how far the filter of the bank has drifted.
-
-    Args:
-        layout: of the rows.
-        rows: (N, width).
-        innovations: (N, M, 3), see `ComponentFilters`.
+    The difference, along and across the heading, is that of the predicted positions: how far the filter of the bank
+    has drifted.
     """
     deviation = np.exp(0.5 * layout.read(rows, "log_variance"))[..., None]
     names = ("innovation_along", "innovation_across")
@@ -176,7 +125,7 @@ def anchor_inputs(
         layout: of the rows.
         rows: (N, width) first rows of a segment.
         scales: of the worlds.
-        last: of the rows before the switch.
+        last: of the rows before the switch; the posterior of its components is the last C inputs.
         side: see `declared_side`.
     """
     tracks = np.arange(len(rows))
@@ -202,11 +151,8 @@ def anchor_inputs(
         straight.astype(np.float64),
         0.2 * _log_odds(posterior[tracks, decided]),
         0.2 * _log_odds(of_type[tracks, kind[decided]]),
-        of_type[:, 0],
-        of_type[tracks, same],
-        of_type[tracks, other],
-        np.arcsinh(30.0 * mean),
-        np.arcsinh(30.0 * spread),
+        *(of_type[:, 0], of_type[tracks, same], of_type[tracks, other]),
+        *(np.arcsinh(30.0 * one) for one in (mean, spread)),  # of the turn angles per tick
         0.5 * (np.log(np.maximum(last.ticks, 1.0)) - 3.0),
         0.5 * (np.log1p(last.ticks_left) - 4.0),
         0.5 * (position + 2.0),
@@ -215,10 +161,9 @@ def anchor_inputs(
         0.3 * (noise + 5.0),
         0.5 * motion,
         0.5 * (process + 4.0),
-        np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),
+        np.arcsinh((speed - last.speed) / np.sqrt(np.maximum(variance, 1e-300))),  # a change over its deviation
         np.arcsinh(last.bias[tracks, decided, 0]),
         np.arcsinh(last.bias[tracks, decided, 1]) * side,
-        scales.follows_bank,
-        scales.anchor_aware,
+        *(scales.follows_bank, scales.anchor_aware),
     ]
-    return np.concatenate([_clip(columns), last.components.astype(np.float32)], axis=-1)
+    return np.concatenate([clipped(columns), last.components.astype(np.float32)], axis=-1)

@@ -22,9 +22,6 @@ class PosteriorDecider(Decider):
         net: trained network.
         world: options of the environment.
         alpha: threshold of the expected loss in units of a wrong declaration, in (0, 1].
-
-    Raises:
-        ArgumentError: alpha is out of range.
     """
 
     symbol, thresholds, default = "alpha", FEW_ALPHAS, 0.02
@@ -60,7 +57,7 @@ class PosteriorDecider(Decider):
         return np.where(error <= self.alpha, best + 1, 0), state
 
     def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
+        """See `Decider.panel`."""
         return posterior_panel(self.label, self.by_type, np.array([self.alpha]))
 
     def evidence(

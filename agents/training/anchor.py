@@ -1,33 +1,27 @@
 """Training of the anchor agent: likelihood of the anchor errors, and squared error of the next losses.
 
-The agent itself decides during training. The threshold on the expected loss is drawn at random after each
-declaration, and a fraction of the declarations is replaced by random hypotheses. The anchors therefore
-include those after early, late and wrong decisions. Besides fixed worlds there are random ones, which are
-drawn anew regularly. After every rollout the networks are trained on random samples of the last anchors and
-declarations.
+The agent itself decides during training, on the tracks of `anchor_stream`. Besides fixed worlds there are random
+ones, which are drawn anew regularly. After every rollout the networks are trained on random samples of the last
+anchors and declarations.
 """
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.evaluation.worlds import draw_world
 from agents.learned.anchor_decider import AnchorDecider, AnchorNetworks
 from agents.learned.anchor_net import regret_inputs
-from agents.learned.policy_file import save_policy
 from agents.training.anchor_stream import DECLARATION, AnchorStream, SampleBuffer
 from agents.training.checkpoint import check_tracks, restore_generator
 from agents.training.run import OwnNetworkRun, Round
 from agents.training.settings import AnchorSettings
 from baselines.rules import seeds
-from baselines.rules.decider import ANNOUNCED, DeciderFamily
 from hybrid_env.checks import check_integer, reject
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
@@ -39,13 +33,10 @@ LARGEST_GRADIENT = 1.0  # norm of the gradient of each network
 
 
 class AnchorRun(OwnNetworkRun):
-    """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments.
-
-    Raises:
-        ArgumentError: an invalid environment, or a damaged checkpoint.
-    """
+    """A training run of the anchor agent; see `agents.training.runs.make_run` for the arguments."""
 
     smallest_factor: ClassVar[float] = 0.02
+    decider = AnchorDecider
 
     def build(self) -> None:
         """Create networks, optimizer and environments."""
@@ -99,14 +90,11 @@ class AnchorRun(OwnNetworkRun):
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
-        tensors = {
-            f"{k}.{name}": tensor
-            for k, stream in enumerate(self._streams)
-            for name, tensor in stream.state_tensors().items()
+        arrays = {
+            f"{k}.{name}": one for k, each in enumerate(self._streams) for name, one in each.state_arrays().items()
         }
-        for name, buffer in (("anchors", self._anchors), ("declarations", self._declarations)):
-            tensors[name] = torch.from_numpy(buffer.rows)
-        return tensors
+        arrays |= {"anchors": self._anchors.rows, "declarations": self._declarations.rows}
+        return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:
         """See `Run.values`."""
@@ -137,7 +125,10 @@ class AnchorRun(OwnNetworkRun):
                 self._declarations.add(rollout.declarations)
                 self._recent = (self._recent + rollout.decisions)[-RECENT_STEPS:]
         self.set_learning_rate()
-        losses = dict(zip(("anchor_loss", "regret_loss"), self._update(), strict=True))
+        totals = np.zeros(2)
+        for _ in range(self.settings.batches):
+            totals += self._update()
+        losses = dict(zip(("anchor_loss", "regret_loss"), (totals / self.settings.batches).tolist(), strict=True))
         reward, ticks = np.mean(self._recent, axis=0) if self._recent else (math.nan, math.nan)
         return self._round_steps, float(reward), float(ticks), losses
 
@@ -145,21 +136,17 @@ class AnchorRun(OwnNetworkRun):
         """See `OwnNetworkRun.is_logged`."""
         return self._updates % LOG_EVERY == 0
 
-    def _update(self) -> tuple[float, float]:
-        """Train on random samples; return the mean losses of anchors and declarations."""
-        totals = np.zeros(2)
-        for _ in range(self.settings.batches):
-            losses = self._losses()
-            self.optimizer.zero_grad(set_to_none=False)
-            for k, loss in enumerate(losses):
-                if loss is not None:
-                    loss.backward()
-                    totals[k] += float(loss.detach())
-            for part in (self.net.anchor, self.net.regret):
-                nn.utils.clip_grad_norm_(part.parameters(), LARGEST_GRADIENT)
-            self.optimizer.step()
-        mean: NDArray[np.float64] = totals / self.settings.batches
-        return float(mean[0]), float(mean[1])
+    def _update(self) -> list[float]:
+        """Make a step of the optimizer on random samples; return the losses of anchors and declarations."""
+        losses = self._losses()
+        self.optimizer.zero_grad(set_to_none=False)
+        for loss in losses:
+            if loss is not None:
+                loss.backward()
+        for part in (self.net.anchor, self.net.regret):
+            nn.utils.clip_grad_norm_(part.parameters(), LARGEST_GRADIENT)
+        self.optimizer.step()
+        return [0.0 if loss is None else float(loss.detach()) for loss in losses]
 
     def _losses(self) -> tuple[Tensor | None, Tensor | None]:
         """Return the losses of random anchors and declarations; None without samples."""
@@ -172,11 +159,3 @@ class AnchorRun(OwnNetworkRun):
             *values, losses = self._declarations.draw(self._generator, size).astype(np.float64).T
             of_regrets = self.net.regret.loss(*regret_inputs(*values), torch.from_numpy(losses).float())
         return of_anchors, of_regrets
-
-    def family(self, name: str) -> DeciderFamily:
-        """Return the current agent as a family of deciders for the environment of the run."""
-        return AnchorDecider.trained(name, self.net, self.world)
-
-    def save_agent(self, folder: Path, card: dict[str, Any]) -> None:
-        """Write weights and card of the current agent."""
-        save_policy(folder, self.net.state_dict(), card, ANNOUNCED)

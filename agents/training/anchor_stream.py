@@ -1,16 +1,17 @@
-"""Parallel tracks on which the anchor agent decides, the samples that they give, and their buffer."""
+"""Parallel tracks on which the anchor agent decides, the samples that they give, and their buffer.
+
+The threshold on the expected loss is drawn at random after each declaration, and a fraction of the declarations is
+replaced by random hypotheses. The anchors therefore include those after early, late and wrong decisions.
+"""
 
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from agents.learned.anchor_decider import AnchorNetworks, errors_and_best
-from agents.learned.dimensionless import ratios, turns_per_tick
-from agents.learned.track_filters import TrackFilters
+from agents.learned.anchor_decider import AnchorNetworks, TrackFilters, errors_and_best
+from agents.learned.dimensionless import ratios, select, turns_per_tick
 from agents.training.checkpoint import track_arrays
 from agents.training.settings import LARGEST_ALPHA, AnchorSettings
 from baselines.rules.anchor_prior import anchor_errors
@@ -24,20 +25,11 @@ DECLARATION = 7
 
 
 class SampleBuffer:
-    """Ring buffer of samples.
-
-    Args:
-        size: number of samples that are kept.
-        width: numbers of a sample.
-
-    Attributes:
-        rows: (size, width) float32.
-        count: number of samples added so far.
-    """
+    """Ring buffer of the last `size` samples of `width` numbers."""
 
     def __init__(self, size: int, width: int):
         self.rows = np.zeros((size, width), np.float32)
-        self.count = 0
+        self.count = 0  # samples added so far
 
     def add(self, parts: list[NDArray[np.floating]]) -> None:
         """Add samples (n, width) of several parts in place of the oldest ones."""
@@ -52,34 +44,17 @@ class SampleBuffer:
 
 
 class Rollout(NamedTuple):
-    """What the tracks of a stream met.
+    """What the tracks of a stream met, by tick and environment."""
 
-    Attributes:
-        anchors: (n, 22 + C + 4) inputs of the anchor network and whitened errors, of each tick.
-        declarations: (n, 8) declarations and the loss of the segment after each.
-        decisions: mean reward and decision time, one item per tick and environment with decisions.
-    """
-
-    anchors: list[NDArray[np.floating]]
-    declarations: list[NDArray[np.floating]]
-    decisions: list[tuple[float, float]]
+    anchors: list[NDArray[np.floating]]  # (n, 22 + C + 4) inputs of the anchor network, and whitened errors
+    declarations: list[NDArray[np.floating]]  # (n, 8) declarations and the loss of the segment after each
+    decisions: list[tuple[float, float]]  # mean reward and decision time
 
 
 class AnchorStream:
     """Parallel tracks of environments with the same number of hypotheses, and their filters.
 
-    Args:
-        envs: with resets in the same step, and traces that are longer than the longest segment.
-        first_seed: of the tracks.
-
-    Attributes:
-        tracks: number of tracks N.
-        first: (N,) first row of an episode.
-        errors: (N, 4) error of the anchor in the heading frame, of the tracks that begin a segment.
-        alpha: (N,) expected loss at which a track declares.
-        redraw: (N,) alpha is drawn again, because the track has just declared.
-        declaration: (N, 7) the last declaration of the episode.
-        has_declaration: (N,) there is one.
+    The environments reset in the same step, and have traces that are longer than the longest segment.
     """
 
     def __init__(self, envs: list[HybridTrackVectorEnv], first_seed: int):
@@ -88,24 +63,24 @@ class AnchorStream:
         counts = [env.num_envs for env in envs]
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.tracks = int(self.starts[-1])
-        self.rows = [
-            env.reset(seed=first_seed + int(start))[0] for env, start in zip(envs, self.starts[:-1], strict=True)
-        ]
+        firsts = [first_seed + int(start) for start in self.starts[:-1]]
+        self.rows = [env.reset(seed=seed)[0] for env, seed in zip(envs, firsts, strict=True)]
         self.layout = envs[0].world.layout
         self.filters = TrackFilters([env.options for env in envs], counts)
         self.by_type = np.repeat([env.options.correctness == "type" for env in envs], counts)
-        self.first = np.ones(self.tracks, np.bool_)
-        self.errors = np.zeros((self.tracks, 4))
-        self.alpha = np.zeros(self.tracks)
-        self.redraw = np.ones(self.tracks, np.bool_)
-        self.declaration = np.zeros((self.tracks, DECLARATION))
+        self.first = np.ones(self.tracks, np.bool_)  # row of an episode
+        self.errors = np.zeros((self.tracks, 4))  # of the anchor in the heading frame, where a segment begins
+        self.alpha = np.zeros(self.tracks)  # expected loss at which a track declares
+        self.redraw = np.ones(self.tracks, np.bool_)  # alpha, because the track has just declared
+        self.declaration = np.zeros((self.tracks, DECLARATION))  # the last one of the episode
         self.has_declaration = np.zeros(self.tracks, np.bool_)
 
     def rollout(self, net: AnchorNetworks, settings: AnchorSettings) -> Rollout:
         """Step all tracks `n_steps` times with the current networks."""
         rollout = Rollout([], [], [])
         for _ in range(settings.n_steps):
-            self._draw_thresholds(settings)
+            low, high = math.log(settings.smallest_alpha), math.log(LARGEST_ALPHA)
+            self.alpha[self.redraw] = np.exp(self.generator.uniform(low, high, int(self.redraw.sum())))
             observation = np.concatenate(self.rows)
             sensed = [sensed_of(env.world) for env in self.envs]
             posterior = self.filters.advance(net.anchor, observation, self.first, sensed)
@@ -151,7 +126,7 @@ class AnchorStream:
         self, tracks: IntArray, rows: NDArray[np.float32], info: dict[str, Any], decided: IntArray
     ) -> FloatArray:
         """Return the declarations of tracks, (n, 7)."""
-        scales = self.filters.scales.select(tracks)
+        scales = select(self.filters.scales, tracks)
         turn = turns_per_tick(self.layout, rows, scales)
         motion, process, *_ = ratios(self.layout, rows, scales)
         each = np.arange(len(tracks))
@@ -162,19 +137,11 @@ class AnchorStream:
         ]  # fmt: skip
         return np.stack(columns, axis=-1)
 
-    def state_tensors(self) -> dict[str, Tensor]:
-        """Return all tensors that determine the next rollout; writing into them changes the stream."""
-        arrays: dict[str, NDArray[Any]] = {
-            "first": self.first, "errors": self.errors, "alpha": self.alpha, "redraw": self.redraw,
-            "declaration": self.declaration, "has_declaration": self.has_declaration,
-        }  # fmt: skip
-        arrays |= self.filters.state_arrays()
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays that determine the next rollout; writing into them changes the stream."""
+        names = ("first", "errors", "alpha", "redraw", "declaration", "has_declaration")
+        arrays = {name: getattr(self, name) for name in names} | self.filters.state_arrays()
         for k, env in enumerate(self.envs):
             arrays |= {f"{k}.{name}": array for name, array in track_arrays(env).items()}
             arrays[f"{k}.rows"] = self.rows[k]
-        return {name: torch.from_numpy(array) for name, array in arrays.items()}
-
-    def _draw_thresholds(self, settings: AnchorSettings) -> None:
-        new = self.redraw
-        low, high = math.log(settings.smallest_alpha), math.log(LARGEST_ALPHA)
-        self.alpha[new] = np.exp(self.generator.uniform(low, high, int(new.sum())))
+        return arrays

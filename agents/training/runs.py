@@ -7,7 +7,6 @@ from agents.training import run_folder
 from agents.training.anchor import AnchorRun
 from agents.training.checkpoint import has_checkpoint
 from agents.training.distilled import DistilledRun
-from agents.training.kalman import KalmanRun
 from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
@@ -15,8 +14,7 @@ from agents.training.run import Run
 from agents.training.simulated_flights import FlightRun
 from agents.training.simulated_gliders import GliderRun
 from agents.training.statements import TrackRun
-from agents.training.tandem import TandemRun
-from agents.training.transformer import TransformerRun
+from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject
 
 RUNS: dict[str, type[Run]] = {
