@@ -1,5 +1,6 @@
-"""A trained actor of Stable-Baselines3 as a decider, and its file."""
+"""A trained actor of Stable-Baselines3 as a decider, what it observes, and its file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -9,9 +10,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.special import softmax
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor
 
-from agents.learned.features import policy_kwargs_with_features
 from agents.learned.policy_file import (
     LAYOUTS,
     card_task,
@@ -19,7 +20,7 @@ from agents.learned.policy_file import (
     load_weights,
     save_policy,
     unreadable_policy,
-)
+)  # fmt: skip
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import check_integer, reject
@@ -27,6 +28,47 @@ from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
 LARGEST_WIDTH = 2000  # of an observation row
+POSTERIOR = "posterior"
+
+
+class ObservationFeatures(BaseFeaturesExtractor):
+    """Features extractor that selects quantities of the observation by name.
+
+    Args:
+        observation_space: of one observation row.
+        observe: keys of the layout, or "posterior": the posterior of each hypothesis, under equal priors
+            where the observation has no probabilities.
+        layout: of the observation.
+    """
+
+    def __init__(self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout):
+        rows = layout.of_width(observation_space.shape[0])
+        known = (*rows.slices, POSTERIOR)
+        for name in observe:
+            if name not in known:
+                raise reject("observe", name, ", ".join(known))
+        columns = [k for name in observe if name != POSTERIOR for k in range(rows.width)[rows.slices[name]]]
+        hypotheses = rows.hypotheses if POSTERIOR in observe else 0
+        super().__init__(observation_space, len(columns) + hypotheses)
+        self.columns = torch.tensor(columns, dtype=torch.int64)
+        logarithms = "log_probability" if "log_probability" in rows.slices else "log_ratio"
+        first = rows.slices[logarithms].start
+        self.logarithms, self.log_scale = slice(first, first + hypotheses), rows.scales[logarithms]
+
+    def forward(self, rows: Tensor) -> Tensor:
+        """Return features (N, features) of observation rows (N, width)."""
+        posterior = torch.softmax(rows[:, self.logarithms] / self.log_scale, dim=-1)
+        return torch.cat([posterior, rows[:, self.columns]], dim=-1)
+
+
+def policy_kwargs_with_features(
+    policy_kwargs: Mapping[str, Any], observe: tuple[str, ...], layout: type[Layout]
+) -> dict[str, Any]:
+    """Return `policy_kwargs` with the features extractor added; unchanged if `observe` is empty."""
+    if not observe:
+        return dict(policy_kwargs)
+    keywords = {"observe": observe, "layout": layout}
+    return {**policy_kwargs, "features_extractor_class": ObservationFeatures, "features_extractor_kwargs": keywords}
 
 
 def make_policy(
@@ -37,18 +79,14 @@ def make_policy(
     recurrent: bool = False,
     layout: type[Layout] = Layout,
 ) -> ActorCriticPolicy:
-    """Create an untrained actor-critic policy of Stable-Baselines3 or sb3-contrib.
+    """Create an untrained actor-critic policy of Stable-Baselines3, or the LSTM policy of sb3-contrib.
 
     Args:
-        observation_space: of one observation row.
-        action_space: of one track.
+        observation_space, action_space: of one track.
         policy_kwargs: keyword arguments of the policy, such as net_arch.
         observe: names of the quantities that the policy observes; all if empty.
-        recurrent: use the LSTM policy of sb3-contrib.
+        recurrent: use the LSTM policy; `ImportError` if sb3-contrib is not installed.
         layout: of the observation.
-
-    Raises:
-        ImportError: recurrent, and sb3-contrib is not installed.
     """
     kind: Any = ActorCriticPolicy
     if recurrent:
@@ -71,8 +109,7 @@ class ActorDecider(Decider):
     symbol = "log-odds"
 
     def __init__(self, policy: Any, threshold: float = 0.0):
-        self.policy = policy
-        self.threshold = threshold
+        self.policy, self.threshold = policy, threshold
         self.generator = np.random.default_rng(0)
 
     def with_threshold(self, threshold: float) -> Self:
@@ -86,9 +123,7 @@ class ActorDecider(Decider):
     @property
     def hypotheses(self) -> int:
         """Number M of hypotheses that the policy was trained for."""
-        shape = self.policy.observation_space.shape
-        assert shape is not None
-        return LAYOUTS[self.task].of_width(shape[0]).hypotheses
+        return LAYOUTS[self.task].of_width(self.policy.observation_space.shape[0]).hypotheses
 
     @torch.no_grad()
     def logits(
@@ -102,8 +137,7 @@ class ActorDecider(Decider):
         features: Tensor = self.policy.pi_features_extractor(rows)
         if lstm is not None:
             if state is None:
-                zeros = torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size)
-                state = (zeros, zeros)
+                state = (torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size),) * 2
             starts = torch.zeros(len(rows)) if episode_start is None else torch.as_tensor(episode_start).float()
             features, state = self.policy._process_sequence(features, state, starts, lstm)  # type: ignore[operator]
         hidden = self.policy.mlp_extractor.forward_actor(features)
@@ -124,11 +158,7 @@ class ActorDecider(Decider):
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold.
-
-        Raises:
-            ArgumentError: the observation is not that of the bank the policy was trained for.
-        """
+        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold."""
         expected = self.policy.observation_space.shape
         if observation.shape[1:] != expected:
             raise reject("observation shape", observation.shape, f"(N, *{expected}), as in training")
@@ -136,7 +166,7 @@ class ActorDecider(Decider):
         return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished tracks."""
+        """See `Decider.select_tracks`."""
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
 
 
@@ -145,18 +175,13 @@ class PolicyDecider(ActorDecider):
 
     At threshold 0 this is the policy's most probable action; other thresholds trade decision time against
     accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit, one with 2 actions
-    the most likely hypothesis of the bank.
-
-    Args:
-        policy: actor with 2 actions (wait, declare the most likely) or M + 1; with or without an LSTM.
-        threshold: on ln p(the declaration) - ln p(wait).
+    the most likely hypothesis of the bank. The threshold is on ln p(the declaration) - ln p(wait).
     """
 
     task = ANNOUNCED
     thresholds = (
-        *(-10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5),
-        *(0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0),
-    )
+        -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0,
+    )  # fmt: skip
 
     def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`."""
@@ -190,11 +215,8 @@ class StatementPolicyDecider(ActorDecider):
     """Changes its statement to the policy's most probable mode if the log-odds exceed a margin.
 
     At margin 0 it states the policy's most probable mode. A larger margin changes the statement later and
-    less often to a wrong mode. The first statement of an episode is the most probable mode.
-
-    Args:
-        policy: actor whose action i states mode i, for M modes; with or without an LSTM.
-        threshold: margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
+    less often to a wrong mode. The first statement of an episode is the most probable mode. The threshold is a
+    margin on ln p(another mode) - ln p(the stated mode); a negative one has no effect.
     """
 
     task = UNKNOWN
@@ -211,7 +233,7 @@ class StatementPolicyDecider(ActorDecider):
         return np.where((odds > self.threshold) | ~started, best, stated)
 
     def panel(self) -> EvidencePanel:
-        """Return the panel of `evidence`."""
+        """See `Decider.panel`."""
         return probability_panel("policy")
 
     def evidence(
@@ -227,10 +249,10 @@ ACTORS: dict[str, type[ActorDecider]] = {kind.task: kind for kind in (PolicyDeci
 
 def save_actor(folder: Path, policy: ActorCriticPolicy, card: dict[str, Any], task: str = ANNOUNCED) -> None:
     """Write weights and card; see `save_policy`."""
-    shape = policy.observation_space.shape
-    assert shape is not None
-    assert isinstance(policy.action_space, spaces.Discrete)
-    card = card | {"observation_width": shape[0], "actions": int(policy.action_space.n)}
+    row, actions = policy.observation_space, policy.action_space
+    assert isinstance(row, spaces.Box)
+    assert isinstance(actions, spaces.Discrete)
+    card = card | {"observation_width": row.shape[0], "actions": int(actions.n)}
     save_policy(folder, policy.state_dict(), card, task)
 
 
@@ -241,19 +263,17 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         ArgumentError: weights and card do not match, or sb3-contrib is missing.
     """
     try:
-        entry = card["recipe"]["entry"]
+        entry, task = card["recipe"]["entry"], card_task(card)
         recurrent = entry["algo"] == "recurrent_ppo"
         check_policy_kwargs(entry["policy_kwargs"], recurrent)
-        space, actions = _spaces(card)
+        width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
+        actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
+        check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
+        space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        keywords = entry["policy_kwargs"] | {"ortho_init": False}  # slow, and the weights are replaced
+        observe = tuple(entry.get("observe", ()))
         # the limits on widths and layers keep this below 200 MB, whatever the card says
-        policy = make_policy(
-            space,
-            actions,
-            entry["policy_kwargs"] | {"ortho_init": False},  # slow, and the weights are replaced
-            tuple(entry.get("observe", ())),
-            recurrent,
-            LAYOUTS[card_task(card)],
-        )
+        policy = make_policy(space, spaces.Discrete(actions), keywords, observe, recurrent, LAYOUTS[task])
         load_weights(policy, weights)
     except ImportError:
         raise reject("run", str(folder), 'sb3-contrib: pip install "hybrid-track[recurrent]"') from None
@@ -261,15 +281,6 @@ def load_actor(folder: Path, weights: dict[str, Tensor], card: dict[str, Any]) -
         raise unreadable_policy(folder, error) from None
     policy.set_training_mode(False)
     return policy
-
-
-def _spaces(card: dict[str, Any]) -> tuple[spaces.Box, spaces.Discrete]:
-    """Return the spaces of observation and action; ArgumentError if the numbers on the card do not fit."""
-    width = check_integer("observation_width", card["observation_width"], maximum=LARGEST_WIDTH)
-    actions = check_integer("actions", card["actions"], maximum=LARGEST_WIDTH)
-    task = card_task(card)
-    check_actions(actions, LAYOUTS[task].of_width(width).hypotheses, task)
-    return spaces.Box(-np.inf, np.inf, (width,), np.float32), spaces.Discrete(actions)
 
 
 def check_actions(actions: int, hypotheses: int, task: str) -> None:

@@ -90,10 +90,9 @@ class AnchorRun(OwnNetworkRun):
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Run.track_tensors`."""
-        arrays = {
-            f"{k}.{name}": one for k, each in enumerate(self._streams) for name, one in each.state_arrays().items()
-        }
-        arrays |= {"anchors": self._anchors.rows, "declarations": self._declarations.rows}
+        arrays = {"anchors": self._anchors.rows, "declarations": self._declarations.rows}
+        for k, stream in enumerate(self._streams):
+            arrays |= {f"{k}.{name}": array for name, array in stream.state_arrays().items()}
         return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
     def values(self) -> dict[str, Any]:

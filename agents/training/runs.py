@@ -50,9 +50,6 @@ def make_run(
         folder: run folder, created if missing; None writes nothing.
         steps: environment steps, summed over tracks; None uses those of the recipe.
         resume: start from the checkpoint in the folder.
-
-    Raises:
-        ArgumentError: an invalid argument, environment or recipe, or a damaged checkpoint.
     """
     check_integer("seed", seed, minimum=0)
     if seed >= 2**31:
@@ -64,12 +61,7 @@ def make_run(
 def resume_run(folder: Path, steps: int | None = None) -> Run:
     """Resume a run from its last checkpoint; a run killed before its first one starts anew.
 
-    Args:
-        folder: run folder.
-        steps: total environment steps; None uses those of the run.
-
-    Raises:
-        ArgumentError: the folder contains no run, or a damaged one.
+    `steps` is the total number of environment steps; None uses that of the run.
     """
     config = run_folder.read_config(folder)
     try:
