@@ -5,7 +5,7 @@ filters of every hypothesis start from its components. Where only the type of mo
 network predicts what a wrong radius costs in the next segment. The decider declares when the expected loss
 falls to alpha.
 
-All inputs are without units (`dimensionless`), and left and right turns are mirror images. The same weights
+All inputs are without units, and left and right turns are mirror images. The same weights
 therefore apply to objects of any size and to banks of any size.
 """
 
@@ -17,15 +17,19 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from agents.learned.anchor_net import COMPONENTS, AnchorNet, RegretNet, regret_inputs, stated_factor
-from agents.learned.dimensionless import (
+from agents.learned.anchor_net import (
+    COMPONENTS,
+    AnchorNet,
     LastRow,
+    RegretNet,
     Scales,
     anchor_inputs,
     bias_of_bank,
     declared_side,
     ratios,
+    regret_inputs,
     select,
+    stated_factor,
     turns_per_tick,
 )  # fmt: skip
 from agents.learned.posterior_decider import PosteriorDecider
@@ -227,9 +231,7 @@ class AnchorDecider(PosteriorDecider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def posterior(
-        self, observation: Observations, state: Any, episode_start: BoolArray | None
-    ) -> tuple[FloatArray, AnchorState]:
+    def posterior(self, observation: Observations, state: Any, episode_start: Any) -> tuple[FloatArray, AnchorState]:
         """See `PosteriorDecider.posterior`."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
         tracks = len(rows)
@@ -239,9 +241,7 @@ class AnchorDecider(PosteriorDecider):
         first = starting & (Layout.of_rows(rows).read(rows, "ticks") < 1.5)
         return filters.advance(self.net.anchor, rows, first, [sensed]), AnchorState(filters, starting & ~first)
 
-    def errors(
-        self, observation: Observations, posterior: FloatArray, state: AnchorState
-    ) -> tuple[FloatArray, IntArray]:
+    def errors(self, observation: Observations, posterior: FloatArray, state: Any) -> tuple[FloatArray, IntArray]:
         """See `errors_and_best`; the loss is corrected by the probability that the noise has heavy tails."""
         rows, tracks = split_sensed(self.layout, observation)[0], len(posterior)
         by_type, alpha = np.full(tracks, self.by_type), np.full(tracks, self.alpha)

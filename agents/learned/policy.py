@@ -1,8 +1,9 @@
 """A trained actor of Stable-Baselines3 as a decider, what it observes, and its file."""
 
+import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,7 +24,7 @@ from agents.learned.policy_file import (
 )  # fmt: skip
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Decider, DeciderFamily, Observations
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import check_integer, reject
+from hybrid_env.checks import FloatArray, check_integer, reject
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, Threshold, probability_panel
 
@@ -112,13 +113,10 @@ class ActorDecider(Decider):
         self.policy, self.threshold = policy, threshold
         self.generator = np.random.default_rng(0)
 
-    def with_threshold(self, threshold: float) -> Self:
-        """Return the same policy at another threshold."""
-        return type(self)(self.policy, threshold)
-
     def trained(self, name: str) -> DeciderFamily:
         """Return the policy at any threshold."""
-        return DeciderFamily(name, self.symbol, self.thresholds, self.default, self.with_threshold, self.hypotheses)
+        make = functools.partial(type(self), self.policy)
+        return DeciderFamily(name, self.symbol, self.thresholds, self.default, make, self.hypotheses)
 
     @property
     def hypotheses(self) -> int:
@@ -126,15 +124,13 @@ class ActorDecider(Decider):
         return LAYOUTS[self.task].of_width(self.policy.observation_space.shape[0]).hypotheses
 
     @torch.no_grad()
-    def logits(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> tuple[NDArray[np.float64], Any]:
+    def logits(self, rows: Observations, state: Any = None, episode_start: Any = None) -> tuple[FloatArray, Any]:
         """Return logits (N, actions) and the LSTM state: None, or two tensors (layers, N, hidden)."""
-        rows = torch.as_tensor(observation)
+        inputs = torch.as_tensor(rows)
         if not isinstance(self.policy, ActorCriticPolicy):
-            return self.policy(rows).numpy().astype(np.float64), None
+            return self.policy(inputs).numpy().astype(np.float64), None
         lstm: Any = getattr(self.policy, "lstm_actor", None)
-        features: Tensor = self.policy.pi_features_extractor(rows)
+        features: Tensor = self.policy.pi_features_extractor(inputs)
         if lstm is not None:
             if state is None:
                 state = (torch.zeros(lstm.num_layers, len(rows), lstm.hidden_size),) * 2
@@ -143,20 +139,16 @@ class ActorDecider(Decider):
         hidden = self.policy.mlp_extractor.forward_actor(features)
         return self.policy.action_net(hidden).numpy().astype(np.float64), state
 
-    def sample(self, logits: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sample(self, logits: FloatArray) -> FloatArray:
         """Return logits (N, actions) with noise, the largest of which is a sample of the policy."""
         return logits + self.generator.gumbel(size=logits.shape)
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """Return the actions (N,), from logits (N, actions) and observation rows (N, width)."""
         raise NotImplementedError
 
     def predict(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
+        self, observation: Observations, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Actions, Any]:
         """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the threshold."""
         expected = self.policy.observation_space.shape
@@ -183,7 +175,7 @@ class PolicyDecider(ActorDecider):
         -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0,
     )  # fmt: skip
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`."""
         if not deterministic:
             logits = self.sample(logits)
@@ -203,9 +195,7 @@ class PolicyDecider(ActorDecider):
             legend=f"threshold {self.threshold:g}",
         )
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
         return np.broadcast_to(logits[:, 1:] - logits[:, :1], (len(logits), self.hypotheses))
@@ -222,7 +212,7 @@ class StatementPolicyDecider(ActorDecider):
     task = UNKNOWN
     thresholds = 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0
 
-    def choose(self, logits: NDArray[np.float64], observation: Observations, deterministic: bool) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`; action i states mode i."""
         if not deterministic:
             return self.sample(logits).argmax(1)
@@ -236,9 +226,7 @@ class StatementPolicyDecider(ActorDecider):
         """See `Decider.panel`."""
         return probability_panel("policy")
 
-    def evidence(
-        self, observation: Observations, state: Any = None, episode_start: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.float64]:
+    def evidence(self, observation: Observations, state: Any = None, episode_start: Any = None) -> FloatArray:
         """Return the probabilities of the modes by the policy, (N, M)."""
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 

@@ -11,8 +11,7 @@ from agents.training.ppo import PPORun
 from agents.training.recipe import Recipe, recipe_of
 from agents.training.reward import RewardRun
 from agents.training.run import Run
-from agents.training.simulated_flights import FlightRun
-from agents.training.simulated_gliders import GliderRun
+from agents.training.simulated_flights import FlightRun, GliderRun
 from agents.training.statements import TrackRun
 from agents.training.true_modes import KalmanRun, TandemRun, TransformerRun
 from hybrid_env.checks import check_integer, reject

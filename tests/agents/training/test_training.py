@@ -20,6 +20,7 @@ from baselines.rules import seeds
 from baselines.rules.rollout import evaluate, record_statements
 from hybrid_env import QuickestLayout, QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
+from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrack-v0"
 QUICKEST = "hybrid_env:HybridTrackQuickest-v0"
@@ -209,7 +210,11 @@ def test_the_command_trains_and_resumes(line, words, tmp_path, capsys):
 
 
 def test_training_and_evaluation_use_different_episodes():
-    assert min(small_run("ppo", steps=512).track_seeds()) >= 10**12
+    run = small_run("ppo", steps=512)
+    first = seeds.TRAINING + 10**9 * run.seed
+    env = make_track_vector_env(run.env_id, run.model.n_envs, **run.options)
+    np.testing.assert_array_equal(run.model._last_obs, env.reset(seed=first)[0])
+    assert first >= 10**12
 
 
 @pytest.mark.parametrize(("name", "value"), [("steps", 0), ("seed", -1), ("seed", 2**31)])
