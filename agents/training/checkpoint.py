@@ -66,16 +66,27 @@ def random_state() -> dict[str, Any]:
     }
 
 
-def read_random_state(state: dict[str, Any]) -> tuple[Tensor, tuple[Any, ...]]:
-    """Return the checked states of the generators of PyTorch and NumPy; the generators stay as they are."""
-    of_torch = torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
+def check_random_state(state: dict[str, Any]) -> None:
+    """Raise an exception if a state is invalid; the generators stay as they are."""
+    torch.Generator().set_state(_torch_state(state))
+    np.random.RandomState().set_state(_numpy_state(state))
+
+
+def set_random_state(state: dict[str, Any]) -> None:
+    """Set both global generators."""
+    torch.set_rng_state(_torch_state(state))
+    np.random.set_state(_numpy_state(state))  # noqa: NPY002
+
+
+def _torch_state(state: dict[str, Any]) -> torch.Tensor:
+    return torch.frombuffer(bytearray.fromhex(state["torch"]), dtype=torch.uint8)
+
+
+def _numpy_state(state: dict[str, Any]) -> tuple[Any, ...]:
     key, position, has_normal, normal = state["numpy"]
     if len(key) != WORDS or not 0 <= position <= WORDS:  # numpy does not check the position
         raise ValueError("the state of NumPy's generator is invalid")
-    of_numpy = "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
-    torch.Generator().set_state(of_torch)
-    np.random.RandomState().set_state(of_numpy)
-    return of_torch, of_numpy
+    return "MT19937", np.array(key, np.uint32), int(position), int(has_normal), float(normal)
 
 
 class Checkpoint(NamedTuple):
@@ -172,9 +183,9 @@ def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> Non
         raise ValueError(f"{different[0]} is {'missing' if different[0] in live else 'unknown'}")
     for name, tensor in live.items():
         found = saved[name]
-        kinds = [f"{one.dtype} {tuple(one.shape)}" for one in (found, tensor)]
-        if kinds[0] != kinds[1]:
-            raise ValueError(f"{name} is {kinds[0]}, not {kinds[1]}")
+        is_, should = ((one.dtype, tuple(one.shape)) for one in (found, tensor))
+        if is_ != should:
+            raise ValueError(f"{name} is {is_[0]} {is_[1]}, not {should[0]} {should[1]}")
         if name.endswith(".exp_avg_sq") and bool((found < 0).any()):
             raise ValueError(f"{name} is negative")
     for name, tensor in live.items():

@@ -23,7 +23,7 @@ from agents.evaluation.tasks import task_of
 from agents.learned.policy import ACTORS, policy_kwargs_with_features, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
-from agents.training.checkpoint import check_scalars, check_tracks, random_state, read_random_state
+from agents.training.checkpoint import check_random_state, check_scalars, check_tracks, random_state, set_random_state
 from agents.training.run import Run, TrainingProgress
 from agents.training.settings import PPOSettings, learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
@@ -164,7 +164,7 @@ class PPORun(Run):
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
-        self._random: tuple[Tensor, tuple[Any, ...]] | None = None
+        self._random: dict[str, Any] | None = None
         self._logged: dict[str, float] = {}
 
     def set_steps(self, steps: int) -> None:
@@ -219,7 +219,8 @@ class PPORun(Run):
         """See `Run.restore_values`."""
         model = self.model
         check_tracks(model.env.env)
-        self._random, self._logged = read_random_state(values["random"]), check_scalars(values["logged"])
+        check_random_state(values["random"])
+        self._random, self._logged = values["random"], check_scalars(values["logged"])
         model._n_updates = check_integer("updates", values["updates"], minimum=0)
         model.ep_info_buffer.extend({"r": float(reward), "l": int(ticks)} for reward, ticks in values["episodes"])
 
@@ -235,8 +236,7 @@ class PPORun(Run):
             model.logger.record(name, value, excluded)
         # the generators are global, so they are set here and not when the run is created
         if self._random is not None:
-            torch.set_rng_state(self._random[0])
-            np.random.set_state(self._random[1])  # noqa: NPY002
+            set_random_state(self._random)
         elif self.num_timesteps == 0:
             model.set_random_seed(self.seed)
         self._random, self._logged = None, {}
