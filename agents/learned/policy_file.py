@@ -133,9 +133,9 @@ def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None
     expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
     found = {name: tuple(tensor.shape) for name, tensor in weights.items()}
     for name in sorted(expected | found):
-        is_, should = found.get(name), expected.get(name)
-        if is_ != should:
-            raise ValueError(f"weights {name} have the shape {is_}, not {should} as on the card")
+        if found.get(name) != expected.get(name):
+            shapes = f"{found.get(name)}, not {expected.get(name)}"
+            raise ValueError(f"weights {name} have the shape {shapes} as on the card")
     module.load_state_dict(weights, assign=True)
 
 

@@ -39,7 +39,7 @@ def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.flo
     logs = np.log(np.maximum(posterior, np.exp(np.float32(-30.0))))
     innovations = [0.5 * read[name].clip(-LARGEST_INNOVATION, LARGEST_INNOVATION) for name in INNOVATIONS]
     turn = 10.0 * read["curvature"] * (speed * np.float32(tau))[:, None]
-    each = [
+    each: list[NDArray[np.float32]] = [
         2.0 * posterior - 1.0, np.maximum(logs, LOWEST_LOG) / 5.0, np.maximum(ratio, -6.0) / 2.0, *innovations,
         read["log_variance"], read["previous"], turn,
     ]  # fmt: skip

@@ -183,9 +183,9 @@ def copy_tensors(saved: Mapping[str, Tensor], live: Mapping[str, Tensor]) -> Non
         raise ValueError(f"{different[0]} is {'missing' if different[0] in live else 'unknown'}")
     for name, tensor in live.items():
         found = saved[name]
-        is_, should = ((one.dtype, tuple(one.shape)) for one in (found, tensor))
-        if is_ != should:
-            raise ValueError(f"{name} is {is_[0]} {is_[1]}, not {should[0]} {should[1]}")
+        kinds = [f"{one.dtype} {tuple(one.shape)}" for one in (found, tensor)]
+        if kinds[0] != kinds[1]:
+            raise ValueError(f"{name} is {kinds[0]}, not {kinds[1]}")
         if name.endswith(".exp_avg_sq") and bool((found < 0).any()):
             raise ValueError(f"{name} is negative")
     for name, tensor in live.items():

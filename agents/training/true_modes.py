@@ -7,10 +7,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.kalman import KalmanBank, KalmanDecider, evidence, filter_inputs
+from agents.learned.kalman_net import KalmanBank, KalmanDecider, evidence, filter_inputs
 from agents.learned.reward_decider import RewardDecider
-from agents.learned.tandem import TandemDecider, WindowNet, log_ratios, windows_of
-from agents.learned.transformer import TransformerDecider, raw_inputs
+from agents.learned.tandem_net import TandemDecider, WindowNet, log_ratios, windows_of
+from agents.learned.transformer_net import TransformerDecider, raw_inputs
 from agents.training.reward import RewardRun, Segments
 from baselines.rules.decider import Observations
 from hybrid_env.observation import Layout

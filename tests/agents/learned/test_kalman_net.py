@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.kalman import KalmanNet, normal_log_density
+from agents.learned.kalman_net import KalmanNet, normal_log_density
 
 MOTION = torch.tensor([[1.0, 1.0], [0.0, 1.0]])
 """Of position and velocity."""

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.special import log_softmax
 
-from agents.learned.kalman import KalmanDecider, filter_inputs, turning
+from agents.learned.kalman_net import KalmanDecider, filter_inputs, turning
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run

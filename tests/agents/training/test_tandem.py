@@ -6,7 +6,7 @@ import torch
 from scipy.special import log_softmax
 
 from agents.learned.reward_net import reward_inputs
-from agents.learned.tandem import TandemDecider, WindowNet, log_ratios, windows_of
+from agents.learned.tandem_net import TandemDecider, WindowNet, log_ratios, windows_of
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run

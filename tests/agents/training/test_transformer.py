@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.transformer import RAW_INPUTS, TransformerDecider, raw_inputs
+from agents.learned.transformer_net import RAW_INPUTS, TransformerDecider, raw_inputs
 from agents.training.recipe import load_recipe
 from agents.training.reward import Explorer
 from agents.training.runs import make_run
