@@ -20,7 +20,8 @@ from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.tasks import task_of
-from agents.learned.policy import ACTORS, policy_kwargs_with_features, save_actor
+from agents.learned.features import policy_kwargs_with_features
+from agents.learned.policy import ACTORS, save_actor
 from agents.learned.policy_file import first_line
 from agents.training import run_folder
 from agents.training.checkpoint import check_random_state, check_scalars, check_tracks, random_state, set_random_state

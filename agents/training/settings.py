@@ -63,7 +63,7 @@ class PPOSettings:
         gamma: discount factor.
         wait_bias: initial logit bias of the waiting action. With 0 an untrained policy declares immediately
             and does not learn to wait.
-        observe: names of the observed quantities, see `agents.learned.policy`; all if empty.
+        observe: names of the observed quantities, see `agents.learned.features`; all if empty.
     """
 
     n_envs: int
