@@ -5,6 +5,8 @@ over the rows of the segment, as in Deep Sets (Zaheer et al. 2017): the tick is 
 order of the rows is not lost, and a whole segment is processed at once in training.
 """
 
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ def reward_inputs(rows: NDArray[np.float32], tau: float) -> tuple[NDArray[np.flo
     logs = np.log(np.maximum(posterior, np.exp(np.float32(-30.0))))
     innovations = [0.5 * read[name].clip(-LARGEST_INNOVATION, LARGEST_INNOVATION) for name in INNOVATIONS]
     turn = 10.0 * read["curvature"] * (speed * np.float32(tau))[:, None]
-    each: list[NDArray[np.float32]] = [
+    each: list[Any] = [
         2.0 * posterior - 1.0, np.maximum(logs, LOWEST_LOG) / 5.0, np.maximum(ratio, -6.0) / 2.0, *innovations,
         read["log_variance"], read["previous"], turn,
     ]  # fmt: skip
